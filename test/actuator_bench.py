@@ -7,8 +7,6 @@ logarithms, one for each change of the deflection. Drift, noise, rests, amplitud
 a begin and an end anywhere come with them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

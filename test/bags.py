@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags for tests: messages serialized by ``rosbags``, written by us or, otherwise, by ``mcap``."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from pathlib import Path

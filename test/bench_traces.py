@@ -5,8 +5,6 @@ The contact is the CEIM written down once more and left to fourth-order Runge-Ku
 length, restarted at every kink of u(t). Nothing of the package is used.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from functools import lru_cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Programs that import this checkout, in processes of their own."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles the package and the integrators of the tests, for all that run tests after it."""
 
-from __future__ import annotations
-
 from bench_traces import Axis, Drive, Sensor, bench_trace
 
 import stickslip_ros as ss

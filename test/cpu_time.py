@@ -5,8 +5,6 @@ On a busy machine a process waits for its turn, so a limit on the time that pass
 machine, not of the process.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The public names with their signatures, and a record of them; run it to renew the record."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 from pathlib import Path

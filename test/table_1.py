@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The operating point of Table 1, spelt out: tests that mean it say so and follow no default."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from stickslip_ros.parameters import Parameters

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pages that follow from the code: picture of the rooms, tables of commands, constants."""
 
-from __future__ import annotations
-
 import re
 import runpy
 from dataclasses import replace

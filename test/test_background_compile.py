@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """First results without waiting for the compiler: the same numbers, told, and nowhere else."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where compiled code is kept, and that a user is told when it is made."""
 
-from __future__ import annotations
-
 import os
 import re
 import runpy

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every file in config/: read by the command line and by a real node, complete, valid."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

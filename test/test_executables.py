@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executables of the nodes where there is no ROS."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

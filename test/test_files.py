@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that are there as a whole or not at all, whatever call of the operating system fails."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Callable

@@ -4,8 +4,6 @@
 The order is explained in CONTRIBUTING.md. A room that is not listed here has no place yet.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 from collections.abc import Iterator

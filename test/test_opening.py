@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The door for files: what is no file is refused at once, and unpacking has an end."""
 
-from __future__ import annotations
-
 import os
 import socket
 from pathlib import Path

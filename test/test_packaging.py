@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The files that describe the package agree with each other and with what is in the tree."""
 
-from __future__ import annotations
-
 import ast
 import re
 import runpy

@@ -5,8 +5,6 @@ Commands of a line of code count, and those in running text. What stands in brac
 will by a user; here it is given.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The names of the package itself: there, documented, their examples true, loaded late."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import inspect

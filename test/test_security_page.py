@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """SECURITY.md promises nothing untested: the tests it names are there, and each row has one."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

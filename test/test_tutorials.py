@@ -5,8 +5,6 @@ In a block ``console``, a line after ``$`` is run and the lines below it have to
 ``...`` stands for anything, as in doctests. A block ``python`` without prompts is a file of tests.
 """
 
-from __future__ import annotations
-
 import ast
 import doctest
 import json

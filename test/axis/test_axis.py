@@ -5,8 +5,6 @@
 any of the axis' own bookkeeping. Equal means equal to the last bit.
 """
 
-from __future__ import annotations
-
 import math
 import random
 from collections.abc import Callable, Iterator, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An axis with every effect on: commands, closed loop and scans meet them, and runs repeat."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Waveform and actuator are parameters like others: a moving axis changes them between cycles."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

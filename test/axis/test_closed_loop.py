@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The closed loop: targets are reached, soon, without oscillating, and held."""
 
-from __future__ import annotations
-
 import math
 import random
 from dataclasses import dataclass

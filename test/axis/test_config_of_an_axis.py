@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Limits of the drive electronics: levels of the amplitude, steps a command, lowest frequency."""
 
-from __future__ import annotations
-
 import pytest
 from table_1 import TABLE_1
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The level of an actuator with a memory: scans go round its loop, whatever happens on the way."""
 
-from __future__ import annotations
-
 import random
 from typing import Any
 

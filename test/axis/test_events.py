@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Events go into texts and come back as they were."""
 
-from __future__ import annotations
-
 import math
 from array import array
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults on demand: each does what its name says, ends, and repeats to the last bit."""
 
-from __future__ import annotations
-
 import math
 import random
 from contextlib import suppress

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Soft limits, ends of the travel, velocity and following error."""
 
-from __future__ import annotations
-
 import pytest
 from table_1 import TABLE_1
 

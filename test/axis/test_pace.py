@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulated time, its stamps, and what is done when the processor is too slow for an axis."""
 
-from __future__ import annotations
-
 import random
 from types import SimpleNamespace
 from typing import cast

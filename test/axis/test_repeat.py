@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run repeated from its events is the same, to the last bit, however often it is looked at."""
 
-from __future__ import annotations
-
 import random
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run comes out again from its events, whatever was commanded and whenever it was looked at."""
 
-from __future__ import annotations
-
 from hashlib import sha256
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated sensor: noise that hangs on seed and number only, grid, latency."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

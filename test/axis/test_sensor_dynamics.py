@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sensor with a bandwidth, 1/f noise and drift, against SciPy and against closed forms."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

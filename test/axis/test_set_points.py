@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Set points of a controller, one by one: followed, ignored where they ask for nothing new."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the solver cannot do in time is a fault of the axis, and a way leads out of it."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every command in every state: the table, the page about it and an axis agree."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Jog and scan: held against cycles put together by hand, and against the stick range."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Deadlines kept without drift, late ones counted and skipped."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories of several axes: all or none, one end, the motion of each as if it were alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Trajectories: refused as a whole when malformed, followed within two steps, held at the end."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip analyse`` on what ``stickslip simulate --trace`` writes."""
 
-from __future__ import annotations
-
 import csv
 import json
 from functools import cache

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bad use of every command: exit code 2, one line with value and cure, nothing else, no file."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip bag``: what it says of bags, good and bad, and what it makes of them."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

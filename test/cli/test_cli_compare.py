@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip compare`` as a user meets it: inputs, outputs, exit codes, the page in a browser."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip paper`` as a user meets it: output, exit codes, errors."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

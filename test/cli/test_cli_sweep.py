@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip sweep`` as a user meets it: output, exit codes, Ctrl-C and resuming."""
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip completion``: what the shells themselves make of the scripts."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip demo`` as users run it: two processes over DDS, a bag, a table, a picture."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip guide``: Table 5 on the command line."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

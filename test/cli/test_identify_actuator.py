@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip identify-actuator``: from a CSV to parameters that repeat the loop."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip identify``: files in, parameters out."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

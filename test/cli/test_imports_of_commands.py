@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the commands load, which is what they take to start; times depend on the machine."""
 
-from __future__ import annotations
-
 import subprocess
 
 import pytest

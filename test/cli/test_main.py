@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command ``stickslip`` as a whole: help, bad use, pipes, Ctrl-C."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

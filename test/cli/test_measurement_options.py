@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The options that say how a measurement is read; a question is answered by the option it names."""
 
-from __future__ import annotations
-
 import argparse
 import shlex
 from pathlib import Path

@@ -6,8 +6,6 @@ the call does not matter, and the result is whole. Real full disks, missing home
 on one output follow.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import io

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures that commands write by --plot and open by --show."""
 
-from __future__ import annotations
-
 import webbrowser
 from pathlib import Path
 

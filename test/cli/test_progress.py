@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The progress bar of long work, as a terminal shows it."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip send`` and ``watch`` with a node over DDS."""
 
-from __future__ import annotations
-
 import csv
 import os
 import pty

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip shape`` and ``stickslip elongate``: what they find can be used as it is printed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip simulate``: its numbers against the reference table, its outputs."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

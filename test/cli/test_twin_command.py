@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip twin`` over tables and bags: what it prints, writes and refuses."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip warm-up``: afterwards nothing is compiled any more."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The console of the ANC300: drivers of others, unmodified, and the dialogue byte by byte."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

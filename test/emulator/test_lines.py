@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines are cut the same however the stream comes in, and never kept beyond a length."""
 
-from __future__ import annotations
-
 import io
 import tracemalloc
 from itertools import pairwise

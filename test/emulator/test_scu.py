@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """SmarAct's SCU: PyMeasure's driver as it is, and what the EPICS driver sends and can parse."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The emulator as a server: floods, many clients, clients that do not read, its command line."""
 
-from __future__ import annotations
-
 import random
 import select
 import signal

@@ -5,8 +5,6 @@ The regular expressions are the patterns by which motorSmarAct's `parseReply` an
 take answers apart. The drivers themselves need EPICS, or are not on PyPI.
 """
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable

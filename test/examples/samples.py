@@ -6,8 +6,6 @@
 Nothing of the package is used: what the package finds in them is a result and not an echo.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ROS side of the demo: what goes wrong is said by an error of its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

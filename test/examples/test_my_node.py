@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The example of a user's own node under test passes, with pytest and with launch_testing."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sample measurements are what their integrator makes, to the digits written."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from samples import FOLDER, SAMPLES

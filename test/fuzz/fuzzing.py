@@ -4,8 +4,6 @@
 ``STICKSLIP_FUZZ_S`` sets the seconds of each test, ``STICKSLIP_FUZZ_SEED`` the first of the seeds.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterable

@@ -5,8 +5,6 @@ A value is either one that an axis would take, so that what follows it is reache
 of its type, or not a number, or far too long.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import struct

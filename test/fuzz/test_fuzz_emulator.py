@@ -4,8 +4,6 @@
 The names of the commands are those of the tables of each dialect, so new ones are in it.
 """
 
-from __future__ import annotations
-
 import signal
 import socket
 import subprocess

@@ -5,8 +5,6 @@ Damage to whole files is in ``test_broken_files`` and ``test_bag_mutations``; he
 built from the grammar of each format, or are bytes of anything.
 """
 
-from __future__ import annotations
-
 import io
 import time
 from collections.abc import Callable

@@ -6,8 +6,6 @@ example the node has to answer, and must not have computed for long; at the end 
 have grown, the bag of the recorder is whole, and the run in it repeats bit for bit.
 """
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

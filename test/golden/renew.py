@@ -7,8 +7,6 @@
 Renew only what a change means to change, and say in its commit what moved and by how much.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import hashlib

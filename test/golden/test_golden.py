@@ -6,8 +6,6 @@ wherever the arithmetic is that of the machine that wrote the files; elsewhere, 
 within a bound that lies far below what is claimed.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

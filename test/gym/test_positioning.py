@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The environments of Gymnasium: the same bits alone, in a vector and after a copy; refusals."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Synthetic experiments: traces of the independent integrator, and starting values that are off."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from bench_traces import Axis, Drive, Sensor, bench_trace

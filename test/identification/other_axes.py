@@ -5,8 +5,6 @@ Two contacts and a first-order lag of the actuator, left to fourth-order Runge-K
 fixed length that end at every kink. Nothing of the package is used.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

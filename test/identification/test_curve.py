@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters from tables of metrics: numbers of a Runge-Kutta integrator that is not ours."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

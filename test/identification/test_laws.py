@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which friction law made a trace, from an integrator that shares no code with the package."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

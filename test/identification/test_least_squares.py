@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steps of least squares beside bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stickslip_ros.identification.free import FreeParameters

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Axes that no parameters explain, from an integrator of their own; lagging ones that some do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bench_traces import Axis, Drive

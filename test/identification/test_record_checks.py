@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is said of a record before a fit, and what is not claimed where it shows too little."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

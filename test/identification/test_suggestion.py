@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What to measure next, against runs by lot and against what then comes out."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

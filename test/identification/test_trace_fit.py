@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bins, hum and colour of the noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from experiments import small

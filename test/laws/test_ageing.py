@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The contact that ages within a cycle, against a general integrator of the whole system."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

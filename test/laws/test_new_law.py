@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A law, or a waveform, with a constant of its own is one file and one line; all else sees it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Identified parameters drawn by lot, and the bands that they make."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

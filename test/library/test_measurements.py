@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The library on the sample measurements, which an integrator of its own made."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What notebooks display of results: well-formed HTML with the numbers, and a line as text."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from functools import cache
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The closed form against an independent integrator and, at random points, against the solver."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs of the library: the same numbers as the solver's own, in every form they are shown."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib

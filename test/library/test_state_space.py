@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The linear axis against the nonlinear one, by the simulators of python-control and SciPy."""
 
-from __future__ import annotations
-
 import control
 import numpy as np
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Grids, metrics, the way of a sweep through an executor, and its CSV."""
 
-from __future__ import annotations
-
 import math
 import pickle
 import threading

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sweeps of the library: each point as alone, in the order given."""
 
-from __future__ import annotations
-
 import matplotlib
 import numpy as np
 import pytest

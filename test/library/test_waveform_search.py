@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Waveforms found by search: the ringing of a shaped slip, the step with holds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

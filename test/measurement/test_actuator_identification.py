@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Actuators identified from loops and whole recordings of models that the package does not have."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

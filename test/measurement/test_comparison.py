@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Comparison: the clock is found, what differs is named, what agrees is not."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Metrics of two motions, and the clock between them, on motions that are written down."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Step size and backstep of a file are the same numbers, whatever shows them, and true ones."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The actuator: linear to the last bit, hysteresis by play operators, what it bears."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What several contacts are made of: shares of the preload, constants, what is refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constants of the contact from ringing (Eq. 10, 11) and from textbook contact mechanics."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sawtooth of four parameters and what contradicts it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from table_1 import table_1

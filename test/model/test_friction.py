@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The friction laws: values of the paper, the form of alpha, what is refused."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

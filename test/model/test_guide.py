@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The guide forces of the Appendix: Table 5, the balances behind it, what cannot stand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple
 from typing import Any

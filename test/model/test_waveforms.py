@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The waveforms: what each looks like, what contradicts it, and tables from files."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the paper claims, in the data that the report is made of, and by an integrator of others."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from pathlib import Path

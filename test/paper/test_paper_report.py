@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report as files: a page that needs nothing else, tables, all of it or nothing."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks and the verdict that follows from them."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """YAML from strangers: what it may not contain, and that all else means what PyYAML says."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one table of parameters: what it takes, what it refuses, and in which words."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import FrozenInstanceError
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quantities as people type them, with a unit and without."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

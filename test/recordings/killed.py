@@ -6,8 +6,6 @@ them, as fast as it can, begins a new file after 5000 and is killed at a random 
 JSON how many messages each had been given to write by then.
 """
 
-from __future__ import annotations
-
 import json
 import mmap
 import os

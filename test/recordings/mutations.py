@@ -5,8 +5,6 @@
 that many seeds; a bag that takes more CPU time than :data:`PATIENCE` counts as hanging.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -6,8 +6,6 @@ brings the tool for that, `_testcapi.set_nomemory`. Prints as JSON what each was
 what of it was flushed, and how it ended.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import random

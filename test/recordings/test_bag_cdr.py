@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages without ROS: what ``rosbags`` serialized is decoded, what is broken is refused."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 import struct

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every call of the operating system fails once, in turn, and the power fails at any time."""
 
-from __future__ import annotations
-
 import errno
 import json
 import random

@@ -4,8 +4,6 @@
 ``STICKSLIP_MUTATIONS=5000`` in the environment tries that many instead of a few.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

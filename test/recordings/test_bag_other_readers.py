@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Our bags as others read them, theirs as we do: topics, counts, QoS, hashes and values agree."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from collections import Counter

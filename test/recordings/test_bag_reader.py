@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reading bags: of ours, of rosbag2 in all its shapes, of strangers; and bags that are broken."""
 
-from __future__ import annotations
-
 import os
 import random
 import re

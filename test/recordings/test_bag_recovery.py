@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recovery: from killed recorders and damaged files, everything that is whole and nothing else."""
 
-from __future__ import annotations
-
 import json
 import os
 import random

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs in bags, run once more: bit for bit, with other parameters, and out of hostile bags."""
 
-from __future__ import annotations
-
 import json
 import math
 import random

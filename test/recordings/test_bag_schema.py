@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Schema text: what ``rosbags`` reads from it is what ``rosbags`` knows of the type itself."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags as others see them: ``rosbags``, MCAP's own reader, and the plain YAML."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

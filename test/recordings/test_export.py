@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings as tables: every message a row, every number as it was recorded."""
 
-from __future__ import annotations
-
 import csv
 import sys
 from pathlib import Path

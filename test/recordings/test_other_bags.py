@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags of sqlite3 and of ROS 1, written by ``rosbags``: they read as ours do."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 import subprocess

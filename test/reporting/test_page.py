@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pages: every text is escaped, what is missing is said, light and dark are legible."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

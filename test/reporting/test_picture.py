@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures for papers, from the data that pages show."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

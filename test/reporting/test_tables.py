@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables in files: read back by csv, and by LaTeX itself where it is installed."""
 
-from __future__ import annotations
-
 import csv
 import math
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Colours, the micro sign and what goes on: on a terminal that shows them, nowhere else."""
 
-from __future__ import annotations
-
 import io
 import os
 import pty

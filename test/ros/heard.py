@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """All that an axis says, heard by somebody who does not use our client."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus

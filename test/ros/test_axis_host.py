@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several axes in one process: names, parameters of each, one time for all; the nanorobot."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The axis node over DDS: commands, state, events, diagnostics, parameters, ends."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node in a process of its own: a bad end, or none, is an error with its last words."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The client: every command and its refusal, waiting for the end, what the axis says."""
 
-from __future__ import annotations
-
 import io
 import math
 import sys

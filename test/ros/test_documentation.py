@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The example of docs/testing.md, taken out of the page and run as a user runs it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An emulated controller and the topics show the same axis at once."""
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Callable
 from typing import Any

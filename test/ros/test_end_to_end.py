@@ -5,8 +5,6 @@
 the rate of the published state, short enough for every day.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections import defaultdict

@@ -5,8 +5,6 @@ Prints what it measures (`pytest -s`) and asserts nothing about speed: that is a
 machine. ``STICKSLIP_ENDURANCE_S`` sets how long each run takes, 2 s by default.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import subprocess

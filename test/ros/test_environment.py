@@ -4,8 +4,6 @@ clock that is set, no time. Each is a real one, in a namespace of its own where 
 others.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every fault on demand over ROS: injected, seen by a client, ended, repeated bit for bit."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The first start on a machine, which compiles the solver: it says so, and a signal ends it."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a peer can send must not bring a node down, stop it for long or make it grow."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

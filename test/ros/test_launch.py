@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch files: who is started, with what, and what waits until the axes are ready."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every series that the layouts in config/ show stands in a bag of a real axis."""
 
-from __future__ import annotations
-
 import json
 import re
 import xml.etree.ElementTree as ET

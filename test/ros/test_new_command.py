@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A new command is one entry in the registry: all that deals with commands knows it from there."""
 
-from __future__ import annotations
-
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from heard import Heard

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an axis publishes is one table; set points have a log of their own, for late recorders."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

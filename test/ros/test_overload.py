@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An axis that costs more than the machine has: it is slower, says so, and hears everybody."""
 
-from __future__ import annotations
-
 import re
 import time
 from statistics import median

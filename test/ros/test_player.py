@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """When what is due: the timetable against a clock of ours, and /clock between the messages."""
 
-from __future__ import annotations
-
 import pytest
 
 from stickslip_ros.ros.player import Timetable, with_ticks

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a node runs as a process: what a long run leaves behind, and a test that is killed."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

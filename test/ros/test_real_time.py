@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the axis does with time: every factor, a process that was stopped, its clock, priority."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest

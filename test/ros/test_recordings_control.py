@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings that are started, split and stopped by services, and disks that fail under them."""
 
-from __future__ import annotations
-
 import os
 import resource
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags are played by a real process over DDS: all messages, in order, as they were offered."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A run recorded over DDS comes out of its bag again, bit for bit, and with other parameters."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

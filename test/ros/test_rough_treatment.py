@@ -4,8 +4,6 @@
 ``STICKSLIP_FLOOD_S`` sets how long the flood takes, 1 s by default.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

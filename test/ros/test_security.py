@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The policy for SROS 2 names what the nodes have; where security is missing, no node starts."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 

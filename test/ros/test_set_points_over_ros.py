@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The topics of ros2_control: a peer that reads and writes as JointStateTopicSystem does."""
 
-from __future__ import annotations
-
 import math
 import time
 

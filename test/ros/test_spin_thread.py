@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The thread that spins the nodes of a program: nothing ends it but its own close."""
 
-from __future__ import annotations
-
 import time
 from statistics import median
 

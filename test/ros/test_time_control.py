@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Time under control: pauses, steps, paces while the axis runs, and somebody else's clock."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The twin as a process beside an axis, over DDS."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -5,8 +5,6 @@ Restarted at every kink of u(t), wherever the load changes and, by SciPy, where 
 left.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The solver against numbers of others, a general integrator and exact solutions."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A batch gives every point what a simulation of that point gives, to the last bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray

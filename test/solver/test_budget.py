@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A call that takes more work than it may ends with a word; signals get through meanwhile."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

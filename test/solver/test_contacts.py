@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several contacts under one runner against an integrator of its own, and in their limits."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Corners of the ranges in which the solver was once wrong or slow, found by the campaign."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

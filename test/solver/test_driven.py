@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Amplifier, hysteresis with its past, creep and resonance against an integrator of its own."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import os

@@ -5,8 +5,6 @@
 STICKSLIP_DRIVES=20 runs 20 random drives of each effect.
 """
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The judge of the accuracy campaign, held against SciPy: code of neither is shared."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

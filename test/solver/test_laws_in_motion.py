@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every friction law has to do in motion: scale with units, have its limits, hold still."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A constant that tends to a limit leads to the run at that limit, over 300 decades."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

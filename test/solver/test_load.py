@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Another plant from any time on: loads that change while the axis runs."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drive cycles that end elsewhere than they began, and the actuator's level across them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from reference import follow

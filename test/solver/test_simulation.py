@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must hold for every run: symmetry, energy, independence of how it is cut up or sampled."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

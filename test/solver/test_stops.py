@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Travel stops: never passed, held against while pressed, left when the force turns."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of swings, against a general integrator."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from numpy.polynomial.chebyshev import chebval

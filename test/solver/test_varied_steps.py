@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steps that vary along the way and from cycle to cycle: statistics, places that stay, energy."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

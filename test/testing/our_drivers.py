@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Drivers of the simulated axis: its node over DDS, and behind the emulated controllers."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import tempfile

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The contract: all our drivers pass it, and no planted fault gets through."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

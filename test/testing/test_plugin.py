@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pytest plugin, in another project."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Sequence

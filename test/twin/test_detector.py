@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bound on false alarms, and what the detector says of changes."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.stats import poisson
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands as pieces of drive cycles: the rules of the axis, checked against the axis itself."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

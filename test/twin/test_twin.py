@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The twin beside an axis that somebody else integrates, changed in ways that it is not told."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

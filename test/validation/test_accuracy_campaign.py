@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small fixed part of the campaign for accuracy."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from typing import Any

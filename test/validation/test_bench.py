@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``make bench``: what it prints and writes, and what it refuses. No times are judged."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmark compares like with like, and its judge is right. No test here looks at a time."""
 
-from __future__ import annotations
-
 import importlib
 import itertools
 import math

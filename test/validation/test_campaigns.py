@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The list of long studies: every command in it exists. None is run here."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

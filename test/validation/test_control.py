@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The baselines of control do the tasks for which they are made."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from stickslip_ros.gym import TASKS

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A small part of the study of intervals, `validation/campaigns/intervals.py`."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """``make soak``: a short one, one that is interrupted, and its judgement of what it finds."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page shows: an independent integrator's numbers, the sample measurement, recipes."""
 
-from __future__ import annotations
-
 import json
 import shlex
 from itertools import pairwise

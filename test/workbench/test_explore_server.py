@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The server of the page: this machine alone, answers, files, and what it refuses."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import signal

@@ -6,8 +6,6 @@ in a number, another bit in a sample. It touches few samples; more has to be ref
 ``STICKSLIP_MUTATIONS=5000`` breaks each format as often (with MATLAB's, half a second each).
 """
 
-from __future__ import annotations
-
 import gzip
 import os
 import random

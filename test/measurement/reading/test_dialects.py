@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Text as instruments and programs of many makers write it, by what their files look like."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

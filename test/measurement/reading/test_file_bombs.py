@@ -4,8 +4,6 @@
 All are read in one child process, so that its peak of memory is theirs alone.
 """
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import json

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One file of each format, made by its own writer or by its published layout, read exactly."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import json

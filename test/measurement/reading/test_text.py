@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of measurements: separators, names, units, and what is said of bad ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -8,8 +8,6 @@ Manual, waveform files; Yokogawa, IM 707713-61E. Of Rigol's `.wfm` there is only
 Neither the package nor the library that it reads them with takes part.
 """
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 
