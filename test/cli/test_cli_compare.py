@@ -125,7 +125,7 @@ def test_bags_are_runs_and_measurements(
 ) -> None:
     """Stamps of both count from the first of the run, so the offset between the clocks is told."""
     axis = Motion.of_trace(trace_steps(table_1(), STEPS), "axis")
-    t = np.arange(0.0, axis.t[-1], 2e-5)
+    t = np.arange(0.0, axis.t[-1], 5e-5)
     samples = Motion("axis", t, axis.position_at(t))
     first, second = tmp_path / "run.mcap", tmp_path / "measured.mcap"
     start = 1_700_000_000_000_000_000

@@ -121,7 +121,7 @@ def test_it_works_without_ros() -> None:
     ("arguments", "unbuffered"),
     [
         ("simulate --steps 2000 --json", ""),
-        ("simulate --steps 2000 --json", "1"),
+        pytest.param("simulate --steps 2000 --json", "1", marks=pytest.mark.long),
         ("--help", ""),
     ],
 )

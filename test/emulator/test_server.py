@@ -124,7 +124,11 @@ def withstand(
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
 @pytest.mark.parametrize(
     ("name", "question", "lines"),
-    [("anc300", b"getm 1\r\n", 2000), ("mcs", b":GP0\n", 600), ("mcs2", b":CHAN0:POS?\r\n", 600)],
+    [
+        ("anc300", b"getm 1\r\n", 600),
+        ("mcs", b":GP0\n", 600),
+        pytest.param("mcs2", b":CHAN0:POS?\r\n", 600, marks=pytest.mark.long),
+    ],
 )
 def test_noise_and_clients(
     start: Callable[..., subprocess.Popen[str]], name: str, question: bytes, lines: int

@@ -140,7 +140,9 @@ def test_the_stated_error_holds_at_ten_thousand_points() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("step", [1e-9, 30e-9, 120e-9])
+@pytest.mark.parametrize(
+    "step", [1e-9, *(pytest.param(one, marks=pytest.mark.long) for one in (30e-9, 120e-9))]
+)
 def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
     found = predict(TABLE_1, step=step)
     assert found.step == pytest.approx(step, abs=1e-13)

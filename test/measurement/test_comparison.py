@@ -36,7 +36,7 @@ def run(**parameters: float) -> Motion:
 def measured(
     motion: Motion,
     offset: float = OFFSET,
-    rate: float = 100e3,
+    rate: float = 50e3,
     level: float = 5e-8,
     gain: float = 1.0,
     drift: float = 0.0,

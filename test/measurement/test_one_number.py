@@ -53,7 +53,10 @@ def _with_actuator(folder: Path) -> tuple[str, list[tuple[float, float]]]:
     return str(folder / "trace.csv"), [(run.step_size, run.backstep)]
 
 
-@pytest.mark.parametrize("make", [_forward, _there_and_back, _fast, _with_actuator])
+@pytest.mark.parametrize(
+    "make",
+    [_forward, _there_and_back, _with_actuator, pytest.param(_fast, marks=pytest.mark.long)],
+)
 def test_analyse_and_compare_show_the_same_numbers_and_true_ones(
     make: Callable[[Path], tuple[str, list[tuple[float, float]]]],
     tmp_path: Path,

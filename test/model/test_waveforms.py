@@ -208,15 +208,15 @@ def test_a_column_is_as_one_by_one(waveform: str, sign: int, actuator: str, tabl
     table.write_text("0\n0.3\n0.3\n1\n0.5\n0\n0\n0.0\n")
     draw = np.random.default_rng(5)
     p = table_1(waveform=waveform, waveform_table=str(table), max_frequency=1e6)
-    p = p.replace(actuator=actuator, hysteresis=draw.uniform(0.0, 0.4, 300))
-    p = p.replace(amplitude=draw.uniform(10, 320, 300), frequency=10.0 ** draw.uniform(1, 6.1, 300))
-    p = p.replace(hold_before=draw.choice([0.0, 0.3, 0.6], 300))
-    p = p.replace(hold_after=draw.choice([0.0, 0.3, 0.5], 300))
-    p = p.replace(split=draw.choice([0.0, 0.4, 1.0], 300))
-    p = p.replace(latency=draw.choice([0.0, 1e-6, 1e-4], 300))
-    drive_cycles, possible = drives_of(p, 300, sign)
-    assert 0 < possible.sum() < 300
-    for k in range(300):
+    p = p.replace(actuator=actuator, hysteresis=draw.uniform(0.0, 0.4, 80))
+    p = p.replace(amplitude=draw.uniform(10, 320, 80), frequency=10.0 ** draw.uniform(1, 6.1, 80))
+    p = p.replace(hold_before=draw.choice([0.0, 0.3, 0.6], 80))
+    p = p.replace(hold_after=draw.choice([0.0, 0.3, 0.5], 80))
+    p = p.replace(split=draw.choice([0.0, 0.4, 1.0], 80))
+    p = p.replace(latency=draw.choice([0.0, 1e-6, 1e-4], 80))
+    drive_cycles, possible = drives_of(p, 80, sign)
+    assert 0 < possible.sum() < 80
+    for k in range(80):
         try:
             wanted = drive_of(p.point(k), sign)
         except ParameterError:

@@ -32,6 +32,7 @@ def good() -> Result:
         {"steps < 3 & more": (2.0e-9, 9e-9)},
         tables={"": {"x (m)": np.array([1.0, np.nan])}, "_more": {"y (N)": np.array([0.1])}},
         draw=draw,
+        size=(1.0, 1.0),
         remark="<script>alert(1)</script>",
     )
 
@@ -106,7 +107,9 @@ def test_whatever_fails_the_folder_is_whole_or_as_before(
     assert {"mkdir", "open", "write", "rename"} <= told
 
 
-def test_the_folder_holds_page_pictures_and_tables(tmp_path: Path, executor: Executor) -> None:
+def test_the_page_shows_what_was_compared_and_needs_nothing_beside_itself(
+    tmp_path: Path, executor: Executor
+) -> None:
     seen: list[Outcome] = []
     (outcome,) = report(tmp_path / "deep" / "out", [item("fig00")], executor, seen.append)
     assert (outcome.verdict, seen) == (Verdict.AGREES.value, [outcome])
@@ -117,10 +120,7 @@ def test_the_folder_holds_page_pictures_and_tables(tmp_path: Path, executor: Exe
     assert list(csv.reader((out / "fig00.csv").open())) == [["x (m)"], ["1.0"], [""]]
     assert [path.name for path in out.parent.iterdir()] == ["out"]
 
-
-def test_the_page_needs_nothing_beside_itself(tmp_path: Path, executor: Executor) -> None:
-    report(tmp_path / "out", [item("fig00")], executor)
-    text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
+    text = (out / PAGE).read_text(encoding="utf-8")
     reader = Reader(text)
     names = {tag for tag, _ in reader.tags}
     assert not names & {"script", "iframe", "object", "embed", "base"}
@@ -130,13 +130,9 @@ def test_the_page_needs_nothing_beside_itself(tmp_path: Path, executor: Executor
     assert not re.search(r"url\(|@import|https?:", text)
     (image,) = [attributes for tag, attributes in reader.tags if tag == "img"]
     data = (image["src"] or "").partition(",")[2]
-    assert base64.b64decode(data) == (tmp_path / "out" / "fig00.svg").read_bytes()
+    assert base64.b64decode(data) == (out / "fig00.svg").read_bytes()
     assert image["alt"] == "title of fig00. steps < 3 & more: 2.000 nm"
 
-
-def test_the_page_shows_what_was_compared(tmp_path: Path, executor: Executor) -> None:
-    report(tmp_path / "out", [item("fig00")], executor)
-    text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
     for shown in (
         "title of fig00", "it steps", "a drive", "steps &lt; 3 &amp; more",
         "1 to 3 nm <small>(printed, within 50 %)",
@@ -145,8 +141,8 @@ def test_the_page_shows_what_was_compared(tmp_path: Path, executor: Executor) ->
     ):  # fmt: skip
         assert shown in text
     assert "&lt;script&gt;" in text
-    ids = {attributes.get("id") for _, attributes in Reader(text).tags}
-    links = {(a.get("href") or "")[1:] for tag, a in Reader(text).tags if tag == "a"}
+    ids = {attributes.get("id") for _, attributes in reader.tags}
+    links = {(a.get("href") or "")[1:] for tag, a in reader.tags if tag == "a"}
     assert links == {"fig00"}
     assert links <= ids
 

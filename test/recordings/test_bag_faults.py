@@ -36,11 +36,11 @@ class Promises:
 
     def record(self, layer: FileLayer, place: Path) -> None:
         self.kept[place] = 0
-        with BagWriter(place / "run", max_duration_ns=60 * MS) as bag:
+        with BagWriter(place / "run", max_duration_ns=30 * MS) as bag:
             bag.add_topic(STEPS)
-            for number in range(180):
+            for number in range(90):
                 bag.write(STEPS.name, int32(number), log_ns=number * MS, publish_ns=0)
-                if number % 20 == 19:
+                if number % 15 == 14:
                     bag.flush()
                     bag.wait_for_disk()
                     self.kept[place] = number + 1
@@ -57,7 +57,7 @@ def test_nothing_that_was_flushed_is_lost_whatever_fails(tmp_path: Path, broken:
         assert raised is None or isinstance(raised, BagError), call
         if raised is None:
             assert call.startswith(("unlink", "rmdir")), call
-            assert times(place / "run") == [number * MS for number in range(180)]
+            assert times(place / "run") == [number * MS for number in range(90)]
             continue
         assert "make room on the disk" in str(raised) and "run" in str(raised), call
         if not list(place.glob("run/*")):

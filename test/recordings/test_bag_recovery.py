@@ -35,7 +35,7 @@ from rosbags.rosbag2 import Reader
 from stickslip_ros.files import WriteError
 from stickslip_ros.recordings import BagError, BagWriter, Recovered, open_bag, recover
 
-KILLS = os.environ.get("STICKSLIP_KILLS", "5")
+KILLS = os.environ.get("STICKSLIP_KILLS", "2")
 
 
 def files_of(folder: Path) -> dict[str, bytes]:

@@ -110,7 +110,7 @@ def test_a_broken_file_is_refused_or_read_as_far_as_it_is_whole(
     content, whole = path.read_bytes(), load_motion(path, how=how).motion
     assert len(whole.t) == COUNT
     chance = random.Random(5)
-    times = TIMES or (4 if suffix == ".mat" else 60)
+    times = TIMES or (3 if suffix == ".mat" else 20)
     refused = 0
     for _ in range(times):
         path.write_bytes(broken(content, chance))
