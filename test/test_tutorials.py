@@ -55,13 +55,18 @@ def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return found.stdout
 
 
-@pytest.mark.slow
-def test_a_tutorial_opens_with_a_picture_that_its_program_draws(tmp_path: Path) -> None:
+PICTURED = {page.stem for page in PAGES} - {"foxglove"}
+
+
+@pytest.mark.long
+def test_the_pictures_are_what_their_program_draws(tmp_path: Path) -> None:
+    runpy.run_path(str(PAGES[0].parent / "pictures.py"))["main"](tmp_path)
+    assert {picture.stem for picture in tmp_path.glob("*.png")} == PICTURED
+
+
+def test_a_tutorial_opens_with_a_picture() -> None:
     folder = PAGES[0].parent
-    runpy.run_path(str(folder / "pictures.py"))["main"](tmp_path)
-    drawn = {picture.stem for picture in tmp_path.glob("*.png")}
-    assert drawn == {page.stem for page in PAGES} - {"foxglove"}
-    for name in sorted(drawn):
+    for name in sorted(PICTURED):
         assert re.match(
             rf"# .+\n\n!\[[^]]{{20,}}\]\({name}\.png\)\n", (folder / f"{name}.md").read_text()
         )
@@ -91,7 +96,13 @@ def test_the_notebook_runs() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(one, marks=pytest.mark.long if one.stem == "fit_my_drive" else (), id=one.stem)
+        for one in PAGES
+    ],
+)
 def test_a_tutorial_does_what_it_shows(
     page: Path,
     tmp_path: Path,

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip analyse`` on what ``stickslip simulate --trace`` writes."""
 
-import csv
 import json
-from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -29,7 +27,6 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@cache
 def bench_there_and_back() -> Bench:
     """Runs there and back with rests, by an integrator of its own."""
     drives = (Drive(12, 500.0, pause=0.005), Drive(9, 500.0, direction=-1, pause=0.006))
@@ -96,10 +93,12 @@ def test_a_drive_faster_than_the_samples_is_said(
 def test_a_measurement_of_any_table_is_analysed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Nothing is told but units."""
+    """Nothing is told but units; picture and page show the same."""
     bench, path = bench_there_and_back(), tmp_path / "bench.csv"
     write_bench(path, bench, "t (ms),x (nm)", 1e3, 1e9)
-    assert main(["analyse", str(path), "--json"]) == 0
+    page, picture = tmp_path / "bench.html", tmp_path / "bench.svg"
+    files = ["--plot", str(picture), "--report", str(page)]
+    assert main(["analyse", str(path), "--json", *files]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert found["steps"] == 21
     for run, true in zip(found["runs"], bench.runs, strict=True):
@@ -109,6 +108,16 @@ def test_a_measurement_of_any_table_is_analysed(
         assert abs(run["step_size"] - true.step_size) < 3.0 * run["step_size_error"]
         assert run["step_size_error"] < 0.3e-9
         assert run["explained"] and run["determined"]
+    svg = ElementTree.fromstring(picture.read_text(encoding="utf-8"))
+    assert svg.tag.endswith("}svg")
+    text = page.read_text(encoding="utf-8")
+    assert "1, forward" in text
+    assert "2, backward" in text
+    data = json.loads(text.split('id="data">')[1].split("</script>")[0])
+    assert set(data) == {"overview", "steps", "slip"}
+    marked = data["overview"]["layout"]["shapes"]  # in ms, as the axis says
+    begins = [run.start for run in bench.runs]
+    assert [1e-3 * one["x0"] for one in marked] == pytest.approx(begins, abs=1e-4)
 
 
 def test_drift_and_hum_are_told_and_taken_out(
@@ -131,34 +140,6 @@ def test_drift_and_hum_are_told_and_taken_out(
         assert told["mains"] == 50.0
         assert ("--fit-position-drift" in output.err) is not bool(options)
         assert ("hum of 50 Hz" in output.err) is not bool(options)
-
-
-def test_a_picture_and_a_page_of_a_measurement_alone(tmp_path: Path) -> None:
-    bench, path = bench_there_and_back(), tmp_path / "bench.csv"
-    write_bench(path, bench, "t (ms),x (nm)", 1e3, 1e9)
-    page, picture = tmp_path / "bench.html", tmp_path / "bench.svg"
-    assert main(["analyse", str(path), "--plot", str(picture), "--report", str(page)]) == 0
-    svg = ElementTree.fromstring(picture.read_text(encoding="utf-8"))
-    assert svg.tag.endswith("}svg")
-    text = page.read_text(encoding="utf-8")
-    assert "1, forward" in text
-    assert "2, backward" in text
-    data = json.loads(text.split('id="data">')[1].split("</script>")[0])
-    assert set(data) == {"overview", "steps", "slip"}
-    marked = data["overview"]["layout"]["shapes"]  # in ms, as the axis says
-    begins = [run.start for run in bench.runs]
-    assert [1e-3 * one["x0"] for one in marked] == pytest.approx(begins, abs=1e-4)
-
-
-def test_runs_as_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A row for each run, with the numbers of the JSON."""
-    sample = "there_and_back.csv"
-    assert main(["analyse", sample, "--table", str(tmp_path / "t.csv"), "--json"]) == 0
-    runs = json.loads(capsys.readouterr().out)["runs"]
-    with (tmp_path / "t.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    assert [float(row["step size (m)"]) for row in rows] == [run["step_size"] for run in runs]
-    assert [int(row["steps"]) for row in rows] == [8, 8]
 
 
 def test_what_no_run_explains_is_called_a_guess(

@@ -98,4 +98,5 @@ def test_analyse_and_compare_show_the_same_numbers_and_true_ones(
     assert analysed["balance"]["backstep"] == analysed["backstep"]
     rows = np.genfromtxt(table, delimiter=",", names=True)
     assert np.atleast_1d(rows["step_size_m"]) == pytest.approx([one["step_size"] for one in runs])
+    assert np.atleast_1d(rows["steps"]).tolist() == [one["steps"] for one in runs]
     assert np.atleast_1d(rows["backstep_m"]) == pytest.approx([one["backstep"] for one in runs])

@@ -70,17 +70,15 @@ def test_a_fifth_of_the_preload_is_told_within_fifty_cycles() -> None:
     assert change.step_after == pytest.approx(136.69e-9, abs=0.15e-9)
     assert twin.level[0] == CHANGED
     assert change.verdict is not None and "preload" in change.verdict.possible
+    assert math.expm1(change.verdict.sizes["preload"]) == pytest.approx(-0.2, abs=0.012)
     preload = next(one for one in twin.estimates() if one.name == "preload")
     assert preload.low < 0.32 < preload.high
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "value"),
-    [
-        ("sensor", 1.1),
-        pytest.param("preload", 0.95, marks=pytest.mark.long),
-        pytest.param("amplifier", 0.97, marks=pytest.mark.long),
-    ],
+    [("sensor", 1.1), ("preload", 0.95), ("amplifier", 0.97)],
 )
 def test_the_cause_is_among_those_named(name: str, value: float) -> None:
     log = _through(value) if name == "sensor" else _log(**{name: value})

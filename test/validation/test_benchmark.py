@@ -319,7 +319,7 @@ def test_the_plot_is_written(result: CaseResult, tmp_path: Path) -> None:
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_plot_is_whole_or_not_there(result: CaseResult, tmp_path: Path) -> None:
     told = set()
     for call, raised, place in each_fault(
