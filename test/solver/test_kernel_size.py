@@ -5,8 +5,6 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 import stickslip_ros
 
 MOST_LINES, MOST_ARGUMENTS = 60, 6
@@ -35,11 +33,10 @@ def compiled_functions(text: str) -> Iterator[ast.FunctionDef]:
                 yield node
 
 
-@pytest.mark.parametrize(
-    "source", _SOURCES, ids=lambda source: f"{source.parent.name}/{source.name}"
-)
-def test_lines_and_arguments(source: Path) -> None:
-    for function in compiled_functions(source.read_text("utf-8")):
+def test_lines_and_arguments() -> None:
+    for function in (
+        f for source in _SOURCES for f in compiled_functions(source.read_text("utf-8"))
+    ):
         lines = (function.end_lineno or 0) - function.lineno + 1
         assert lines <= MOST_LINES, f"{function.name} has {lines} lines"
         assert len(function.args.args) <= MOST_ARGUMENTS, function.name
