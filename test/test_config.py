@@ -60,26 +60,21 @@ def test_the_presets_are_what_their_first_lines_say() -> None:
     assert different == {"sigma_0", "sigma_0_slope", "sigma_0_offset"}
 
 
-@pytest.mark.parametrize(
-    ("name", "model", "z_ba", "z_ss"),
-    [
+def test_the_columns_of_table_2() -> None:
+    """As printed; z_ss of EPM_calc is what Eq. 8 makes of it at the preload of the file."""
+    for name, model, z_ba, z_ss in [
         ("table2_lugre", "lugre", None, None),
         ("table2_epm_calc", "epm_calc", 100e-9, 450e-9),
         ("table2_epm_fix", "epm_fix", 50e-9, 100e-9),
-    ],
-)
-def test_the_columns_of_table_2(
-    name: str, model: str, z_ba: float | None, z_ss: float | None
-) -> None:
-    """As printed; z_ss of EPM_calc is what Eq. 8 makes of it at the preload of the file."""
-    p = read_yaml(CONFIG / f"{name}.yaml")
-    assert p.friction.model == model
-    names = ("sigma_0", "sigma_1", "sigma_2", "mu_s", "mu_k", "mass", "v_stribeck")
-    assert [p.flat()[name] for name in names] == [1e6, 5.0, 0.0, 0.3, 0.2, 3e-3, 1e-3]
-    contact = Plant.of(p).contact
-    if z_ba is not None and z_ss is not None:
-        assert contact.z_ba == pytest.approx(z_ba)
-        assert (contact.z_s if model == "epm_calc" else contact.z_ss) == pytest.approx(z_ss)
+    ]:
+        p = read_yaml(CONFIG / f"{name}.yaml")
+        assert p.friction.model == model
+        names = ("sigma_0", "sigma_1", "sigma_2", "mu_s", "mu_k", "mass", "v_stribeck")
+        assert [p.flat()[name] for name in names] == [1e6, 5.0, 0.0, 0.3, 0.2, 3e-3, 1e-3]
+        contact = Plant.of(p).contact
+        if z_ba is not None and z_ss is not None:
+            assert contact.z_ba == pytest.approx(z_ba)
+            assert (contact.z_s if model == "epm_calc" else contact.z_ss) == pytest.approx(z_ss)
 
 
 def test_without_mu_the_motion_is_that_of_table_1() -> None:
@@ -98,29 +93,24 @@ def test_the_command_line_takes_it(file: Path, capsys: pytest.CaptureFixture[str
     assert simulated["step_size"] > 1e-9
 
 
-@pytest.mark.parametrize(
-    ("name", "limits"),
-    [
+def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency() -> None:
+    """The slip fits into the shortest cycle, and a step is most of the stroke."""
+    for name, limits in [
         ("mcs_like", {"max_frequency": 18500.0, "max_voltage": 100.0, "amplitude_levels": 4095}),
         ("mcs2_like", {"max_frequency": 2e4, "max_voltage": 100.0, "amplitude_levels": 65535}),
         ("anc300_like", {"max_frequency": 1e4, "max_voltage": 150.0, "amplitude_levels": 0}),
-    ],
-)
-def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency(
-    name: str, limits: dict[str, float]
-) -> None:
-    """The slip fits into the shortest cycle, and a step is most of the stroke."""
-    p = read_yaml(CONFIG / f"{name}.yaml")
-    assert {key: p.flat()[key] for key in limits} == limits
-    axis = Axis(p)
-    axis.command_amplitude(p.actuator.max_voltage)
-    stroke = p.actuator.max_voltage * p.actuator.gain
-    for hertz, steps in ((p.drive.min_frequency, 3), (p.drive.max_frequency, 2000)):
-        axis.command_frequency(hertz)
-        axis.command_steps(steps)
-        axis.advance(axis.state.t + steps / hertz + 0.1)
-        assert axis.status.steps_done == steps
-        assert 0.9 * stroke < axis.status.mean_step < 1.02 * stroke
+    ]:
+        p = read_yaml(CONFIG / f"{name}.yaml")
+        assert {key: p.flat()[key] for key in limits} == limits
+        axis = Axis(p)
+        axis.command_amplitude(p.actuator.max_voltage)
+        stroke = p.actuator.max_voltage * p.actuator.gain
+        for hertz, steps in ((p.drive.min_frequency, 3), (p.drive.max_frequency, 2000)):
+            axis.command_frequency(hertz)
+            axis.command_steps(steps)
+            axis.advance(axis.state.t + steps / hertz + 0.1)
+            assert axis.status.steps_done == steps
+            assert 0.9 * stroke < axis.status.mean_step < 1.02 * stroke
 
 
 @each_file

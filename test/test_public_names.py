@@ -139,18 +139,15 @@ def test_a_wrong_name_is_answered_with_the_right_one() -> None:
         getattr(ss, "_private")  # noqa: B009
 
 
-@pytest.mark.parametrize(
-    ("package", "old", "new"),
-    [
+def test_an_old_name_works_with_a_warning() -> None:
+    for package, old, new in [
         ("stickslip_ros", "Metric", "ComparisonMetric"),
         ("stickslip_ros", "StepAnalysis", "Run"),
         ("stickslip_ros.identification", "LAWS", "RANKED_LAWS"),
-    ],
-)
-def test_an_old_name_works_with_a_warning(package: str, old: str, new: str) -> None:
-    room = importlib.import_module(package)
-    with pytest.warns(DeprecationWarning, match=f"{package}.{old} is {new} now"):
-        assert getattr(room, old) is getattr(room, new)
+    ]:
+        room = importlib.import_module(package)
+        with pytest.warns(DeprecationWarning, match=f"{package}.{old} is {new} now"):
+            assert getattr(room, old) is getattr(room, new)
 
 
 def test_the_room_gives_what_the_package_gives() -> None:

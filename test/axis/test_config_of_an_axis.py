@@ -50,21 +50,16 @@ def test_a_frequency_below_the_lowest_is_refused(command: str) -> None:
     axis.command_frequency(1.0)
 
 
-@pytest.mark.parametrize(
-    ("parameters", "complaint"),
-    [
+def test_settings_that_contradict_each_other_make_no_axis() -> None:
+    for parameters, complaint in [
         ({"min_frequency": 200.0}, "frequency is 100 Hz"),
         ({"soft_low": 1e-3, "soft_high": 1e-3}, "soft_low is 0.001 m; it has to be less"),
         ({"amplitude_levels": 2, "amplitude": 10.0}, "less than half a level"),
-    ],
-)
-def test_settings_that_contradict_each_other_make_no_axis(
-    parameters: dict[str, float], complaint: str
-) -> None:
-    with pytest.raises(ParameterError, match=complaint):
-        Axis({**TABLE_1, **parameters})
-    mutable = {name: value for name, value in parameters.items() if name != "amplitude"}
-    axis = Axis({**TABLE_1, "amplitude": parameters.get("amplitude", 300.0)})
-    if "amplitude" not in parameters:
-        with pytest.raises(CommandRefused, match=complaint):
-            axis.set_parameters(mutable)
+    ]:
+        with pytest.raises(ParameterError, match=complaint):
+            Axis({**TABLE_1, **parameters})
+        mutable = {name: value for name, value in parameters.items() if name != "amplitude"}
+        axis = Axis({**TABLE_1, "amplitude": parameters.get("amplitude", 300.0)})
+        if "amplitude" not in parameters:
+            with pytest.raises(CommandRefused, match=complaint):
+                axis.set_parameters(mutable)

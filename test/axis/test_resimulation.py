@@ -46,17 +46,14 @@ def test_commands_that_another_axis_refuses_are_left_out() -> None:
     assert "amplitude" in text and "250 V" in text
 
 
-@pytest.mark.parametrize(
-    ("events", "complaint"),
-    [
+def test_what_cannot_be_repeated_is_said() -> None:
+    for events, complaint in [
         ([], "start of the axis is not among its events, there are none: record"),
         ([Event(1.0, "steps", "applied", {"value": 3})], "they begin with 'steps': record"),
         ([Event(0.0, "start", "applied", {"preload": -1.0})], "refuses the parameters"),
-    ],
-)
-def test_what_cannot_be_repeated_is_said(events: list[Event], complaint: str) -> None:
-    with pytest.raises(NotRepeatable, match=complaint):
-        Rerun(events)
+    ]:
+        with pytest.raises(NotRepeatable, match=complaint):
+            Rerun(events)
 
 
 def test_a_bad_change_is_the_users() -> None:

@@ -11,7 +11,6 @@ import struct
 import subprocess
 import sys
 import termios
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -52,18 +51,15 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().out == f"{__version__}\n"
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [[], ["dance"], ["simulate", "--steps", "1e3"], ["bag"]],
-)
-def test_bad_use_ends_with_2(arguments: Sequence[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(arguments)
-    assert end.value.code == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    (line,) = output.err.splitlines()
-    assert re.fullmatch(r"stickslip.*: .*; see stickslip.* --help", line)
+def test_bad_use_ends_with_2(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in [[], ["dance"], ["simulate", "--steps", "1e3"], ["bag"]]:
+        with pytest.raises(SystemExit) as end:
+            main(arguments)
+        assert end.value.code == 2
+        output = capsys.readouterr()
+        assert output.out == ""
+        (line,) = output.err.splitlines()
+        assert re.fullmatch(r"stickslip.*: .*; see stickslip.* --help", line)
 
 
 def test_a_minus_sign_from_a_paper_is_one() -> None:
@@ -261,22 +257,17 @@ def test_a_subcommand_loads_no_other() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("typed", "meant"),
-    [
+def test_a_slip_of_the_finger_is_told_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
+    for typed, meant in [
         (["simulte"], "simulate"),
         (["bag", "inof"], "info"),
         (["identify-actuatr"], "identify-actuator"),
         (["emulate", "anc350"], "anc300"),
-    ],
-)
-def test_a_slip_of_the_finger_is_told_the_nearest_name(
-    typed: list[str], meant: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(typed)
-    assert end.value.code == 2
-    assert f"did you mean '{meant}'?" in capsys.readouterr().err
+    ]:
+        with pytest.raises(SystemExit) as end:
+            main(typed)
+        assert end.value.code == 2
+        assert f"did you mean '{meant}'?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["bench", "soak"])
@@ -320,15 +311,15 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
     )
 
 
-@pytest.mark.parametrize(
-    ("loaded", "who"),
-    [("stickslip_ros.parameters", "stickslip"), ("stickslip_ros.traces", "stickslip simulate")],
-)
-def test_ctrl_c_while_it_loads_ends_as_later(loaded: str, who: str) -> None:
+def test_ctrl_c_while_it_loads_ends_as_later() -> None:
     """The options, or what computes, which takes a second."""
-    child = python("-c", LOADING, loaded)
-    assert child.returncode == 130
-    assert child.stderr == f"{who}: interrupted\n"
+    for loaded, who in [
+        ("stickslip_ros.parameters", "stickslip"),
+        ("stickslip_ros.traces", "stickslip simulate"),
+    ]:
+        child = python("-c", LOADING, loaded)
+        assert child.returncode == 130
+        assert child.stderr == f"{who}: interrupted\n"
 
 
 def _read(terminal: int) -> bytes:

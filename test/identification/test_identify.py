@@ -150,9 +150,8 @@ def test_a_trace_without_steps_is_refused() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("names", "options", "words"),
-    [
+def test_bad_use_is_refused() -> None:
+    for names, options, words in [
         (["amplitude"], {}, "amplitude cannot be free"),
         (["z_baa"], {}, "did you mean z_ba"),
         (["sigma_0", "sigma_0"], {}, "named twice"),
@@ -160,11 +159,9 @@ def test_a_trace_without_steps_is_refused() -> None:
         (["sigma_0"], {"bounds": {"sigma_0": (2.0, 1.0)}}, "the lower one first"),
         (["sigma_0_slope"], {}, "no effect where sigma_0 is set"),
         (["sigma_2"], {}, "sigma_2 has no starting value above 0"),
-    ],
-)
-def test_bad_use_is_refused(names: list[str], options: dict[str, object], words: str) -> None:
-    with pytest.raises((IdentificationError, ParameterError), match=words):
-        identify([small()[1]], names, **options)  # type: ignore[arg-type]
+    ]:
+        with pytest.raises((IdentificationError, ParameterError), match=words):
+            identify([small()[1]], names, **options)  # type: ignore[arg-type]
 
 
 def test_nothing_measured_is_refused() -> None:

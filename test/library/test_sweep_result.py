@@ -28,18 +28,15 @@ def test_an_impossible_point_is_nan() -> None:
     assert np.isnan(found["step_size"]).tolist() == [True, False]
 
 
-@pytest.mark.parametrize(
-    ("given", "complaint"),
-    [
+def test_what_cannot_be_swept_is_refused() -> None:
+    for given, complaint in [
         ({}, "nothing varies"),
         ({"preload": []}, "preload has no values"),
         ({"preload": [0.5], "metric": "stepsize"}, "did you mean step_size"),
         ({"model": ["ceim", "lugre"]}, "could not convert|not a number"),
-    ],
-)
-def test_what_cannot_be_swept_is_refused(given: dict[str, object], complaint: str) -> None:
-    with pytest.raises((ss.SweepError, ValueError), match=complaint):
-        ss.sweep(**given)  # type: ignore[arg-type]
+    ]:
+        with pytest.raises((ss.SweepError, ValueError), match=complaint):
+            ss.sweep(**given)  # type: ignore[arg-type]
 
 
 def test_a_map_is_drawn_over_two_parameters() -> None:

@@ -113,9 +113,8 @@ def test_what_an_asymmetric_loop_leaves_is_told() -> None:
     assert deviation(found.actuator, FULL, bent, span) == pytest.approx(found.error, abs=2e-4)
 
 
-@pytest.mark.parametrize(
-    ("volts", "deflection", "words"),
-    [
+def test_what_is_no_loop() -> None:
+    for volts, deflection, words in [
         (FULL[:20], FULL[:20], "20 samples; 16 play operators take 36"),
         (np.full(99, 5.0), FULL[:99], "the voltage stays at 5 V"),
         (FULL, np.zeros(len(FULL)), "the deflection never changes"),
@@ -127,13 +126,11 @@ def test_what_an_asymmetric_loop_leaves_is_told() -> None:
         (FULL, FULL[:-1], "as many of each: 401, 400"),
         (FULL, np.where(FULL == 150.0, np.nan, FULL), "finite numbers"),
         (FULL, -FULL, "does not rise with the voltage"),
-    ],
-)
-def test_what_is_no_loop(volts: Numbers, deflection: Numbers, words: str) -> None:
-    with pytest.raises(ParameterError, match=words):
-        identify_hysteresis(volts, deflection, 16)
-    with pytest.raises(ParameterError, match="times do not increase"):
-        identify_hysteresis(FULL, FULL, 16, np.zeros(len(FULL)))
+    ]:
+        with pytest.raises(ParameterError, match=words):
+            identify_hysteresis(volts, deflection, 16)
+        with pytest.raises(ParameterError, match="times do not increase"):
+            identify_hysteresis(FULL, FULL, 16, np.zeros(len(FULL)))
 
 
 def test_what_hysteresis_does_to_the_step() -> None:

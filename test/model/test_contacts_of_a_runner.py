@@ -85,9 +85,8 @@ def test_columns_are_each_of_their_points() -> None:
         assert plant == Plant.of(p.replace(preload=preload))
 
 
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [
+def test_what_cannot_be_is_refused_with_a_cure() -> None:
+    for values, said in [
         ({**GUIDE, "contacts": 4}, "contacts is 4 and contact_shares is guide.*set contacts to 6"),
         ({**GUIDE, "preload": 0.01}, "contact_shares is guide: .* would have to pull"),
         ({"contacts": 3, "model": "epm_calc", "preload": 1.0}, "contacts is 3 and model is epm_c"),
@@ -101,8 +100,6 @@ def test_columns_are_each_of_their_points() -> None:
             "contact 1 of 3, with 0.133 N of the preload",
         ),
         ({"contacts": 17}, "contacts is 17; it has to lie between 1 and 16"),
-    ],
-)
-def test_what_cannot_be_is_refused_with_a_cure(values: dict[str, Any], said: str) -> None:
-    with pytest.raises(ParameterError, match=said):
-        Plant.of(table_1(**values))
+    ]:
+        with pytest.raises(ParameterError, match=said):
+            Plant.of(table_1(**values))

@@ -26,17 +26,14 @@ def test_no_time_for_the_slip() -> None:
         sawtooth(300.0, 4e5, 100.0, 5e-10)
 
 
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
+def test_limits_of_the_amplifier() -> None:
+    """max_voltage and max_frequency bound the drive."""
+    for values, words in [
         ({"amplitude": 301.0}, "amplitude is 301 V; it has to lie between 1e-09 and 300 V"),
         ({"frequency": 2e5}, "frequency is 200000 Hz; it has to lie between 1e-06 and 100000 Hz"),
-    ],
-)
-def test_limits_of_the_amplifier(values: dict[str, float], words: str) -> None:
-    """max_voltage and max_frequency bound the drive."""
-    with pytest.raises(ParameterError, match=words):
-        drive_of(table_1(**values))
+    ]:
+        with pytest.raises(ParameterError, match=words):
+            drive_of(table_1(**values))
 
 
 def test_gravity_and_payload() -> None:

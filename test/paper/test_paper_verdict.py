@@ -17,9 +17,8 @@ def checks(*found: tuple[Basis, bool]) -> list[Check]:
     ]
 
 
-@pytest.mark.parametrize(
-    ("found", "verdict"),
-    [
+def test_verdict() -> None:
+    for found, verdict in [
         ([(NUMBER, True)], Verdict.AGREES),
         ([(TREND, True), (NUMBER, True), (NOTHING, False)], Verdict.AGREES),
         ([(TREND, True)], Verdict.IN_KIND),
@@ -28,10 +27,8 @@ def checks(*found: tuple[Basis, bool]) -> list[Check]:
         ([(TREND, True), (NUMBER, False)], Verdict.DISAGREES),
         ([(NUMBER, False)], Verdict.DISAGREES),
         ([(TREND, True), (TREND, False), (NUMBER, True)], Verdict.DISAGREES),
-    ],
-)
-def test_verdict(found: list[tuple[Basis, bool]], verdict: Verdict) -> None:
-    assert Verdict.of(checks(*found)) is verdict
+    ]:
+        assert Verdict.of(checks(*found)) is verdict
 
 
 X, Y = Check("x", low=1.8, high=2.2, basis=NUMBER), Check("y", low=0.5, high=1.5)

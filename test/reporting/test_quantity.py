@@ -3,14 +3,11 @@
 
 import math
 
-import pytest
-
 from stickslip_ros.reporting import format_si
 
 
-@pytest.mark.parametrize(
-    ("value", "unit", "text"),
-    [
+def test_a_value_has_a_unit_of_fitting_size() -> None:
+    for value, unit, text in [
         (133.83e-9, "m", "133.8 nm"),
         (-1e-9, "m", "−1.000 nm"),
         (3e-6, "m", "3000 nm"),
@@ -21,10 +18,8 @@ from stickslip_ros.reporting import format_si
         (3990.0, "Hz", "3990 Hz"),
         (1e-16, "m", "0 nm"),
         (math.nan, "m", "–"),
-    ],
-)
-def test_a_value_has_a_unit_of_fitting_size(value: float, unit: str, text: str) -> None:
-    assert format_si(value, unit) == text
+    ]:
+        assert format_si(value, unit) == text
 
 
 def test_an_uncertainty_sets_the_digits() -> None:

@@ -83,16 +83,13 @@ def _agrees(p: Parameters) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "seed"),
-    [
+def test_random_runs_with_rests_agree_with_an_integrator() -> None:
+    for name, seed in [
         *(("dwell and rate", seed) for seed in range(2)),
         *(("wear and temperature", seed) for seed in range(3)),
         *(("spreads", 0), ("everything", 0)),
-    ],
-)
-def test_random_runs_with_rests_agree_with_an_integrator(name: str, seed: int) -> None:
-    _agrees(_random(name, seed))
+    ]:
+        _agrees(_random(name, seed))
 
 
 @pytest.mark.long

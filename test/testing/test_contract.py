@@ -85,17 +85,14 @@ def test_a_planted_fault_is_found(fault: type[Offline], tmp_path: Path) -> None:
     assert FAULTS[fault] in outcomes.were("failed")
 
 
-@pytest.mark.parametrize(
-    ("name", "complaint"),
-    [
+def test_a_driver_that_is_none_is_bad_use() -> None:
+    for name, complaint in [
         ("mine", "offline"),
         ("nowhere:Driver", "nowhere"),
         ("faulty:Missing", "Missing"),
         ("faulty:NotADriver", "subclass stickslip_ros.testing.driver.Driver"),
-    ],
-)
-def test_a_driver_that_is_none_is_bad_use(name: str, complaint: str) -> None:
-    from stickslip_ros.testing.driver import driver_named
+    ]:
+        from stickslip_ros.testing.driver import driver_named
 
-    with pytest.raises(pytest.UsageError, match=complaint):
-        driver_named(name)
+        with pytest.raises(pytest.UsageError, match=complaint):
+            driver_named(name)
