@@ -215,9 +215,8 @@ def write(folder: Path, name: str, text: str) -> None:
     file.write_text(text, encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "problem"),
-    [
+def test_a_wrong_import_is_found(tmp_path: Path) -> None:
+    for name, text, problem in [
         ("model/a.py", "import stickslip_ros.solver.kernel", "model may not use solver"),
         ("model/a.py", "from ..axis import device", "model may not use axis"),
         ("model/deep/a.py", "from ...axis.device import Axis", "model may not use axis"),
@@ -234,45 +233,37 @@ def write(folder: Path, name: str, text: str) -> None:
         ("parameters/a.py", "from stickslip_ros.model import b", "parameters may not use model"),
         ("__init__.py", "from .axis import Axis", "__init__ may use axis inside functions only"),
         ("attic/a.py", "", "attic is not a room"),
-    ],
-)
-def test_a_wrong_import_is_found(tmp_path: Path, name: str, text: str, problem: str) -> None:
-    write(tmp_path, name, text)
-    (found,) = complaints(tmp_path)
-    assert problem in found
+    ]:
+        write(tmp_path, name, text)
+        (found,) = complaints(tmp_path)
+        assert problem in found
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
+def test_a_right_import_is_not_complained_about(tmp_path: Path) -> None:
+    for name, text in [
         ("model/a.py", "import numpy\nfrom .b import c\nfrom stickslip_ros import parameters"),
         ("solver/a.py", "from ..model import plant\nfrom stickslip_ros.version import __version__"),
         ("cli/a.py", "def run():\n    import rclpy\n    from stickslip_ros.ros import axis_node"),
         ("ros/a.py", "import rclpy, time\nfrom ..axis import Axis\nfrom ..recordings import b"),
-    ],
-)
-def test_a_right_import_is_not_complained_about(tmp_path: Path, name: str, text: str) -> None:
-    write(tmp_path, name, text)
-    assert complaints(tmp_path) == []
+    ]:
+        write(tmp_path, name, text)
+        assert complaints(tmp_path) == []
 
 
-@pytest.mark.parametrize(
-    "back",
-    [
+def test_a_circle_is_found(tmp_path: Path) -> None:
+    for back in [
         "from stickslip_ros.model.a import A",
         "def f():\n    from stickslip_ros.model import a",
         "if TYPE_CHECKING:\n    from .a import A",
         "import_module('stickslip_ros.model.a')",
         "importlib.import_module(f'stickslip_ros.model.{name}')",
         "from stickslip_ros.model import A",  # through the room's own names
-    ],
-)
-def test_a_circle_is_found(tmp_path: Path, back: str) -> None:
-    write(tmp_path, "model/__init__.py", "from stickslip_ros.model.a import A")
-    write(tmp_path, "model/a.py", "from stickslip_ros.model.b import B")
-    write(tmp_path, "model/b.py", back)
-    write(tmp_path, "model/c.py", "from stickslip_ros.model import A")
-    assert any({"model/a.py", "model/b.py"} <= {*circle} for circle in circles(tmp_path))
+    ]:
+        write(tmp_path, "model/__init__.py", "from stickslip_ros.model.a import A")
+        write(tmp_path, "model/a.py", "from stickslip_ros.model.b import B")
+        write(tmp_path, "model/b.py", back)
+        write(tmp_path, "model/c.py", "from stickslip_ros.model import A")
+        assert any({"model/a.py", "model/b.py"} <= {*circle} for circle in circles(tmp_path))
 
 
 @pytest.mark.parametrize("path", sorted(SOURCES.rglob("__init__.py")), ids=lambda p: p.parent.name)

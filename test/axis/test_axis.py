@@ -308,17 +308,20 @@ def test_limits_are_those_of_the_commanded_drive() -> None:
     assert axis.status.refused == 2
 
 
-def test_an_axis_that_cannot_be_is_not_made() -> None:
-    for parameters, complaint in [
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
         ({"preload": math.inf}, "finite"),
         ({"frequency": 1e9}, "frequency is 1e+09 Hz"),
         ({"amplitude": 301.0}, "amplitude is 301 V"),
         ({"model": "epm_calc", "z_ba": 1e-7, "preload": 0.1}, "z_ss has to be larger"),
         ({"slewrate": 0.01}, "leaves 10000 us a cycle"),
-    ]:
-        with pytest.raises(ParameterError) as refusal:
-            Axis({**TABLE_1, **parameters})
-        assert complaint in str(refusal.value)
+    ],
+)
+def test_an_axis_that_cannot_be_is_not_made(parameters: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        Axis({**TABLE_1, **parameters})
+    assert complaint in str(refusal.value)
 
 
 # -- time

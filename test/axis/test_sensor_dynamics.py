@@ -41,19 +41,18 @@ def _filtered(p: Parameters, steps: int, times: NDArray[np.float64]) -> NDArray[
     return np.asarray(found.y[0])
 
 
-def test_readings_are_those_of_an_integrator_of_the_filter() -> None:
-    for filter_ in [
-        {"sensor_order": 1},
-        {"sensor_order": 2},
-        {"sensor_order": 2, "sensor_damping": 0.1},
-    ]:
-        p = table_1(**_QUIET, sensor_rate=1e4, sensor_bandwidth=3e3, frequency=500.0, **filter_)
-        readings = read_steps(p, 3)
-        rest = 20 / 1e4
-        during = (readings.t > rest) & (readings.t < rest + 3 / 500.0)
-        expected = _filtered(p, 3, readings.t[during] - rest)
-        assert np.ptp(expected) > 300e-9
-        assert readings.x[during] == pytest.approx(expected, abs=0.05e-9)
+@pytest.mark.parametrize(
+    "filter_",
+    [{"sensor_order": 1}, {"sensor_order": 2}, {"sensor_order": 2, "sensor_damping": 0.1}],
+)
+def test_readings_are_those_of_an_integrator_of_the_filter(filter_: dict[str, Any]) -> None:
+    p = table_1(**_QUIET, sensor_rate=1e4, sensor_bandwidth=3e3, frequency=500.0, **filter_)
+    readings = read_steps(p, 3)
+    rest = 20 / 1e4
+    during = (readings.t > rest) & (readings.t < rest + 3 / 500.0)
+    expected = _filtered(p, 3, readings.t[during] - rest)
+    assert np.ptp(expected) > 300e-9
+    assert readings.x[during] == pytest.approx(expected, abs=0.05e-9)
 
 
 def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:

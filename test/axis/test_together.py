@@ -75,21 +75,24 @@ def test_each_moves_as_it_would_alone() -> None:
     assert [axis.state for axis in axes] == [axis.state for axis in alone]
 
 
-def test_one_bad_part_refuses_the_whole() -> None:
-    for changed, complaint in [
+@pytest.mark.parametrize(
+    ("changed", "complaint"),
+    [
         ({"z_slider": (["z_slider"], [[0.1, 2e-4]])}, "z_slider: point 1: target is 0.0002 m"),
         ({"z_slider": (["z_slider"], [])}, "z_slider: trajectory without points"),
         ({"w_slider": (["w_slider"], [[0.1, 0.0]])}, "no joint 'w_slider' here; give x_slider"),
-    ]:
-        axes = three()
-        together = Together(axes)
-        with pytest.raises(ParameterError) as refusal:
-            together.follow({**parts([(0.1, [1e-6, 1e-6, 1e-6])]), **changed})
-        assert complaint in str(refusal.value)
-        assert {axis.status.state for axis in axes} == {"stopped"}
-        for joints in ([], ["x_slider", "x_slider"]):
-            with pytest.raises(ParameterError):
-                together.named(joints)
+    ],
+)
+def test_one_bad_part_refuses_the_whole(changed: dict[str, tuple], complaint: str) -> None:
+    axes = three()
+    together = Together(axes)
+    with pytest.raises(ParameterError) as refusal:
+        together.follow({**parts([(0.1, [1e-6, 1e-6, 1e-6])]), **changed})
+    assert complaint in str(refusal.value)
+    assert {axis.status.state for axis in axes} == {"stopped"}
+    for joints in ([], ["x_slider", "x_slider"]):
+        with pytest.raises(ParameterError):
+            together.named(joints)
 
 
 def test_an_axis_in_fault_refuses_for_all() -> None:

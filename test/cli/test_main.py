@@ -311,15 +311,15 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
     )
 
 
-def test_ctrl_c_while_it_loads_ends_as_later() -> None:
+@pytest.mark.parametrize(
+    ("loaded", "who"),
+    [("stickslip_ros.parameters", "stickslip"), ("stickslip_ros.traces", "stickslip simulate")],
+)
+def test_ctrl_c_while_it_loads_ends_as_later(loaded: str, who: str) -> None:
     """The options, or what computes, which takes a second."""
-    for loaded, who in [
-        ("stickslip_ros.parameters", "stickslip"),
-        ("stickslip_ros.traces", "stickslip simulate"),
-    ]:
-        child = python("-c", LOADING, loaded)
-        assert child.returncode == 130
-        assert child.stderr == f"{who}: interrupted\n"
+    child = python("-c", LOADING, loaded)
+    assert child.returncode == 130
+    assert child.stderr == f"{who}: interrupted\n"
 
 
 def _read(terminal: int) -> bytes:

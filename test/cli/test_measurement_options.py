@@ -26,9 +26,8 @@ def write(path: Path, head: str, form: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("head", "form", "asked"),
-    [
+def test_a_question_names_the_options_that_answer_it(tmp_path: Path) -> None:
+    for head, form, asked in [
         ("Time (s),CH1 (V),CH2 (V)\n", "{t:.6f},{v},0\n", "--columns x=CH1 --scale x=50nm/V"),
         ("", "{t:.6f};{v}\n", "--units t=ms,x=nm"),
         ("x (nm)\n", "{v}\n", "--rate 10kHz"),
@@ -36,28 +35,24 @@ def write(path: Path, head: str, form: str) -> Path:
         ("X,CH1,Start,Increment\nSequence,Volt,0,1e-5\n", "{k},{v},,\n", "--scale x=50nm/V"),
         ("__time,/a/position,/b\n", "{t:.6f},{v},1\n", "--columns x=/a/position --units x=nm"),
         ("t (ms);x (nm)\n", "{t:.6f};{v}\n", None),
-    ],
-)
-def test_a_question_names_the_options_that_answer_it(
-    head: str, form: str, asked: str | None, tmp_path: Path
-) -> None:
-    path = write(tmp_path / "axis.csv", head, form)
-    given: list[str] = []
-    for _ in range(3):
-        try:
-            found = read(path, *given)
-            break
-        except StickslipError as error:
-            (line,) = (text for text in str(error).splitlines() if "add, for example: " in text)
-            options = line.partition("add, for example: ")[2]
-            if not given and asked is not None:
-                assert options.startswith(asked)
-            given += shlex.split(options)
-    else:
-        pytest.fail("asked again and again")
-    assert bool(given) is (asked is not None)
-    scale = 50e-9 if any("50nm/V" in text for text in given) else 1e-9
-    assert found.x == pytest.approx([scale * v for _, v in VALUES])
+    ]:
+        path = write(tmp_path / "axis.csv", head, form)
+        given: list[str] = []
+        for _ in range(3):
+            try:
+                found = read(path, *given)
+                break
+            except StickslipError as error:
+                (line,) = (text for text in str(error).splitlines() if "add, for example: " in text)
+                options = line.partition("add, for example: ")[2]
+                if not given and asked is not None:
+                    assert options.startswith(asked)
+                given += shlex.split(options)
+        else:
+            pytest.fail("asked again and again")
+        assert bool(given) is (asked is not None)
+        scale = 50e-9 if any("50nm/V" in text for text in given) else 1e-9
+        assert found.x == pytest.approx([scale * v for _, v in VALUES])
 
 
 def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -74,9 +69,8 @@ def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFix
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
+def test_bad_use_is_told(tmp_path: Path) -> None:
+    for arguments, words in [
         ("--rate 0", "--rate is 0 Hz; it has to be above 0"),
         ("--rows 5", "write it as 1:5000 or 5001:"),
         ("--rows 9:3", "the last must not be before the first"),
@@ -87,10 +81,8 @@ def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFix
         ("--units y=nm", "there is no quantity 'y'; known: t (time), x (position)"),
         ("--rows 1:9", "9 rows of numbers; 16 or more are needed"),
         ("--to 1e-5", "2 samples lie between --from and --to"),
-    ],
-)
-def test_bad_use_is_told(arguments: str, words: str, tmp_path: Path) -> None:
-    path = write(tmp_path / "axis.csv", "t (s),x (nm)\n", "{t:.6f},{v}\n")
-    with pytest.raises(StickslipError) as error:
-        read(path, *shlex.split(arguments))
-    assert words in str(error.value)
+    ]:
+        path = write(tmp_path / "axis.csv", "t (s),x (nm)\n", "{t:.6f},{v}\n")
+        with pytest.raises(StickslipError) as error:
+            read(path, *shlex.split(arguments))
+        assert words in str(error.value)

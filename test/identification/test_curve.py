@@ -100,20 +100,17 @@ def test_a_curve_and_a_trace_together_tell_more_than_each(table: Path) -> None:
     assert len(both.runs) == len(both.curves) == 1
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_a_wrong_table_is_refused(tmp_path: Path) -> None:
+    for text, words in [
         ("preload (N),speed (nm)\n1,2\n2,3\n", "neither a parameter nor a metric"),
         ("preload (N),mass (kg)\n1,2\n2,3\n", "one of a metric"),
         ("preload (N),step_size (V)\n1,2\n2,3\n", "has to be in m"),
         ("preload (N),step_size,step_size_sd\n1,2,0\n2,3,1\n", "have to be above 0"),
-    ],
-)
-def test_a_wrong_table_is_refused(text: str, words: str, tmp_path: Path) -> None:
-    path = tmp_path / "bad.csv"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(MeasurementError, match=words):
-        read_curve(path)
+    ]:
+        path = tmp_path / "bad.csv"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(MeasurementError, match=words):
+            read_curve(path)
 
 
 def test_too_few_numbers_and_a_varied_parameter_are_refused(table: Path, tmp_path: Path) -> None:

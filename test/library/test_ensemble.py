@@ -102,9 +102,8 @@ def test_bad_use_is_refused(
     assert words in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_a_file_without_a_whole_ensemble_is_refused(tmp_path: Path) -> None:
+    for text, words in [
         ("# nothing\n", "holds no ensemble; write it with stickslip identify --out"),
         ('# ensemble: {"names": ["z_ba"]}\n', "is damaged"),
         (
@@ -117,10 +116,8 @@ def test_bad_use_is_refused(
             '"correlations": [[1.0, 0.0]]}\n',
             "is damaged",
         ),
-    ],
-)
-def test_a_file_without_a_whole_ensemble_is_refused(text: str, words: str, tmp_path: Path) -> None:
-    path = tmp_path / "bad.yaml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(EnsembleError, match=words):
-        read_ensemble(path)
+    ]:
+        path = tmp_path / "bad.yaml"
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(EnsembleError, match=words):
+            read_ensemble(path)

@@ -18,20 +18,23 @@ def heavier() -> ss.Comparison:
     return ss.compare({"preload": 1.0}, "steps_100hz.csv")
 
 
-def test_a_table_is_displayed() -> None:
-    for make, texts in [
+@pytest.mark.parametrize(
+    ("make", "texts"),
+    [
         (lambda: ss.simulate(preload=0.5, steps=12), ["130.4 nm"]),
         (lambda: ss.sweep(preload=[0.5, 1.0]), ["preload"]),
         (lambda: ss.linearise(preload=0.5), ["A, row 2", "voltage, force", "position, deflection"]),
         (heavier, ["step size", "113.20 nm", "133.79 nm", "differs", "rmse"]),
         (lambda: ss.analyse("steps_100hz.csv"), ["10 at 100 Hz", "133.", "±", "ringing"]),
         (lambda: ss.read_measurement("steps_100hz.csv"), ["14000", "140.0 ms", "nm"]),
-    ]:
-        found = make()
-        table = ET.fromstring(found._repr_html_())
-        assert table.tag == "table"
-        text = " ".join(table.itertext())
-        assert [one for one in texts if one not in text] == []
+    ],
+)
+def test_a_table_is_displayed(make: Any, texts: list[str]) -> None:
+    found = make()
+    table = ET.fromstring(found._repr_html_())
+    assert table.tag == "table"
+    text = " ".join(table.itertext())
+    assert [one for one in texts if one not in text] == []
 
 
 def test_a_comparison_is_one_line_of_text() -> None:

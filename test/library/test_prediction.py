@@ -150,8 +150,9 @@ def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
     assert solved[0] == pytest.approx(step, abs=found.error)
 
 
-def test_outside_of_its_range_it_refuses() -> None:
-    for values, words in [
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
         ({"frequency": 5000.0}, "ringing left when the next slip begins.*lower the frequency"),
         ({"slewrate": 1.0, "frequency": 10.0}, "time of the slip.*raise the slewrate"),
         ({"sigma_1": 300.0}, "damping ratio.*0.2"),
@@ -161,9 +162,11 @@ def test_outside_of_its_range_it_refuses() -> None:
         ({"waveform": "triangle"}, "sawtooth on a linear actuator, not for triangle"),
         ({"force": 0.01}, "without external force, here 0.01"),
         ({"sigma_2": 0.01}, "without sigma_2"),
-    ]:
-        with pytest.raises(PredictionError, match=words):
-            predict(TABLE_1.replace(**values))
+    ],
+)
+def test_outside_of_its_range_it_refuses(values: dict[str, object], words: str) -> None:
+    with pytest.raises(PredictionError, match=words):
+        predict(TABLE_1.replace(**values))
 
 
 def test_the_inverse_looks_where_the_form_holds() -> None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Waveforms found by search: the ringing of a shaped slip, the step with holds."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from table_1 import table_1
@@ -61,15 +63,18 @@ def test_holds_stay_only_where_they_were_in_force() -> None:
     assert shaping_map(held.replace(waveform="hold"), *one) != shaping_map(held, *one)
 
 
-def test_what_cannot_be_shaped() -> None:
-    for values, words in [
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
         ({"waveform": "triangle"}, "waveform is triangle; the slip of sawtooth"),
         ({"sigma_1": 1e4}, "damped too much to ring"),
         ({"frequency": 9e4}, "ringing period takes 132.473 us; no latency .* lower the frequency"),
         ({"frequency": 2e5}, "frequency is 200000 Hz"),
-    ]:
-        with pytest.raises(ParameterError, match=words):
-            shape_slip(table_1(**values))
+    ],
+)
+def test_what_cannot_be_shaped(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        shape_slip(table_1(**values))
 
 
 def test_a_blocked_axis_has_nothing_to_shape() -> None:
@@ -107,11 +112,14 @@ def test_no_hold_where_none_helps() -> None:
     assert (found.hold_before, found.hold_after) == (0.0, 0.0)
 
 
-def test_what_has_no_holds() -> None:
-    for values, words in [
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
         ({"waveform": "table"}, "waveform is table"),
         ({"frequency": 2e5}, "frequency is 200000 Hz"),
         ({"preload": 0.6, "model": "epm_calc", "z_ba": 1e-6}, "z_ss"),
-    ]:
-        with pytest.raises(ParameterError, match=words):
-            elongate_step(table_1(**values))
+    ],
+)
+def test_what_has_no_holds(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        elongate_step(table_1(**values))

@@ -190,9 +190,8 @@ def test_a_file_gives_its_loop_at_the_gain_of_the_parameters(tmp_path: Path) -> 
     assert Actuator.of(exact.actuator).elastic == pytest.approx(mine.elastic)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_a_broken_file_is_refused(tmp_path: Path) -> None:
+    for text, words in [
         ("[1, 2]", "has to hold elastic, thresholds and weights"),
         ("elastic: 1.0\n", "has to hold elastic, thresholds and weights"),
         ("elastic: 1.0\nthresholds: [1.0]\nweights: [1.0, 2.0]", "1 thresholds, but 2 weights"),
@@ -207,14 +206,12 @@ def test_a_file_gives_its_loop_at_the_gain_of_the_parameters(tmp_path: Path) -> 
         ),
         ("elastic: 0.0\nthresholds: []\nweights: []", "elastic is 0"),
         ("a: b: c", "is not a YAML file"),
-    ],
-)
-def test_a_broken_file_is_refused(text: str, words: str, tmp_path: Path) -> None:
-    file = tmp_path / "own.yaml"
-    file.write_text(text)
-    with pytest.raises(ParameterError, match=words) as error:
-        drive_of(hysteretic(hysteresis_file=str(file)))
-    assert str(file) in str(error.value)
+    ]:
+        file = tmp_path / "own.yaml"
+        file.write_text(text)
+        with pytest.raises(ParameterError, match=words) as error:
+            drive_of(hysteretic(hysteresis_file=str(file)))
+        assert str(file) in str(error.value)
 
 
 def test_a_missing_file() -> None:

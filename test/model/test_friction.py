@@ -113,9 +113,9 @@ def test_laws_are_odd_and_bounded(law: str) -> None:
     assert z_rate(1e-6, 1e-2, c) < 0.0
 
 
-def test_refused() -> None:
-    """What makes no contact is refused with value and cure."""
-    for values, words in [
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
         ({"model": "coulomb"}, "coulomb.*known: ceim"),
         ({"z_ba": 50e-9, "z_ss": 50e-9}, "z_ss is 5e-08 m and z_ba 5e-08 m"),
         ({"z_ba": 50e-9, "z_ss": 40e-9}, "z_ss has to be larger"),
@@ -132,9 +132,12 @@ def test_refused() -> None:
         ({"sigma_0_slope": 0.0, "sigma_0_offset": 0.0}, "stiffness of the contact is 0 N/m"),
         ({"sigma_0": 1e-300}, "sigma_0 is 1e-300 N/m; it has to lie between 1 and"),
         ({"sigma_0_slope": 0.0, "sigma_0_offset": 1e-3}, "1 N/m is the lower limit: raise sigma_0"),
-    ]:
-        with pytest.raises(ParameterError, match=words):
-            contact(**values)
+    ],
+)
+def test_refused(values: dict[str, Any], words: str) -> None:
+    """What makes no contact is refused with value and cure."""
+    with pytest.raises(ParameterError, match=words):
+        contact(**values)
 
 
 @pytest.mark.parametrize("law", LAWS)

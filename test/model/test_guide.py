@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import astuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -117,23 +118,20 @@ def test_contacts_that_fall_together_are_named_by_the_rank() -> None:
         ContactForces.of(matrix, right)
 
 
-def test_what_cannot_stand_is_refused() -> None:
-    for values, words in [
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
         ({"preload": 0.01}, r"contact .*F \(-.*raise the preload"),
         ({"preload": -0.2}, "preload of the guide is -0.2 N"),
         ({"mass": 0.0}, "mass of the guide is 0 kg"),
         ({"alpha": math.nan}, "alpha of the guide is nan rad"),
-    ]:
-        with pytest.raises(ParameterError, match=words):
-            forces_by_preload(
-                **{
-                    "geometry": Geometry(),
-                    "mass": MASS,
-                    "alpha": LEVEL,
-                    "preload": PRELOAD,
-                    **values,
-                }
-            )
+    ],
+)
+def test_what_cannot_stand_is_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        forces_by_preload(
+            **{"geometry": Geometry(), "mass": MASS, "alpha": LEVEL, "preload": PRELOAD, **values}
+        )
 
 
 @pytest.mark.parametrize("name", ["a", "b", "c", "e"])

@@ -80,26 +80,25 @@ def test_a_hold_of_no_time_is_the_sawtooth() -> None:
         np.testing.assert_array_equal(held.rates, plain.rates)
 
 
-def test_what_contradicts() -> None:
-    for values, words in [
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
         ({"waveform": "sine"}, r"'sine'; known: sawtooth, hold, shaped, triangle, table"),
-        (
-            {"waveform": "hold", "hold_before": 0.5, "hold_after": 0.6},
-            r"10000 us a cycle, of which holds and latency take 11000 us.*lower hold_before",
-        ),
+        ({"waveform": "hold", "hold_before": 0.5, "hold_after": 0.6},
+         r"10000 us a cycle, of which holds and latency take 11000 us.*lower hold_before"),
         ({"waveform": "shaped", "latency": 9.9999e-3}, r"take 9999\.9 us.*takes 3 us.*latency"),
         ({"waveform": "shaped", "frequency": 1e5, "latency": 8e-6}, r"10 us.*lower.*frequency"),
-        (
-            {"waveform": "hold", "frequency": 1e6, "max_frequency": 1e6},
-            r"1 us a cycle, but the slip.*takes 3 us: stay below 333333 Hz",
-        ),
+        ({"waveform": "hold", "frequency": 1e6, "max_frequency": 1e6},
+         r"1 us a cycle, but the slip.*takes 3 us: stay below 333333 Hz"),
         ({"waveform": "table"}, "waveform_table names no file"),
         ({"waveform": "table", "waveform_table": "none.csv"}, "cannot read none.csv: No such"),
         ({"waveform": "table", "waveform_table": "."}, r"cannot read \.: "),
         ({"waveform": "table", "waveform_table": "a\0b"}, "cannot read"),
-    ]:
-        with pytest.raises(ParameterError, match=words):
-            drive_cycle_of(**values)
+    ],
+)  # fmt: skip
+def test_what_contradicts(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        drive_cycle_of(**values)
 
 
 def test_a_shape_that_says_nothing_of_its_slip_has_a_cure_too() -> None:

@@ -201,27 +201,21 @@ def test_a_file_is_laid_over_the_defaults_with_numbers_as_ros_reads_them(tmp_pat
     assert read_yaml(file) == Parameters.of(z_ba=1e-8, sigma_0=7e6, preload=1.0)
 
 
-@pytest.mark.parametrize(
-    ("text", "values"),
-    [
+def test_a_file_that_configures_other_nodes_is_taken(tmp_path: Path) -> None:
+    for text, values in [
         ("/stickslip_axis:\n  ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
         ("/lab/stickslip_axis:\n  ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
         ("lab:\n  stickslip_axis:\n    ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
         ("my_axis:\n  ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
         (GOOD_HEAD + "    preload: 2.0\nx:\n  ros__parameters: {mass: 1e-3}\n", {"preload": 2.0}),
-    ],
-)
-def test_a_file_that_configures_other_nodes_is_taken(
-    tmp_path: Path, text: str, values: dict[str, float]
-) -> None:
-    file = tmp_path / "some.yaml"
-    file.write_text(f"{text}camera:\n  ros__parameters: {{gain_db: 3, lens: {{zoom: 2}}}}\n")
-    assert read_yaml(file) == Parameters.of(values)
+    ]:
+        file = tmp_path / "some.yaml"
+        file.write_text(f"{text}camera:\n  ros__parameters: {{gain_db: 3, lens: {{zoom: 2}}}}\n")
+        assert read_yaml(file) == Parameters.of(values)
 
 
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
+def test_a_bad_file_is_refused_by_its_name(tmp_path: Path) -> None:
+    for text, complaint in [
         (
             "a:\n  ros__parameters: {x: 1}\nb:\n  ros__parameters: {y: 1}\n",
             "configures /a, /b, none with a parameter of an axis",
@@ -245,16 +239,14 @@ def test_a_file_that_configures_other_nodes_is_taken(
         ("- 1\n", "holds no names with values"),
         ("a: [1\n", "is not a YAML file"),
         ("\x00", "is not a YAML file"),
-    ],
-)
-def test_a_bad_file_is_refused_by_its_name(tmp_path: Path, text: str, complaint: str) -> None:
-    file = tmp_path / "some.yaml"
-    file.write_text(text)
-    with pytest.raises(ParameterError) as refusal:
-        read_yaml(file)
-    assert str(file) in str(refusal.value)
-    assert complaint in str(refusal.value)
-    assert "\n" not in str(refusal.value)
+    ]:
+        file = tmp_path / "some.yaml"
+        file.write_text(text)
+        with pytest.raises(ParameterError) as refusal:
+            read_yaml(file)
+        assert str(file) in str(refusal.value)
+        assert complaint in str(refusal.value)
+        assert "\n" not in str(refusal.value)
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:

@@ -37,9 +37,9 @@ def test_position_after_many_cycles() -> None:
 
 
 @pytest.mark.slow
-def test_general_integrator_agrees() -> None:
-    """Every law, load and damping: within a thousandth of a nanometre per cycle."""
-    for values in [
+@pytest.mark.parametrize(
+    "values",
+    [
         {"frequency": 1e4},
         {"frequency": 5e3, "force": 0.05},
         {"frequency": 5e3, "force": -0.15},
@@ -56,9 +56,13 @@ def test_general_integrator_agrees() -> None:
         {"frequency": 1e4, "model": "epm_calc", "preload": 1.0},
         {"frequency": 1e4, "model": "epm_calc", "preload": 0.7, "amplitude": 200.0},
         {"frequency": 1e4, "model": "epm_calc", "preload": 1.0, "mu_s": 0.2, "mu_k": 0.2},
-    ]:
-        p = table_1(**values)
-        agree(p, drive_of(p), 4)
+    ],
+    ids=lambda values: ",".join(f"{k}={v}" for k, v in values.items()),
+)
+def test_general_integrator_agrees(values: dict[str, Any]) -> None:
+    """Every law, load and damping: within a thousandth of a nanometre per cycle."""
+    p = table_1(**values)
+    agree(p, drive_of(p), 4)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

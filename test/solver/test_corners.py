@@ -111,30 +111,28 @@ def test_printed_alpha_leads_along_the_limit() -> None:
     assert taken == pytest.approx(times[last] - times[first], rel=1e-10)
 
 
-def test_printed_alpha_takes_few_arcs() -> None:
-    """Once z was thrown to and fro across its limit, hundreds of thousands of times a cycle."""
-    for values in [
+@pytest.mark.parametrize(
+    "values",
+    [
         {"force": -0.4775, "inclination": 2.69, "mu_s": 0.773, "mu_k": 0.996, "v_stribeck": 0.0464},
         {"mu_s": 10.0, "mu_k": 0.0786, "v_stribeck": 1.88e-4, "mass": 1000.0},
         {"force": 100.0, "mu_s": 0.19, "mu_k": 0.1, "v_stribeck": 0.66, "sigma_2": 6.6e-7},
         {"model": "epm_fix", "sigma_2": 1e6, "force": -1000.0, "v_stribeck": 0.119},
         {"model": "epm_fix", "force": 1000.0, "sigma_2": 9.4e-4, "v_stribeck": 0.017},
-    ]:
-        p = Parameters.of(
-            {
-                **{"model": "epm_calc", "alpha_form": "printed", "preload": 2.0, "mass": 0.25},
-                **{
-                    "sigma_0": 1.62e6,
-                    "sigma_1": 79.0,
-                    "z_ba": 3.96e-8,
-                    "frequency": 1200.0,
-                    **values,
-                },
-            }
-        )
-        simulation = Simulation(Plant.of(p), 1e-11, budget=20_000)
-        simulation.start(drive_of(p), 3)
-        assert np.isfinite(simulation.run_cycles(3).position).all()
+    ],
+    ids=str,
+)
+def test_printed_alpha_takes_few_arcs(values: dict[str, Any]) -> None:
+    """Once z was thrown to and fro across its limit, hundreds of thousands of times a cycle."""
+    p = Parameters.of(
+        {
+            **{"model": "epm_calc", "alpha_form": "printed", "preload": 2.0, "mass": 0.25},
+            **{"sigma_0": 1.62e6, "sigma_1": 79.0, "z_ba": 3.96e-8, "frequency": 1200.0, **values},
+        }
+    )
+    simulation = Simulation(Plant.of(p), 1e-11, budget=20_000)
+    simulation.start(drive_of(p), 3)
+    assert np.isfinite(simulation.run_cycles(3).position).all()
 
 
 def test_an_implicit_step_does_not_silence_the_ringing() -> None:
@@ -161,8 +159,9 @@ def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None
     assert np.abs(simulation.run_cycles(6).lost).max() < 4.0 * rounding
 
 
-def test_what_no_axis_has_is_refused() -> None:
-    for values, words in [
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
         (
             {"model": "lugre", "preload": 1.0, "mu_k": 0.19, "mu_s": 1.0, "sigma_0": 1e12},
             r"z_k of the contact is 1\.9e-13 m.*far below an atom.*change sigma_0ss",
@@ -180,9 +179,12 @@ def test_what_no_axis_has_is_refused() -> None:
         ({"sigma_0ss": 5e-324}, "sigma_0ss is 4.94066e-324 N/m.*between 1 and"),
         ({"sigma_0ss": 1.0}, "z_k of the contact is 0.08 m.*change sigma_0ss"),
         ({"z_ba": 30e-9, "z_ss": 30e-9 * (1.0 + 1e-9)}, "z_ss has to be larger"),
-    ]:
-        with pytest.raises(ParameterError, match=words):
-            Plant.of(Parameters.of(values))
+    ],
+    ids=lambda case: " ".join(case) if isinstance(case, dict) else "",
+)
+def test_what_no_axis_has_is_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        Plant.of(Parameters.of(values))
 
 
 def test_without_a_curve_any_stribeck_velocity_will_do() -> None:

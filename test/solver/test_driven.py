@@ -283,21 +283,24 @@ def test_random_drives_agree_with_an_integrator(effect: str, real: bool) -> None
         assert outcome.off < 0.01 or outcome.growth > GROWTH, p
 
 
-def test_in_the_limit_there_is_the_plain_model() -> None:
-    """To 1e-4 nm a cycle."""
-    for nearly in [
+@pytest.mark.parametrize(
+    "nearly",
+    [
         {"amplifier_bandwidth": 1e12},
         {"amplifier_slew": 1e6},
         {"actuator_resonance": 1e12, "actuator_damping": 0.7},
         {"creep": 1e-12},
         {**MEMORY, "hysteresis": 0.0},
-    ]:
-        p = table_1(**nearly)
-        plain = table_1()
-        simulation = Simulation(Plant.of(plain), plain.solver.tolerance)
-        simulation.start(drive_of(plain), 10)
-        x = _run(p, 10)
-        assert x == pytest.approx(simulation.run_cycles(10).position, abs=1e-12)
+    ],
+)
+def test_in_the_limit_there_is_the_plain_model(nearly: dict[str, Any]) -> None:
+    """To 1e-4 nm a cycle."""
+    p = table_1(**nearly)
+    plain = table_1()
+    simulation = Simulation(Plant.of(plain), plain.solver.tolerance)
+    simulation.start(drive_of(plain), 10)
+    x = _run(p, 10)
+    assert x == pytest.approx(simulation.run_cycles(10).position, abs=1e-12)
 
 
 def test_without_effects_there_is_the_plain_simulation() -> None:

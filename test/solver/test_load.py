@@ -37,21 +37,25 @@ def run(
 
 
 @pytest.mark.slow
-def test_general_integrator_agrees() -> None:
-    """A force that changes within cycles: the same way to a thousandth of a nanometre."""
-    for values in [
+@pytest.mark.parametrize(
+    "values",
+    [
         {"frequency": 5e3},
         {"frequency": 1e4, "spring": 1e6, "preload": 1.0},
         {"frequency": 1e4, "model": "lugre"},
         {"frequency": 1e4, "model": "epm_calc", "preload": 1.0},
-    ]:
-        p = table_1(**values)
-        drive_cycle = drive_of(p)
-        _, found = run(values, 4)
-        moments = [cycle * drive_cycle.period for cycle, _ in CHANGES]
-        forces = [(t, force) for t, (_, force) in zip(moments, CHANGES, strict=True)]
-        expected = follow(p, drive_cycle, [*moments, 4 * drive_cycle.period], forces)
-        assert np.abs(np.array(found) - expected).max() < 1e-12
+    ],
+    ids=lambda values: ",".join(f"{k}={v}" for k, v in values.items()),
+)
+def test_general_integrator_agrees(values: dict[str, Any]) -> None:
+    """A force that changes within cycles: the same way to a thousandth of a nanometre."""
+    p = table_1(**values)
+    drive_cycle = drive_of(p)
+    _, found = run(values, 4)
+    moments = [cycle * drive_cycle.period for cycle, _ in CHANGES]
+    forces = [(t, force) for t, (_, force) in zip(moments, CHANGES, strict=True)]
+    expected = follow(p, drive_cycle, [*moments, 4 * drive_cycle.period], forces)
+    assert np.abs(np.array(found) - expected).max() < 1e-12
 
 
 @pytest.mark.parametrize("model", ["ceim", "lugre", "epm_calc"])

@@ -385,24 +385,21 @@ def write_bag(path: Path, ros: int, storage: str = "") -> None:
         fill(writer2)
 
 
-@pytest.mark.parametrize(
-    ("name", "ros", "storage"),
-    [("axis.bag", 1, ""), ("sqlite", 2, "SQLITE3"), ("mcap", 2, "MCAP")],
-)
-def test_bags_of_others_are_read(name: str, ros: int, storage: str, tmp_path: Path) -> None:
+def test_bags_of_others_are_read(tmp_path: Path) -> None:
     """The slider by itself; any other number of any topic by its path."""
-    path = tmp_path / name
-    write_bag(path, ros, storage)
-    found = load_motion(path)
-    assert found.motion.t == pytest.approx(T, abs=1e-9)
-    assert found.motion.x == pytest.approx(X, abs=1e-16)
-    assert found.motion.u == pytest.approx(2 * X, abs=1e-16)
-    later = load_motion(path, origin_ns=1_699_999_999_000_000_000)
-    assert later.motion.t[0] == pytest.approx(1.0, abs=2e-6)
-    laser = load_motion(path, Reading(columns={"x": "/laser/range"}))
-    assert laser.motion.x == pytest.approx(X, rel=1e-7, abs=1e-14)  # a float32
-    with pytest.raises(MeasurementError, match=r"no column '/laser/nix'; the columns are: .*"):
-        load_motion(path, Reading(columns={"x": "/laser/nix"}))
+    for name, ros, storage in [("axis.bag", 1, ""), ("sqlite", 2, "SQLITE3"), ("mcap", 2, "MCAP")]:
+        path = tmp_path / name
+        write_bag(path, ros, storage)
+        found = load_motion(path)
+        assert found.motion.t == pytest.approx(T, abs=1e-9)
+        assert found.motion.x == pytest.approx(X, abs=1e-16)
+        assert found.motion.u == pytest.approx(2 * X, abs=1e-16)
+        later = load_motion(path, origin_ns=1_699_999_999_000_000_000)
+        assert later.motion.t[0] == pytest.approx(1.0, abs=2e-6)
+        laser = load_motion(path, Reading(columns={"x": "/laser/range"}))
+        assert laser.motion.x == pytest.approx(X, rel=1e-7, abs=1e-14)  # a float32
+        with pytest.raises(MeasurementError, match=r"no column '/laser/nix'; the columns are: .*"):
+            load_motion(path, Reading(columns={"x": "/laser/nix"}))
 
 
 def test_a_type_that_cannot_be_parsed_is_passed_over_quietly(

@@ -17,9 +17,8 @@ def table(header: str, separator: str, decimal: str = ".", rows: int = ROWS) -> 
     return "\n".join([header, *lines]) + "\n"
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_separators_and_headers_are_understood(tmp_path: Path) -> None:
+    for text in [
         table("time (ms),x (nm)", ","),
         table("time (ms), x (nm)", ", "),
         table("time [ms];position [nm]", ";"),
@@ -30,15 +29,13 @@ def table(header: str, separator: str, decimal: str = ".", rows: int = ROWS) -> 
         table('"time (ms)";"x (nm)"', ";"),
         "# interferometer 3\n\n" + table("# time (ms), x (nm)", ","),
         "Serial;1234\nDate;today\n" + table("time (ms);x (nm)", ";", ","),
-    ],
-)
-def test_separators_and_headers_are_understood(text: str, tmp_path: Path) -> None:
-    file = tmp_path / "m.csv"
-    file.write_text(text, encoding="utf-8")
-    found = read_measurement(file)
-    assert found.t == pytest.approx(1e-3 * np.arange(ROWS))
-    assert found.x == pytest.approx(1e-9 * (10 * np.arange(ROWS) + 0.5))
-    assert (found.source, found.u) == ("m.csv", None)
+    ]:
+        file = tmp_path / "m.csv"
+        file.write_text(text, encoding="utf-8")
+        found = read_measurement(file)
+        assert found.t == pytest.approx(1e-3 * np.arange(ROWS))
+        assert found.x == pytest.approx(1e-9 * (10 * np.arange(ROWS) + 0.5))
+        assert (found.source, found.u) == ("m.csv", None)
 
 
 @pytest.mark.parametrize(
@@ -139,9 +136,8 @@ def test_a_bad_table_is_refused_with_place_and_cure(
         assert word in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("damage", "left_out", "note"),
-    [
+def test_what_is_no_row_is_left_out_and_told(tmp_path: Path) -> None:
+    for damage, left_out, note in [
         ((",50.5", ",abc"), 1, "1 line is left out, not being numbers: line 7 ('5.0,abc')"),
         ((",50.5", ",50.5x"), 1, "line 7"),
         ((",50.5", ",50.5,7"), 1, "line 7"),
@@ -154,18 +150,14 @@ def test_a_bad_table_is_refused_with_place_and_cure(
         (("5.0,50.5", "5.0"), 1, "1 of 20 rows have a gap"),
         (("19.0,190.5\n", "19.0,190.5\nMean,95.5\n"), 0, "line 22 ('Mean,95.5')"),
         (("19.0,190.5\n", "19.0,"), 1, "line 21 ('19.0,')"),  # cut off
-    ],
-)
-def test_what_is_no_row_is_left_out_and_told(
-    damage: tuple[str, str], left_out: int, note: str | None, tmp_path: Path
-) -> None:
-    file = tmp_path / "m.csv"
-    file.write_text(GOOD.replace(*damage), encoding="utf-8")
-    found = read_measurement(file)
-    assert len(found.t) == ROWS - left_out
-    assert found.x == pytest.approx(1e-9 * (10 * found.t + 0.5))
-    assert len(found.notes) == (note is not None)
-    assert (note or "") in "".join(found.notes)
+    ]:
+        file = tmp_path / "m.csv"
+        file.write_text(GOOD.replace(*damage), encoding="utf-8")
+        found = read_measurement(file)
+        assert len(found.t) == ROWS - left_out
+        assert found.x == pytest.approx(1e-9 * (10 * found.t + 0.5))
+        assert len(found.notes) == (note is not None)
+        assert (note or "") in "".join(found.notes)
 
 
 def test_names_of_columns_are_shortened_in_messages(tmp_path: Path) -> None:
