@@ -237,6 +237,7 @@ def test_a_wrong_import_is_found(tmp_path: Path) -> None:
         write(tmp_path, name, text)
         (found,) = complaints(tmp_path)
         assert problem in found
+        (tmp_path / name).unlink()
 
 
 def test_a_right_import_is_not_complained_about(tmp_path: Path) -> None:

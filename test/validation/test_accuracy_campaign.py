@@ -18,7 +18,7 @@ from validation.benchmark.unstable import Growth, growth_of
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [5, pytest.param(40, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [15, pytest.param(40, marks=pytest.mark.long)])
 def test_sets_at_random_keep_the_promise(count: int) -> None:
     found = campaign(count, seed=7)
     assert found.findings == []
