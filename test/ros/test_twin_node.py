@@ -14,6 +14,7 @@ from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.ros.messages import diagnostic_array, event_status, stamp
 from stickslip_ros.ros.process import UsageError
 from stickslip_ros.ros.twin_node import TwinNode
@@ -105,7 +106,7 @@ def test_a_twin_of_another_program(ros: Ros, start_node: Start) -> None:
 def test_events_count_from_when_they_happened(ros: Ros, start_node: Start) -> None:
     """A busy axis publishes them some milliseconds late; stamps alone would make that a change."""
     start_node("twin_node", config="table1_typical.yaml")
-    user, axis, origin = ros.node("user"), Axis("table1_typical.yaml"), 10**18
+    user, axis, origin = ros.node("user"), Axis(Parameters.of("table1_typical.yaml")), 10**18
     said: list[Any] = []
     user.create_subscription(DiagnosticArray, "/diagnostics", said.append, 100)
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
