@@ -30,7 +30,7 @@ def answers(client: AxisClient, count: int) -> list[float]:
     ("given", "changes", "jog"),
     [
         ({"sensor_rate": 100000.0}, {"sensor_bandwidth": 3000.0}, 1000.0),
-        pytest.param({**CONTACTS, **FAST}, {}, 20000.0, marks=pytest.mark.long),
+        ({**CONTACTS, **FAST}, {}, 20000.0),
         pytest.param(
             {"publish_rate": 1000.0, "sensor_bandwidth": 3000.0, "creep": 0.02},
             {},
@@ -75,9 +75,7 @@ def test_it_says_how_slow_it_is_and_why_and_faults_after_the_limit(
     timing = client.report()["timing"]
     assert float(timing["real-time factor"]) < 40.0
     assert float(timing["time dropped (s)"]) > 0.0
-    took = answers(client.jog(20000.0), 9)
-    assert median(took) < HEARD, took
-    client.jog(20000.0).set_parameters(overload_limit=1.5)
+    client.set_parameters(overload_limit=1.5)
     ros.wait_until(lambda: client.state == "fault", "the fault")
     assert "overload_limit is 1.5 s" in client.status["last error"]
     process.wait_for("[stickslip_axis]: real-time factor ")
