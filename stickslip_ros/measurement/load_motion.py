@@ -132,8 +132,7 @@ def simulate_motion(
             "backward: give --steps, or cut the measurement with --from and --to"
         )
     density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / steps))
-    motion = Motion.of_trace(trace_runs(p, runs, density, before, after), source)
-    return through_bandwidth(p, motion)
+    return through_bandwidth(p, Motion(source, *trace_runs(p, runs, density, before, after)))
 
 
 def simulate_as_measured(

@@ -157,11 +157,12 @@ def trace_runs(
     density: float = 40.0,
     before: float = 0.0,
     after: float = 0.0,
-) -> Trace:
-    """Run steps from rest as `trace_steps` does, several runs in the order of their starts.
+) -> NDArray[np.float64]:
+    """Return t, x, v and u (as of a `Trace`) of runs from rest in the order of their starts.
 
-    before and after are times (s) of rest before the first and after the last run; times count from
-    the first start. A run begins when the one before it has ended, at the earliest.
+    The shape is (4, samples). before and after are times (s) of rest before the first and after the
+    last run; times count from the first start. A run begins when the one before it has ended, at
+    the earliest.
     """
     p = Parameters.of(p)
     plant = Plant.of(p)
@@ -189,23 +190,12 @@ def trace_runs(
     if after > 0.0:
         times.append(_resting_times(now, now + after, density, ringing, drive_cycle.period))
         parts.append(simulation.sample(times[-1]))
-    columns = [
-        np.concatenate(found)
-        for found in zip(
-            *((t, s.x, s.v, s.u, s.z, s.v - s.rate, s.force)
-              for t, s in zip(times, parts, strict=True)),
-            strict=True,
-        )
-    ]  # fmt: skip
+    rows = np.hstack([np.stack([t, s.x, s.v, s.u]) for t, s in zip(times, parts, strict=True)])
     if before > 0.0:
-        rest = np.linspace(-before, 0.0, 500, endpoint=False)
-        still = np.zeros_like(rest)
-        columns = [
-            np.concatenate((first, column))
-            for first, column in zip([rest, *[still] * 6], columns, strict=True)
-        ]
-    kept = np.concatenate((np.diff(columns[0]) > 0.0, [True]))
-    return Trace(*(column[kept] for column in columns))
+        rest = np.zeros((4, 500))
+        rest[0] = np.linspace(-before, 0.0, 500, endpoint=False)
+        rows = np.hstack([rest, rows])
+    return rows[:, np.append(np.diff(rows[0]) > 0.0, True)]
 
 
 def _resting_times(

@@ -212,7 +212,7 @@ def test_the_sensor_writes_what_it_reads(as_json: Simulate, tmp_path: Path) -> N
     before = [x for t, x in zip(times, positions, strict=True) if t < 11e-3]
     assert max(map(abs, before)) < 6e-9  # the noise of a nanometre
     after = positions[-500:]
-    rest = trace_runs(table_1(), [PlannedRun(0.0, 3)], after=0.01).x[-1]
+    rest = trace_runs(table_1(), [PlannedRun(0.0, 3)], after=0.01)[1, -1]
     assert sum(after) / 500 == pytest.approx(rest, abs=0.2e-9)
 
 

@@ -195,8 +195,7 @@ def test_a_difference_counts_from_three_standard_errors_on() -> None:
 def to_and_fro(**parameters: float) -> Motion:
     """Ten steps forward, eight backward after a rest."""
     runs = [PlannedRun(0.0, 10), PlannedRun(0.13, -8)]
-    trace = trace_runs(table_1(**parameters), runs, before=0.02, after=0.03)
-    return Motion.of_trace(trace, "run")
+    return Motion("run", *trace_runs(table_1(**parameters), runs, before=0.02, after=0.03))
 
 
 def test_each_run_of_steps_is_compared_with_its_own() -> None:
