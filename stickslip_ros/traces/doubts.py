@@ -93,14 +93,16 @@ def doubts_of(
     its period was not given. Drift and hum that are known are left out of even.
     """
     found = []
-    if not run.explained:
+    fit = _fit_ends(even, run, others, ringing, settings)
+    # Where ringing is seen, the search has asked this.
+    unlikely = ringing is None and fit is not None and not fit.explains()
+    if not run.explained or unlikely:
         found.append("no run of equal steps explains the motion")
     found += too_few(run.count, 1.0 / run.period, 1.0 / even.tick, settings)
     before, after = _rests_beside(even, run, others, ringing, settings)
     if before is None and after is None:
         found.append("no rest beside the run, so step and drift cannot be told apart")
     found += _moved_within(before, after, abs(step.value), settings)
-    fit = _fit_ends(even, run, others, ringing, settings)
     confirmed = False
     if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
@@ -209,8 +211,9 @@ def _miscounted(fit: CycleFit, settings: DoubtSettings) -> list[str]:
     A cycle of the run is as likely as its rise and its fall are some of the others', over none.
     """
     count = fit.grid.count
-    inner = (fit.number > 0) & (fit.number < count - 1)
-    if inner.sum() < 2:
+    ends = int(count > 4)  # they differ most, but of few cycles they tell what is usual, too
+    inner = (fit.number >= ends) & (fit.number < count - ends)
+    if not inner.any():
         return []
     likely = np.zeros(len(fit.number))
     for sizes, most in ((fit.rise, 0.0), (fit.fall, math.inf)):  # a rise alone is no step

@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 class SearchSettings:
     """Limits of the search for runs, and of the choice among runs that explain a motion."""
 
-    searches: int = 3  #: searches for runs; later ones leave out runs that explained nothing
     candidates: int = 16  #: chains of falls that are tried, the most significant ones
     #: A run of a shorter period is preferred if it explains this part of the motion at least, and
     #: its cycles differ by at most this more: a period also repeats after twice its time.
@@ -77,21 +76,15 @@ def search_runs(
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
     report("falls")
     edges = list(find_edges(even, period))
-    seen: list[SlipGrid] = []  # in vain so far
-    refuted: list[SlipGrid] = []
-    for _ in range(SETTINGS.searches):
-        report("runs")
-        now = _search(even, edges, period, refuted=refuted)
-        if not now:
-            break
-        ringing = fit_ringing_down(even, now)
-        seen = seen or [replace(one, explained=ringing is None) for one in now]
-        if ringing is not None:
-            chosen = _find_explained(even, now, ringing, period, report)
-            if chosen:
-                return sorted((one.without_part() for one in chosen), key=lambda one: one.first)
-        refuted += now
-    return seen
+    report("runs")
+    seen = _search(even, edges, period)
+    ringing = fit_ringing_down(even, seen)
+    if ringing is None:
+        return seen
+    chosen = _find_explained(even, seen, ringing, period, report)
+    if not chosen:
+        return [replace(one, explained=False) for one in seen]
+    return sorted((one.without_part() for one in chosen), key=lambda one: one.first)
 
 
 def _find_explained(
@@ -275,15 +268,14 @@ def _search(
     edges: list[SlipGrid],
     period: float | None,
     known: Sequence[SlipGrid] = (),
-    refuted: Sequence[SlipGrid] = (),
 ) -> list[SlipGrid]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
     found = list(known)
     if period is not None:
         near = [replace(one, period=period) for one in edges if may_have_period(one, period)]
-        _find_all(even, near, found, period, refuted)
+        _find_all(even, near, found, period)
     if not known:
-        _find_all(even, edges, found, None, refuted)
+        _find_all(even, edges, found, None)
     largest = max((one.step for one in found), default=0.0)
     kept = [
         one
@@ -299,15 +291,13 @@ def _find_all(
     edges: list[SlipGrid],
     found: list[SlipGrid],
     period: float | None,
-    refuted: Sequence[SlipGrid],
 ) -> None:
     """Add to the runs found those that the edges are part of; of that period (s) if it is given."""
 
     @cache
     def whole(seed: SlipGrid) -> SlipGrid | None:
         grid = grow_run(even, seed)
-        grid = grid and check_run(even, grid, given=period is not None)
-        return None if grid is None or any(are_same(grid, one) for one in refuted) else grid
+        return grid and check_run(even, grid, given=period is not None)
 
     clearest = sorted(edges, key=lambda one: -one.score)
     while True:

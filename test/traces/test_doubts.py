@@ -55,7 +55,8 @@ def test_ringing_nearly_in_step_with_the_drive_makes_no_doubt() -> None:
         bench = bench_trace(Axis(sigma_1=3.0), (Drive(16, frequency, pause=rest),), sensor, rest)
         (run,) = bench.runs
         grid = SlipGrid(run.start + 1.0 / frequency, 1.0 / frequency, 16, 1, 1e-7, 1.0)
-        assert _doubts(_even(bench), grid, [], run.step_size, None) == ()
+        ringing = Ringing(*bench.axis.ringing)
+        assert _doubts(_even(bench), grid, [], run.step_size, None, ringing) == ()
 
 
 @pytest.mark.parametrize(
@@ -146,8 +147,9 @@ def test_ringing_is_neither_a_shorter_period_nor_a_move(bench: Bench) -> None:
     ringing = Ringing(*fast.axis.ringing)
     swing = 1.01 / ringing.frequency
     assert _doubts(_even(fast), grid, [], run.step_size, swing, ringing) == ()
-    (found,) = _doubts(_even(fast), grid, [], run.step_size, 2.0 * swing, None)
-    assert "repeats better" in found
+    found = _doubts(_even(fast), grid, [], run.step_size, 2.0 * swing, None)
+    assert "no run of equal steps" in found[0]
+    assert "repeats better" in found[1]
 
 
 def test_cycles_of_the_mains_without_ringing_may_be_hum() -> None:
@@ -171,3 +173,12 @@ def test_slips_that_are_not_evenly_spaced_are_doubted(bench: Bench) -> None:
     for made, run, said in ((sweep, grid, True), (bench, _grid(bench), False)):
         found = _doubts(_even(made), run, [], bench.runs[0].step_size, None, ringing)
         assert any("the slips miss even times" in one for one in found) is said, found
+
+
+def test_every_tenth_of_fast_cycles_is_doubted() -> None:
+    """43 samples of ten cycles repeat as those of one: 5 steps of 1 um for 55 of a tenth."""
+    bench = bench_trace(Axis(), (Drive(55, 2200.0, pause=0.004),), Sensor(rate=9460.0), rest=0.004)
+    run = bench.runs[0]
+    grid = SlipGrid(run.start + 10.0 / 2200.0, 10.0 / 2200.0, 5, 1, 1e-6, 1.0)
+    found = _doubts(_even(bench), grid, [], 10.0 * run.step_size, None)
+    assert "no run of equal steps explains the motion" in found
