@@ -27,8 +27,10 @@ from stickslip_ros.cli.options import (
 from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.files import write_text
 from stickslip_ros.library.left_out import OF_A_FIT, left_out
-from stickslip_ros.parameters import Parameters, parameter, yaml_text
+from stickslip_ros.parameters import PARAMETERS, Parameters, parameter, yaml_text
+from stickslip_ros.parameters.ros_file import read_values
 from stickslip_ros.reporting import format_si
+from stickslip_ros.shared_files import config_file
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -78,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.identification import Prior, identify, read_curve
+    from stickslip_ros.measurement.load_motion import is_parameter_file
     from stickslip_ros.pages.texts import fit_remarks, fit_sources
 
     check_outputs(args, args.out)
@@ -92,6 +95,11 @@ def run(args: argparse.Namespace) -> int:
                 "it has to be above 0"
             )
     names = [name.strip() for name in args.fit.split(",")] if args.fit else None
+    for drive, path in (*args.runs, *args.curves):
+        if is_parameter_file(path) and not is_parameter_file(drive):
+            raise UsageError(
+                f"{path} is a parameter file; give it first, then the measurement: {path} {drive}"
+            )
     runs = [(Parameters.of(drive), measurement_of(args, path)) for drive, path in args.runs]
     curves = [(Parameters.of(drive), read_curve(path, args.decimal)) for drive, path in args.curves]
     if not runs and not curves:
@@ -100,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
         report_left_out("identify", left_out(known, OF_A_FIT))
     for known, _ in curves:
         report_left_out("identify", left_out(known))
-    with report_compilation(), progress_bar(_PARTS, "identify") as bar:
+    with report_compilation(), progress_bar(_PARTS, "identifying", in_pipes=True) as bar:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
             fit_gain=args.fit_gain, fit_lag=args.fit_lag, suggest_next=args.suggest_next,
@@ -108,7 +116,8 @@ def run(args: argparse.Namespace) -> int:
             say=lambda note: print(note, file=sys.stderr),
         )  # fmt: skip
     if args.out:
-        write_text(args.out, fit_remarks(found) + yaml_text(found.base))
+        given = read_values(config_file((args.runs or args.curves)[0][0]), PARAMETERS)
+        write_text(args.out, fit_remarks(found) + yaml_text(found.base, given))
     heading = ("parameter", "unit", "value", "low 95 %", "high 95 %")
     rows = [(name, p.unit, p.value, p.low, p.high) for name, p in found.parameters.items()]
     write_outputs(args, ", ".join(fit_sources(found)), heading, rows, lambda: _page(found))

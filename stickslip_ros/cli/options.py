@@ -10,7 +10,7 @@ import tempfile
 import threading
 import webbrowser
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting.tables import Cell, check_table, write_table
+from stickslip_ros.reporting.terminal import announce_if_slow
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -248,14 +249,17 @@ def yaml_lines(values: Mapping[str, object]) -> str:
 
 
 @contextmanager
-def progress_bar(total: int, what: str) -> Iterator[tqdm[Any]]:
+def progress_bar(total: int, what: str, in_pipes: bool = False) -> Iterator[tqdm[Any]]:
     """A progress bar on stderr if that is a terminal and the work takes more than a moment.
 
-    Its clock goes on every second, also while a part of the work takes long.
+    Its clock goes on every second, also while a part of the work takes long. in_pipes: say in
+    a pipe, too, what is being done if it takes longer.
     """
     from tqdm import tqdm
 
-    with tqdm(total=total, desc=what, disable=not sys.stderr.isatty(), delay=0.5) as bar:
+    in_pipe = not sys.stderr.isatty()
+    told = announce_if_slow(what, in_pipes) if in_pipe else nullcontext()
+    with told, tqdm(total=total, desc=what, disable=in_pipe, delay=0.5) as bar:
         ended = threading.Event()
 
         def tick() -> None:

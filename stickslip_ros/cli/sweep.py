@@ -51,7 +51,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser)
     text = "steps per point, the sign is the direction (default: enough to settle)"
     option(parser, "--steps", "N", text, int)
-    text = "table or picture, may be repeated (default: prints the table)"
+    text = "table or picture, may be repeated (default: prints the points)"
     repeated(parser, "--out", "FILE.csv|FILE.png", text, type=Path)
     option(parser, "--jobs", "N", "number of threads (default: one per processor)", int)
     switch(parser, "--resume", "continue an unfinished FILE.csv")
@@ -139,7 +139,7 @@ def _carry_out(
 ) -> bool:
     """Run the sweep; return False if Ctrl-C ended it."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.library.sweep_output import write_header, write_rows
+    from stickslip_ros.library.sweep_output import heading, write_rows
     from stickslip_ros.library.sweep_plan import results, threads
 
     workers = args.jobs or os.cpu_count() or 1
@@ -149,7 +149,7 @@ def _carry_out(
             for first, values in table.rows():
                 found.add(first, values)
         if to_stdout:
-            write_header(sweep, sys.stdout)
+            print(",".join(heading(sweep)))
         with report_compilation():
             sweep.evaluate(0, 1)  # so that no thread has to compile
         with progress_bar(sweep.points, "points") as bar, threads(workers) as pool:

@@ -60,8 +60,11 @@ class Estimate:
     @property
     def texts(self) -> tuple[str, str, str]:
         """Value, low and high with their unit; a dash for a missing end."""
+        ends = [abs(end - self.value) for end in (self.low, self.high) if end is not None]
+        narrow = min((end for end in ends if end > 0.0), default=abs(self.value))
+        digits = max(4, 1 + math.ceil(math.log10(abs(self.value) / narrow))) if narrow else 4
         value, low, high = (
-            "–" if number is None else format_si(number, self.unit, like=self.value)
+            "–" if number is None else format_si(number, self.unit, digits, like=self.value)
             for number in (self.value, self.low, self.high)
         )
         return value, low, high

@@ -46,6 +46,8 @@ class GridAxis(_Axis):
     >>> import numpy as np
     >>> GridAxis.parse("preload=0.5:1.5:3").values(np.arange(3)).tolist()
     [0.5, 1.0, 1.5]
+    >>> str(GridAxis.parse("preload=500mN:1.5N:3"))
+    'preload=0.5:1.5:3'
     """
 
     start: float
@@ -66,16 +68,17 @@ class GridAxis(_Axis):
 
     @classmethod
     def parse(cls, text: str) -> GridAxis:
-        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError."""
-        name, _, ends = text.partition("=")
-        try:
-            start, stop, count, *log = ends.split(":")
-            if log not in ([], ["log"]):
-                raise ValueError
-            numbers = float(start), float(stop), int(count)
-        except ValueError:
-            raise SweepError(f"{text!r} is not of the form {_FORM}") from None
-        return cls(parameter(name.strip()).name, *numbers, bool(log))
+        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError.
+
+        Both ends may have a unit, such as in ``preload=100mN:6N:60``.
+        """
+        name, _, values = text.partition("=")
+        *ends, count = values.removesuffix(":log").split(":")
+        if len(ends) != 2 or not count.strip().isdecimal():
+            raise SweepError(f"{text!r} is not of the form {_FORM}")
+        row = parameter(name.strip())
+        start, stop = (row.read(end.strip()) for end in ends) if row.kind is float else (0.0, 0.0)
+        return cls(row.name, float(start), float(stop), int(count), values.endswith(":log"))
 
     def __str__(self) -> str:
         """Return the text that `parse` reads."""

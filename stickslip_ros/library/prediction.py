@@ -37,7 +37,7 @@ from stickslip_ros.library.left_out import EFFECTS, left_out
 from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.model.waveforms import drive_of, drives_of
-from stickslip_ros.parameters import Parameters, ParameterSource
+from stickslip_ros.parameters import PARAMETERS, Parameters, ParameterSource
 from stickslip_ros.reporting import format_si
 
 Array = NDArray[np.float64]
@@ -228,26 +228,35 @@ def _amplitude_for(p: Parameters, step: float) -> float:
     # A slip that takes longer is out of the form's range, and its step may be anything.
     omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
     longest = RANGES["tau"].high * p.drive.slewrate * 1e6 / omega
-    cure = "raise max_voltage, or lower the preload" if highest < longest else "raise the slewrate"
+    cure = "raise max_voltage" if highest < longest else "raise the slewrate"
     highest = min(highest, longest)
 
-    def off(volts: float) -> float:
-        q = p.replace(amplitude=volts)
+    def size(q: Parameters, volts: float) -> float:
+        q = q.replace(amplitude=volts)
         plant = Plant.of(q)
         found, _ = Numbers(*(np.atleast_1d(one) for one in Numbers.of(plant, q))).step()
-        return float(found[0]) * plant.contact.z_ba - step
+        return float(found[0]) * plant.contact.z_ba
 
     if not 0.0 < step < math.inf:
         raise PredictionError(f"the step is {step:g} m; it has to be above 0")
-    most = off(highest) + step
+    most = size(p, highest)
     if most < step:
+        lower = p.friction.preload * RANGES["lambda"].low * plant.contact.z_ba / plant.contact.z_k
+        if step <= size(p.replace(preload=max(lower, PARAMETERS["preload"].low)), highest):
+            cure += ", or lower the preload"
         raise PredictionError(
             f"a step of {format_si(step, 'm')} is out of reach: {highest:g} V make "
-            f"{format_si(max(most, 0.0), 'm')}; {cure}"
+            f"{format_si(max(most, 0.0), 'm')}, of a stroke of "
+            f"{format_si(p.actuator.gain_in_force * highest, 'm')}; {cure}"
         )
     # Below its breakaway distance no stroke makes a step.
     low = max(lowest, 0.5 * plant.contact.z_ba / p.actuator.gain_in_force)
-    return float(scipy.optimize.brentq(off, min(low, 0.5 * highest), highest, xtol=1e-9 * highest))
+    return float(
+        scipy.optimize.brentq(
+            lambda volts: size(p, volts) - step,
+            min(low, 0.5 * highest), highest, xtol=1e-9 * highest,
+        )
+    )  # fmt: skip
 
 
 def _fitting(p: Parameters) -> Plant:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +32,9 @@ _MOST, _MOST_TRACED = 10_000_000, 2_000
 
 def check_steps(steps: int, traced: bool = False, name: str = "steps") -> None:
     """Raise ParameterError, under a name, for a number of steps that is none or too large."""
+    given: object = steps
+    if not isinstance(given, Integral):
+        raise ParameterError(f"{name} is {steps!r}; it has to be a whole number")
     if not 0 < abs(steps) <= _MOST:
         raise ParameterError(
             f"{name} is {steps}; ask for 1 to {_MOST}, or a negative number to go backward"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
-from stickslip_ros.pages.compared_figures import figures
+from stickslip_ros.pages.compared_figures import figures, points_of
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.page import PlotPlace, ResultPage, versions
@@ -81,6 +81,7 @@ def _plots(found: Comparison) -> list[PlotPlace]:
         if math.isfinite(found.shape_rmse)
         else ""
     )
+    points = ", ".join(points_of(found))
     places = (
         PlotPlace(
             "overview",
@@ -90,11 +91,11 @@ def _plots(found: Comparison) -> list[PlotPlace]:
             f"residual: {format_si(found.rmse, 'm')} RMSE, at most "
             f"{format_si(found.largest, 'm')}, at {format_si(found.largest_at, 's')}.{within}",
         ),
-        PlotPlace("step", "One step and its phases", "One cycle with its points A to F. "
+        PlotPlace("step", "One step and its phases", f"One cycle with its points {points}. "
               f"The step is {in_run} in the run and {as_measured} as measured."),
         PlotPlace("slip", "Backstep and ringing", "The same cycle, close to its slip."),
         PlotPlace("cycles", "Cycle by cycle", "Step, backstep and RMSE of each cycle, run and "
-              "measurement; the table below has the numbers."),
+              "measurement, on the scale of the settled steps; the table below has the numbers."),
     )  # fmt: skip
     return [one._replace(figure=drawn[one.name]) for one in places if one.name in drawn]
 

@@ -38,6 +38,15 @@ def figures(found: Comparison) -> dict[str, Figure]:
     return plots
 
 
+def points_of(found: Comparison) -> dict[str, float]:
+    """Return the points of the cycle that is shown, times in s; D is in the contact, unseen."""
+    steps = found.run_steps
+    if steps is None:
+        return {}
+    every = {name: float(steps.points[name][len(steps.slips) // 2]) for name in "ABCEF"}
+    return {name: at for name, at in every.items() if np.isfinite(at)}
+
+
 def _overview(found: Comparison) -> Figure:
     factor, unit = scale_of(float(np.ptp(found.x)), "m")
     rest, rest_unit = scale_of(found.largest, "m")
@@ -95,14 +104,14 @@ def _step(found: Comparison, k: int) -> Figure:
              "marker": {"symbol": "square", "size": 12, "color": tint}}
         )  # fmt: skip
     # Points come in close pairs: one name left of its line, one right of it.
-    for point, side, lift in (("A", "right", 0), ("B", "left", 0), ("C", "right", 0),
-                              ("E", "left", 0), ("F", "left", 16)):  # fmt: skip
-        at = float(steps.points[point][k])
-        if np.isfinite(at):
-            notes.append(
-                {"x": factor * (at - start), "y": 0, "yref": "paper", "yanchor": "bottom",
-                 "text": f"<b>{point}</b>", "showarrow": False, "xanchor": side, "yshift": lift}
-            )  # fmt: skip
+    sides = {"A": ("right", 0), "B": ("left", 0), "C": ("right", 0), "E": ("left", 0),
+             "F": ("left", 16)}  # fmt: skip
+    for point, at in points_of(found).items():
+        side, lift = sides[point]
+        notes.append(
+            {"x": factor * (at - start), "y": 0, "yref": "paper", "yanchor": "bottom",
+             "text": f"<b>{point}</b>", "showarrow": False, "xanchor": side, "yshift": lift}
+        )  # fmt: skip
     figure["layout"].update(shapes=shapes, annotations=notes)
     return figure
 
@@ -188,7 +197,7 @@ def _cycles(found: Comparison) -> Figure:
         )  # fmt: skip
     layout = layout_of(
         600,
-        xaxis=axis_of("cycle", anchor="y3"),
+        xaxis=axis_of("cycle", anchor="y3", tickformat="d"),
         yaxis=axis_of("step (nm)", domain=[0.70, 1.0], **_settled_range(table)),
         yaxis2=axis_of("backstep (nm)", domain=[0.35, 0.65]),
         yaxis3=axis_of("RMSE (nm)", domain=[0.0, 0.30], rangemode="tozero"),

@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 LEFT, LIMIT = "#5b4a8a", "#c46a1b"
 #: Points of a line over a whole run; phases of a cycle; profiles beside each other.
 _POINTS, _PHASES, _ABREAST = 6000, 100, 3
+#: Points of the line of a profile; gap below a row of profiles, for their names.
+_POINTS_BETWEEN, _GAP = 60, 0.2
 #: Rise of the deviance at the ends of a 95 % interval, and the highest rise that is shown.
 _RISE, _SHOWN = 3.84, 8.0
 _FOLDED = (
@@ -154,20 +156,24 @@ def _profiles(found: Fit) -> Figure:
     data, frame = [], {}
     count = len(found.profiles)
     rows = math.ceil(count / _ABREAST)
+    tall = (1.0 + _GAP) / rows  # a row with the gap below it
     for k, profile in enumerate(found.profiles):
         number = "" if k == 0 else str(k + 1)
         row, column = divmod(k, _ABREAST)
-        left, bottom = column / _ABREAST, 1.0 - (row + 1) / rows
+        left, top = column / _ABREAST, 1.0 - row * tall
         unit = unit_of(profile.name)
         values = profile.values
         factor, named = scale_of(float(np.median(values)), unit)
         seen = profile.rise <= _SHOWN
-        data.append(
-            line_of(factor * values[seen], profile.rise[seen], profile.name, SIMULATED, "", named,
-                    mode="lines+markers", marker={"size": 5, "color": SIMULATED}, showlegend=False,
-                    line={"color": SIMULATED, "width": 1.5, "shape": "spline"},
-                    xaxis=f"x{number}", yaxis=f"y{number}")
-        )  # fmt: skip
+        for drawn, rise, mode in (
+            (values[seen], profile.rise[seen], "markers"),
+            (*_between(values[seen], profile.rise[seen]), "lines"),
+        ):
+            data.append(
+                line_of(factor * drawn, rise, profile.name, SIMULATED, "", named, mode=mode,
+                        marker={"size": 5, "color": SIMULATED}, showlegend=False,
+                        xaxis=f"x{number}", yaxis=f"y{number}")
+            )  # fmt: skip
         ends = factor * values[seen][[0, -1]]
         data.append(
             line_of(ends, np.array([_RISE, _RISE]), "95 %", LIMIT, "", named, showlegend=k == 0,
@@ -179,11 +185,19 @@ def _profiles(found: Fit) -> Figure:
         )
         frame[f"yaxis{number}"] = axis_of(
             "rise of the deviance" if column == 0 else "",
-            domain=[bottom + 0.26 / rows, bottom + 0.96 / rows],
+            domain=[max(top - tall + _GAP, 0.0), top],
             anchor=f"x{number}",
             range=[-0.3, _SHOWN],
+            showticklabels=column == 0,
         )
     return {"data": data, "layout": layout_of(60 + 270 * rows, **frame)}
+
+
+def _between(values: Array, rise: Array) -> tuple[Array, Array]:
+    """Return a profile drawn out between its points: its root is about straight on either side."""
+    fine = np.union1d(values, np.linspace(values[0], values[-1], _POINTS_BETWEEN))
+    side = np.sign(np.arange(len(values)) - int(np.argmin(rise)))
+    return fine, np.interp(fine, values, side * np.sqrt(np.maximum(rise, 0.0))) ** 2
 
 
 def _correlations(found: Fit) -> PlotPlace:
@@ -215,14 +229,15 @@ def _correlations(found: Fit) -> PlotPlace:
 def _starts(found: Fit) -> PlotPlace:
     deviance = np.sort(found.starts)
     number = np.arange(1.0, len(deviance) + 1.0)
+    apart = deviance[-1] > 10.0 * deviance[0] > 0.0  # else a linear axis has the better numbers
     data = [
         line_of(number, deviance, "deviance", SIMULATED, "", "", mode="lines+markers",
                 marker={"size": 7, "color": SIMULATED}, showlegend=False)
     ]  # fmt: skip
     layout = layout_of(
         320,
-        xaxis=axis_of("start, the best first", dtick=max(1, len(deviance) // 12)),
-        yaxis=axis_of("deviance after the descent", type="log"),
+        xaxis=axis_of("start, the best first", tickformat="d"),
+        yaxis=axis_of("deviance after the descent", type="log" if apart else "linear"),
     )
     near = int(np.sum(deviance < 1.01 * deviance[0]))
     text = (

@@ -19,6 +19,7 @@ from stickslip_ros.traces.runs import Run, after_slip
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400
 TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
+BACKSTEP = "#5b4a8a"
 
 
 def page_of(motion: Motion, seen: Findings) -> ResultPage:
@@ -42,8 +43,9 @@ def _plots(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
               f"Position over {format_si(motion.duration, 's')}; {len(runs)} runs are marked.",
               _overview(motion, runs)),
         PlotPlace("steps", "Step by step",
-              "Each step and each backstep. Lines are the step sizes of the runs with their "
-              "95 % confidence intervals.", _cycle_by_cycle(runs)),
+              "Each step and each backstep, which is estimated from its own cycle alone. Lines are "
+              "the step sizes and backsteps of the runs, from all settled cycles, with their 95 % "
+              "confidence intervals.", _cycle_by_cycle(runs)),
         PlotPlace("slip", "Backstep and ringing",
               "Displacement after the slips: the mean over the settled cycles of each run.",
               _slips(motion, runs)),
@@ -84,30 +86,34 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
         number = np.arange(first, first + run.steps, dtype=np.float64)
         shown_once = {"legendgroup": "all", "showlegend": k == 0}
         mode = "lines+markers" if run.steps <= 200 else "lines"
-        for values, name, color, place in (
-            (run.step_sizes, "step", MEASURED, "y"),
-            (run.backsteps, "backstep", ACTUATOR, "y2"),
-        ):
-            if np.isfinite(values).any():
-                data.append(
-                    line_of(number[: len(values)], 1e9 * values, name, color, "nm", "", mode=mode,
-                         yaxis=place, marker={"size": 4}, **shown_once)
-                )  # fmt: skip
-        size, error = 1e9 * run.step_size, 1e9 * CONFIDENCE * run.step_size_error
-        settled = number[[min(run.first_cycle, run.steps - 1), -1]]
-        data.append(
-            line_of(settled, np.array([size, size]), "step size", SIMULATED, "nm", "", **shown_once)
-        )
-        if math.isfinite(error):
-            shapes.append(
-                {"type": "rect", "x0": settled[0], "x1": settled[1], "y0": size - error,
-                 "y1": size + error, "fillcolor": "#dccfe8", "line": {"width": 0},
-                 "layer": "below"}
+        settled = number[[run.first_cycle, -1]] + np.array([-0.4, 0.4])  # one cycle is seen, too
+        for values, mean, error, name, whole, colors, place in (
+            (run.step_sizes, run.step_size, run.step_size_error, "step", "step size",
+             (MEASURED, SIMULATED), "y"),
+            (run.backsteps, run.backstep, run.backstep_error, "single backstep", "backstep",
+             (ACTUATOR, BACKSTEP), "y2"),
+        ):  # fmt: skip
+            if not np.isfinite(values).any():
+                continue
+            data.append(
+                line_of(number[: len(values)], 1e9 * values, name, colors[0], "nm", "", mode=mode,
+                     yaxis=place, marker={"size": 4}, **shown_once)
             )  # fmt: skip
+            data.append(
+                line_of(settled, np.full(2, 1e9 * mean), whole, colors[1], "nm", "",
+                     yaxis=place, **shown_once)
+            )  # fmt: skip
+            half = 1e9 * CONFIDENCE * error
+            if math.isfinite(half):
+                shapes.append(
+                    {"type": "rect", "yref": place, "x0": settled[0], "x1": settled[1],
+                     "y0": 1e9 * mean - half, "y1": 1e9 * mean + half, "fillcolor": "#dccfe8",
+                     "line": {"width": 0}, "layer": "below"}
+                )  # fmt: skip
         first += run.steps
     frame = layout_of(
         520,
-        xaxis=axis_of("cycle, counted through all runs", anchor="y2"),
+        xaxis=axis_of("cycle, counted through all runs", anchor="y2", tickformat="d"),
         yaxis=axis_of("step (nm)", domain=[0.46, 1.0]),
         yaxis2=axis_of("backstep (nm)", domain=[0.0, 0.38]),
         shapes=shapes,

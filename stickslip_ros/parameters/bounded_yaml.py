@@ -82,7 +82,7 @@ def load_texts(text: str) -> Any:
 
 def _load(text: str, loader: Any) -> Any:
     if len(text) > _LARGEST:
-        raise ValueError(f"{len(text)} characters of YAML; at most {_LARGEST} are allowed")
+        raise ValueError(f"it has {len(text)}, at most {_LARGEST} characters of YAML are allowed")
     try:
         _refuse_traps(text)
         return yaml.load(text, Loader=loader)

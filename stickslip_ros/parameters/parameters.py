@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from os import PathLike
@@ -76,6 +76,11 @@ class Parameters:
             return source._with(values) if values else source
         if isinstance(source, Mapping):
             return cls()._with({**source, **values})
+        if not isinstance(source, str | PathLike):
+            raise ParameterError(
+                f"{source!r} is no set of parameters; give a file, or values by name, such as "
+                "preload=0.6"
+            )
         return read_yaml(config_file(Path(source)))._with(values)
 
     def replace(self, **values: Any) -> Parameters:
@@ -231,9 +236,14 @@ def read_yaml(path: str | PathLike[str]) -> Parameters:
         raise ParameterError(f"{path}: {error}") from None
 
 
-def yaml_text(p: Parameters) -> str:
-    """Return the text of a ROS parameter file with the values that differ from the defaults."""
+def yaml_text(p: Parameters, given: Collection[str] = ()) -> str:
+    """Return the text of a ROS parameter file with the values that differ from the defaults.
+
+    Those with a name in given are in it, too.
+    """
     from stickslip_ros.parameters.ros_file import yaml_text as text_of
 
     usual = Parameters().flat()
-    return text_of({name: value for name, value in p.flat().items() if value != usual[name]})
+    return text_of(
+        {name: value for name, value in p.flat().items() if value != usual[name] or name in given}
+    )

@@ -76,7 +76,8 @@ def _content(path: Path) -> Any:
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
     except ValueError as error:
-        raise ParameterError(f"{path} is not a YAML file: {error}") from None
+        found = "it is not text" if isinstance(error, UnicodeDecodeError) else error
+        raise ParameterError(f"{path} is not a YAML file: {found}") from None
 
 
 def _sections(content: object, above: str, path: Path) -> Iterator[tuple[str, dict[str, Any]]]:

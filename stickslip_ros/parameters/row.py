@@ -101,8 +101,11 @@ class Parameter:
     def check(self, value: object) -> Value:
         """Return ``value`` in the type of the parameter, or raise ParameterError.
 
-        For an optional parameter, None becomes 0 or an empty text.
+        For an optional parameter, None becomes 0 or an empty text. A number may be a text with its
+        unit, such as "600mN".
         """
+        if self.kind is float and isinstance(value, str):
+            value = self.read(value)
         value = value.item() if hasattr(value, "item") else value  # of NumPy
         if self.optional and value is None:
             value = self.kind()

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 SIMULATED, MEASURED, ACTUATOR = "#1f4e9c", "#c0392b", "#c46a1b"
 #: Standard deviations that a 95 % interval reaches to either side, in every result.
 CONFIDENCE = 1.96
+#: Least uncertainty of a length that is shown, m: the model is solved to ten times that.
+_FINEST = 1e-12
 _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
 
@@ -48,6 +50,7 @@ def format_si(
         return "–"
     factor, name = scale_of(value if like is None else like, unit)
     if uncertainty is not None and 0.0 < uncertainty < math.inf:
+        uncertainty = max(uncertainty, _FINEST) if unit == "m" else uncertainty
         places = max(0, 1 - _exponent(factor * uncertainty, 2))
         pair = f"{factor * value:.{places}f} ± {factor * uncertainty:.{places}f}"
         return f"{pair} {name}".strip().replace("-", "−")

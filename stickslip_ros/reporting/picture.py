@@ -6,7 +6,7 @@ Text stays text, with its fonts in the file, so that journals take it and progra
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,10 @@ from stickslip_ros.reporting.plots import Figure
 
 #: Width of two columns of a journal, and of a pixel of a page, inches.
 _WIDTH, _PIXEL = 170.0 / 25.4, 1.0 / 130.0
-#: Room left, right, below and above the axes for their labels, inches.
+#: Room left, right, below and above the axes for their labels, inches; above without names of
+#: lines, and beside names of rows, for each letter.
 _LEFT, _RIGHT, _BELOW, _ABOVE = 0.75, 0.15, 0.45, 0.45
+_BARE, _LETTER = 0.15, 0.07
 _LOOKS: Any = {"font.size": 8.0, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 1.0}
 _FONTS: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
 
@@ -57,12 +59,19 @@ def write_picture(path: Path, figures: Collection[Figure], title: str) -> None:
 def _draw(part: SubFigure, height: float, figure: Figure) -> None:
     """Draw one plot into its part of the picture, of a height in inches."""
     layout, made = figure["layout"], dict[tuple[str, str], Axes]()
+    named = [trace for trace in figure["data"] if trace.get("showlegend", True)]
+    named = named if layout.get("showlegend", True) and len(named) > 1 else []
+    maps = [trace for trace in figure["data"] if trace["type"] == "heatmap"]
+    rows = [len(name) for trace in maps for name in trace["y"]]
+    left = max(_LEFT, 0.2 + _LETTER * max(rows, default=0))
+    above = _ABOVE if named or layout.get("annotations") else _BARE
     first: dict[str, Axes] = {}  # of each axis of x: those below each other share it
     for trace in figure["data"]:
         key = trace.get("xaxis", "x"), trace.get("yaxis", "y")
         if key not in made:
             x, y = (layout.get(f"{name[0]}axis{name[1:]}", {}) for name in key)
-            axes = part.add_axes(_place(height, x, y), sharex=first.get(key[0]))
+            place = _place(height, left, above, x, y)
+            axes = part.add_axes(place, sharex=first.get(key[0]))
             first.setdefault(key[0], axes)
             made[key] = axes
             _label(axes, x, y, x.get("anchor", key[1]) == key[1])
@@ -70,20 +79,23 @@ def _draw(part: SubFigure, height: float, figure: Figure) -> None:
             _heatmap(made[key], trace)
         else:
             _line(made[key], trace)
-    main = next(iter(made.values()))
-    _mark(main, layout)
-    handles = [one for axes in made.values() for one in axes.get_legend_handles_labels()[0]]
-    if len(handles) > 1 and layout.get("showlegend", True):
-        columns = min(5, len(handles))
-        part.legend(handles=handles, loc="upper right", ncols=columns, frameon=False)
+    _mark(made, layout)
+    if named:
+        handles = [one for axes in made.values() for one in axes.get_legend_handles_labels()[0]]
+        part.legend(
+            handles=handles, loc="upper right", ncols=min(5, len(handles)), frameon=False,
+            handlelength=1.2, columnspacing=1.2,
+        )  # fmt: skip
 
 
-def _place(height: float, x: Figure, y: Figure) -> tuple[float, float, float, float]:
+def _place(
+    height: float, margin: float, above: float, x: Figure, y: Figure
+) -> tuple[float, float, float, float]:
     """Return the place of axes in their part, from their shares of its width and height."""
-    wide, high = (_WIDTH - _LEFT - _RIGHT) / _WIDTH, (height - _BELOW - _ABOVE) / height
+    wide, high = (_WIDTH - margin - _RIGHT) / _WIDTH, (height - _BELOW - above) / height
     (left, right), (low, top) = x.get("domain", (0.0, 1.0)), y.get("domain", (0.0, 1.0))
     return (
-        _LEFT / _WIDTH + wide * left,
+        margin / _WIDTH + wide * left,
         _BELOW / height + high * low,
         wide * (right - left),
         high * (top - low),
@@ -98,6 +110,14 @@ def _label(axes: Axes, x: Figure, y: Figure, lowest: bool) -> None:
         axes.tick_params(labelbottom=False)
     if y.get("type") == "log":
         axes.set_yscale("log")
+    else:
+        axes.ticklabel_format(axis="y", useOffset=False)
+    axes.ticklabel_format(axis="x", useOffset=False)
+    if x.get("tickformat") == "d":
+        axes.locator_params(axis="x", integer=True)
+    if np.diff(x.get("domain", (0.0, 1.0)))[0] < 0.5:
+        axes.locator_params(axis="x", nbins=4)
+    axes.tick_params(labelleft=y.get("showticklabels", True))
     if "range" in y:
         axes.set_ylim(*y["range"])
 
@@ -139,9 +159,11 @@ def _heatmap(axes: Axes, trace: Figure) -> None:
             axes.text(column, row, text, ha="center", va="center")
 
 
-def _mark(axes: Axes, layout: Figure) -> None:
-    """Draw the areas and the names that lie over the first axes."""
+def _mark(made: Mapping[tuple[str, str], Axes], layout: Figure) -> None:
+    """Draw the areas, over the axes that they name, and the names over the first axes."""
+    main = next(iter(made.values()))
     for shape in layout.get("shapes", ()):
+        axes = made.get(("x", shape.get("yref", "y")), main)
         color, left, right = shape["fillcolor"], shape["x0"], shape["x1"]
         if shape.get("yref") == "paper":
             axes.axvspan(left, right, color=color, linewidth=0, zorder=0)
@@ -152,5 +174,8 @@ def _mark(axes: Axes, layout: Figure) -> None:
     for note in layout.get("annotations", ()):
         text = note["text"].replace("<b>", "").replace("</b>", "")
         ha, va = note.get("xanchor", "center"), note.get("yanchor", "bottom")
-        place = axes.get_xaxis_transform()
-        axes.text(note["x"], note["y"], text, transform=place, ha=ha, va=va)
+        lift = 72.0 * _PIXEL * note.get("yshift", 0)
+        main.annotate(
+            text, (note["x"], note["y"]), (0.0, lift), main.get_xaxis_transform(),
+            "offset points", ha=ha, va=va, annotation_clip=False,
+        )  # fmt: skip

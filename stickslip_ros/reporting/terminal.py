@@ -16,7 +16,7 @@ from typing import TextIO
 
 #: Message while runs of steps are searched for.
 SEARCH = "searching the measurement for runs of steps"
-_PATIENCE = 1.0  # s, after which a message tells people what is being done
+_PATIENCE, _IN_PIPES = 1.0, 2.0  # s, after which a message tells people what is being done
 
 
 def style_text(text: str, style: str, stream: TextIO | None = None) -> str:
@@ -54,13 +54,18 @@ def format_rows(rows: Iterable[tuple[str, str]], width: int = 12) -> str:
 
 
 @contextlib.contextmanager
-def announce_if_slow(what: str) -> Iterator[None]:
-    """Print what is being done on stderr if this block is slow, on a terminal or in a notebook."""
-    if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+def announce_if_slow(what: str, in_pipes: bool = False) -> Iterator[None]:
+    """Print what is being done on stderr if this block is slow, on a terminal or in a notebook.
+
+    in_pipes: anywhere else, too, a little later.
+    """
+    people = sys.stderr.isatty() or "ipykernel" in sys.modules
+    if not (people or in_pipes):
         yield
         return
     stream = sys.stderr
-    timer = threading.Timer(_PATIENCE, lambda: print(f"{what} ...", file=stream, flush=True))
+    patience = _PATIENCE if people else _IN_PIPES
+    timer = threading.Timer(patience, lambda: print(f"{what} ...", file=stream, flush=True))
     timer.daemon = True
     timer.start()
     try:

@@ -251,7 +251,8 @@ class RidgeFit:
 def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> Block | None:
     phases = phases_of(even, grid.period)
     phases = phases[phases < 0.0]
-    if grid.count <= SETTLING:
+    short = settled_from(grid.count) < SETTLING
+    if short:
         phases = phases[phases > SETTINGS.late]
     number = sample_cycles(grid.count)
     number = number[number >= max(settled_from(grid.count) - 1, 0)]
@@ -281,7 +282,7 @@ def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> Bl
     weight = math.sqrt(max((phases[1] - phases[0]) * grid.period / even.tick, 1.0))
     x = np.where(known, cells, 0.0).reshape(-1, 1)
     columns = without(np.stack(own, axis=1))
-    off = 0.0 if grid.count > SETTLING else _unsettled(cells, grid, ringing)
+    off = _unsettled(cells, grid, ringing) if short else 0.0
     settled = grid.count - settled_from(grid.count)
     return Block(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
 

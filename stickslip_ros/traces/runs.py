@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import format_rows, micro_prefix
-from stickslip_ros.traces.backstep import Backstep
+from stickslip_ros.traces.backstep import ARC, SAMPLES, Backstep
 from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import Estimate, settled_from
@@ -189,7 +189,7 @@ class Run:
         rows = [
             ("cycles", f"{len(self.starts)} of {self.period:g} s, from {self.starts[0]:g} s"),
             ("step size", _nano(self.step_size, self.step_size_error)),
-            ("backstep", _nano(self.backstep, self.backstep_error)),
+            ("backstep", f"{_nano(self.backstep, self.backstep_error)}{self._backstep_from}"),
             ("ringing", f"{self.ringing_frequency:.1f} Hz" if rings else "none visible"),
             (
                 "decay",
@@ -208,6 +208,14 @@ class Run:
             ("remainder", _nano(balance.remainder)),
         ]
         return format_rows(rows)
+
+    @property
+    def _backstep_from(self) -> str:
+        """How the backstep is an estimate, if it is one; a simulation without noise shows it."""
+        if math.isnan(self.backstep) or self.mean_backstep.method == SAMPLES:
+            return ""
+        what = "a curve through the falls" if self.mean_backstep.method == ARC else "the ringing"
+        return f", estimated by {what}"
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with one row for each cycle, SI units; needs pandas."""

@@ -18,9 +18,9 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.batch import backstep_into_rest
 from stickslip_ros.solver.driven import simulation_of
 
-#: Number of first steps from rest that differ from the settled ones and are left out of means; in
-#: runs of this length or shorter, the first half is left out.
-SETTLING = 7
+#: Number of first steps from rest that differ from the settled ones and are left out of means; so
+#: many steps are kept at least, or the second half of fewer than twice as many.
+SETTLING, KEPT = 7, 4
 #: A step is measurable from here on, m: ten times the accuracy that the model is solved to.
 MEASURABLE = 1e-10
 #: Steps from rest by which an operating point is judged.
@@ -56,9 +56,10 @@ class StepRun:
 def settled_from(steps: int) -> int:
     """Return how many of the first steps after a rest means leave out.
 
-    The one rule for simulated and measured runs, for steps and for backsteps.
+    The one rule for simulated and measured runs, for steps and for backsteps. A longer run keeps
+    as many steps as a shorter one, or more.
     """
-    return SETTLING if steps > SETTLING else steps // 2
+    return min(SETTLING, max(steps // 2, steps - KEPT))
 
 
 def settled_mean(values: NDArray[np.float64]) -> Any:

@@ -24,7 +24,7 @@ from stickslip_ros.traces import run_steps
 
 REPOSITORY = Path(__file__).parent.parent.parent
 TYPICAL = ("--config", str(REPOSITORY / "config" / "table1_typical.yaml"))
-SMALL = ("sweep", "--vary", "preload=0.5:3:6", "--set", "frequency=1000", *TYPICAL)
+SMALL = ("sweep", "--vary", "preload=500mN:3N:6", "--set", "frequency=1000", *TYPICAL)
 #: Far longer than a test waits.
 LONG = ("sweep", "--vary", "preload=0.1:6:200000", "--set", "frequency=1000", "--jobs", "2")
 
@@ -48,6 +48,7 @@ def test_the_help_names_every_metric() -> None:
 def test_without_out_the_table_goes_to_stdout(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(SMALL) == 0
     output = capsys.readouterr()
+    assert output.out.startswith("preload (N),step_size (m)\n")  # the settings go to files only
     rows = rows_of(output.out)
     assert [row[0] for row in rows] == ["0.5", "1.0", "1.5", "2.0", "2.5", "3.0"]
     wanted = run_steps(table_1(preload=1.0, frequency=1000.0), 12).step_size

@@ -29,7 +29,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
         {"preload": 0.5, "mass": 5e-3, "frequency": 1000.0, "amplitude": 250.0, "sigma_1": 7.0}
     )
     described = folder / "drive.yaml"
-    described.write_text(yaml_text(known), encoding="utf-8")
+    usual = "    max_voltage: 300.0\n"  # as by default, and a part of the record all the same
+    described.write_text(yaml_text(known) + usual, encoding="utf-8")
     return str(described), str(measured)
 
 
@@ -52,6 +53,9 @@ def test_the_fitted_file_loads_and_says_how_sure_it_is(
     assert law["residual"] < 1e-9
     assert read_yaml(out).friction.sigma_0 == pytest.approx(sigma_0["value"])
     assert "# sigma_0: " in out.read_text(encoding="utf-8")
+    assert "max_voltage: 300.0" in out.read_text(encoding="utf-8")
+    assert main(["identify", "--run", *files[::-1]]) == 2
+    assert "is a parameter file; give it first" in capsys.readouterr().err
     assert main(["simulate", "--config", str(out), "--steps", "2", "--json"]) == 0
 
 

@@ -91,6 +91,8 @@ def test_an_unknown_option_is_refused() -> None:
     for function in (ss.read_measurement, ss.identify_actuator):
         with pytest.raises(ss.MeasurementError, match="no option 'column'; known: columns"):
             function("steps_100hz.csv", column="1")
+    with pytest.raises(ss.MeasurementError, match="units is 't=s,x=nm'; give a value for each"):
+        ss.read_measurement("steps_100hz.csv", units="t=s,x=nm")
     with pytest.raises(ss.MeasurementError, match="rate: options of files"):
         ss.identify_actuator(([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]), rate=10.0)
 

@@ -183,8 +183,13 @@ def test_the_inverse_looks_where_the_form_holds() -> None:
 
 
 def test_a_step_out_of_reach_is_refused() -> None:
-    with pytest.raises(PredictionError, match=r"1000 nm is out of reach: 300 V make 133.9 nm"):
-        predict(TABLE_1, step=1e-6)
+    for step, words in (
+        (1e-6, "1000 nm is out of reach: 300 V make 133.9 nm, of a stroke of 160.*voltage$"),
+        (138e-9, "138.0 nm is out of reach: 300 V make 133.9 nm, .* or lower the preload$"),
+    ):
+        with pytest.raises(PredictionError, match=words):
+            predict(TABLE_1, step=step)
+    assert predict(TABLE_1, preload=0.05, step=138e-9).step == pytest.approx(138e-9)
     with pytest.raises(PredictionError, match="the step is 0 m"):
         predict(TABLE_1, step=0.0)
 

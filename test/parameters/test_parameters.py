@@ -18,6 +18,7 @@ from stickslip_ros.parameters import (
     parameter,
     parse_assignment,
     read_yaml,
+    yaml_text,
 )
 
 NUMBERS = [row for row in PARAMETERS.values() if isinstance(row.default, float)]
@@ -76,15 +77,19 @@ def test_no_absurd_value_passes(values: dict[str, float], complaint: str) -> Non
 
 def test_a_set_comes_from_a_mapping_a_file_or_names(tmp_path: Path) -> None:
     file = tmp_path / "some.yaml"
-    file.write_text(GOOD_HEAD + "    preload: 2\n")
+    file.write_text(GOOD_HEAD + "    preload: 2000 mN\n")
     wanted = Parameters().replace(preload=2.0, mass=1e-3)
-    assert Parameters.of(file, mass=1e-3) == wanted
+    assert Parameters.of(file, mass="1g") == wanted
     assert Parameters.of(str(file), mass=1e-3) == wanted
     file.write_text("preload: 2\nmass: 1e-3\n")
     assert Parameters.of(file) == wanted
     assert Parameters.of({"preload": 2.0}, mass=1e-3) == wanted
     assert Parameters.of(preload=2.0, mass=1e-3) == wanted
     assert Parameters.of(Parameters.of(file), mass=1e-3) == wanted
+    assert "preload: 2.0" in yaml_text(wanted)
+    assert "mass" not in yaml_text(Parameters()) and "mass" in yaml_text(Parameters(), {"mass"})
+    with pytest.raises(ParameterError, match=r"0\.6 is no set of parameters; give a file"):
+        Parameters.of(0.6)  # type: ignore[arg-type]
     named = Parameters.of("table1_vibration.yaml")
     assert named != Parameters()
     with pytest.raises(ParameterError, match=r"some.yaml: there is no parameter"):

@@ -96,10 +96,14 @@ def test_what_lasts_is_named_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> N
 def test_what_ends_at_once_is_not_named_nor_anything_in_a_pipe(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for stream, waiting in ((Shown(), 1), (io.StringIO(), 0)):
+    for stream, in_pipes, waiting in (
+        (Shown(), False, 1),
+        (io.StringIO(), False, 0),
+        (io.StringIO(), True, 1),
+    ):
         monkeypatch.setattr("sys.stderr", stream)
         before = timers()
-        with announce_if_slow("searching"):
+        with announce_if_slow("searching", in_pipes):
             begun = [one for one in timers() if one not in before]
             assert len(begun) == waiting
         for one in begun:

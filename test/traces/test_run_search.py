@@ -60,7 +60,7 @@ def test_what_follows_a_slip_is_the_mean_of_the_settled_cycles(
 ) -> None:
     """From a swing before the slip (a fifth of a period at most) to eight after, or half a period.
 
-    The first seven cycles are left out; of these, three differ.
+    The first six of ten cycles are left out; of these, three differ.
     """
     period, ringing = 0.01, Ringing(frequency, 500.0)
     t: np.ndarray = np.arange(0.0, 0.11, 1e-5)

@@ -15,16 +15,24 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import run_steps, trace_steps
-from stickslip_ros.traces.steps import MEASURABLE, SETTLING, settled_mean, wander_of
+from stickslip_ros.traces.steps import (
+    MEASURABLE,
+    SETTLING,
+    settled_from,
+    settled_mean,
+    wander_of,
+)
 
 
 def test_the_settled_mean_leaves_out_the_start_and_what_is_missing() -> None:
     start = [100.0] * SETTLING
-    assert settled_mean(np.array([*start, 1.0, math.nan, 3.0])) == 2.0
+    assert settled_mean(np.array([*start, 1.0, math.nan, 3.0, 2.0])) == 2.0
     assert settled_mean(np.array([100.0, 5.0, 7.0])) == 6.0  # of few, the later half
     assert settled_mean(np.array([5.0])) == 5.0
     assert math.isnan(settled_mean(np.array([])))
     assert math.isnan(settled_mean(np.array([math.nan])))
+    kept = [steps - settled_from(steps) for steps in range(1, 16)]
+    assert kept == [1, 1, 2, 2, 3, 3, 4, 4, 4, 4, 4, 5, 6, 7, 8]  # eight kept one, seven kept four
 
 
 @pytest.mark.parametrize(("settled", "least"), [(6, 0.6), (20, 0.8), (50, 0.85)])

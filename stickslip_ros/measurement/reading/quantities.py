@@ -28,6 +28,15 @@ class Reading:
     rows: tuple[int, int] | None = None  #: first and last row, from 1
     decimal: str | None = None  #: sign of the table
 
+    def __post_init__(self) -> None:
+        """Raise MeasurementError for a text in place of a mapping."""
+        for name in ("columns", "units", "scales"):
+            given = getattr(self, name)
+            if not isinstance(given, Mapping):
+                raise MeasurementError(
+                    f'{name} is {given!r}; give a value for each key, such as {{"x": ...}}'
+                )
+
 
 def typed_pairs(texts: Sequence[str]) -> dict[str, str]:
     """Return the values by key of texts such as ``t=NAME,x=NAME``. Raises MeasurementError."""
