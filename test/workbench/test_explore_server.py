@@ -144,7 +144,7 @@ def test_parameters_from_the_page_are_its_new_start(server: Server) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "complaint"),
     [
-        ("a.yaml", b"preload: 1.0\n", "ros__parameters"),
+        ("a.yaml", b"x:\n  preload: 1.0\n", "ros__parameters"),
         ("a.yaml", b"/**:\n  ros__parameters:\n    preload: 1000000000.0\n", "preload is 1e+09"),
         ("..%2f..%2fa.csv", b"t,x\n1,2\n", "a.csv"),
         ("empty.csv", b"", "empty.csv"),
