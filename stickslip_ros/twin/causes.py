@@ -21,7 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.twin.response import Curve, Model, places
+from stickslip_ros.twin.response import Blur, Curve, Model, places
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import Drive, Piece
 from stickslip_ros.twin.tracker import Seen
@@ -215,7 +215,8 @@ class _Since:
         for one in self.seen:
             piece, _, end = one.parts[-1] if one.parts else (_REST, 0.0, one.t)
             curve = model.curve(piece.drive) if piece.drive else None
-            found.append(curve.blur(piece, end, self.settings.timing) if curve else 0.0)
+            blur = curve.blur(piece, end, self.settings.timing) if curve else Blur()
+            found.append(blur.deviation)
         return found
 
     def likelihood(self, ways: Array, blurs: Sequence[float]) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,20 @@ _WIDTH = 0.6
 _CHANGE = 0.02
 
 
+class Blur(NamedTuple):
+    """How a reading differs from a curve that leaves the ringing out."""
+
+    timing: float = 0.0  #: deviation (m) that the uncertain time makes
+    ringing: float = 0.0  #: root mean square of the ringing, m
+    turned: float = 0.0  #: of its phase since the slip
+    coherence: float = 0.0  #: what the uncertain time leaves of what two readings have in common
+
+    @property
+    def deviation(self) -> float:
+        """Deviation of the reading, m."""
+        return math.hypot(self.timing, self.ringing)
+
+
 @dataclass(frozen=True)
 class Curve:
     """Position over the cycles of a drive, from the rest before them."""
@@ -43,6 +58,7 @@ class Curve:
     step: float  #: m, of a settled cycle, with its sign
     ringing: Array  #: m, root mean square of what the mean leaves out, at parts of cycles
     rest_ringing: Array  #: m, the same over the rest
+    ringing_frequency: float  #: Hz
 
     @classmethod
     def of(cls, p: Parameters, drive: Drive) -> Curve:
@@ -73,6 +89,7 @@ class Curve:
             step,
             left[:kept],
             moving[ahead:],
+            ringing,
         )
 
     def at(self, cycles: Array, rest: Array) -> Array:
@@ -82,17 +99,21 @@ class Curve:
         resting = np.interp(rest, _RESTS, self.rest)
         return np.asarray(x + (cycles - within) * self.step + resting)
 
-    def blur(self, piece: Piece, t: float, timing: float) -> float:
-        """Return the deviation (m) of a reading at t (s) that ringing and an uncertain time make.
+    def blur(self, piece: Piece, t: float, timing: float) -> Blur:
+        """Return the blur of a reading at t (s) by ringing and an uncertain time.
 
         timing is the deviation of the time, s.
         """
+        assert piece.drive
         cycles, rest = places(piece, t, max(t - timing, piece.start), t + timing)
         if rest[0] > 0.0:
-            ringing = np.interp(rest[0], _RESTS, self.rest_ringing)
+            ringing, since = np.interp(rest[0], _RESTS, self.rest_ringing), rest[0]
         else:
             ringing = self.ringing[self._place(cycles[:1])[1][0]]
-        return math.hypot(0.5 * float(np.ptp(self.at(cycles, rest))), float(ringing))
+            since = cycles[0] % 1.0 / piece.drive.frequency
+        omega = 2.0 * math.pi * self.ringing_frequency
+        width, coherence = float(np.ptp(self.at(cycles, rest))), math.exp(-((omega * timing) ** 2))
+        return Blur(0.5 * width, float(ringing), omega * float(since), coherence)
 
     def _place(self, cycles: Array) -> tuple[Array, NDArray[np.int64], Array]:
         """Return cycles within those solved, the points before them, and the parts beyond."""
@@ -147,6 +168,7 @@ class Model:
                     Curve(
                         rate * (up.x - down.x), rate * (up.rest - down.rest),
                         rate * (up.step - down.step), up.ringing, up.rest_ringing,
+                        up.ringing_frequency,
                     )
                 )  # fmt: skip
         return self._slopes[key]

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import CONFIDENCE
-from stickslip_ros.twin.response import Model, places
+from stickslip_ros.twin.response import Blur, Model, places
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import Drive, Piece
 
@@ -37,6 +37,8 @@ Parts = Sequence[tuple[Piece, float, float]]
 WALKING = ("preload", "gain")
 #: Change of a logarithm from which on the curves are made anew; beyond the last, there is no model
 _RECENTRE, FARTHEST = 0.04, math.log(3.0)
+#: Place of the logarithms in the state
+THETA = slice(1, -1)
 #: Times that readings after a change are gone through
 _REFITS = 2
 #: How well the size of a change is known then, a logarithm
@@ -51,7 +53,7 @@ class Motion(NamedTuple):
     way: float  #: m
     slope: Array  #: of the way by each parameter's logarithm, m
     scatter: float  #: variance of the way, m^2
-    blur: float  #: m, what uncertain time and ringing make of the second position
+    blur: Blur  #: of the second reading
     cycles: float
     direction: int  #: of the cycles, 0 at rest
 
@@ -91,9 +93,10 @@ class Tracker:
             deviations = (np.log(ensemble.high) - np.log(ensemble.low)) / (2.0 * CONFIDENCE)
             prior[:n, :n] = np.array(ensemble.correlations) * np.outer(deviations, deviations)
         self.prior = np.sqrt(np.diag(prior))
-        self.state = np.zeros(1 + len(self.names))
-        self.covariance = np.zeros((1 + len(self.names),) * 2)
-        self.covariance[1:, 1:] = prior
+        self.state = np.zeros(2 + len(self.names))  #: position, logarithms, ringing as read
+        self.covariance = np.zeros((2 + len(self.names),) * 2)
+        self.covariance[THETA, THETA] = prior
+        self._blur = Blur()  # of the last reading
         self.sensor_gain = 1.0  #: by which the readings are too large
         self._walks = np.array([name in WALKING for name in self.names], dtype=np.float64)
 
@@ -107,12 +110,12 @@ class Tracker:
     @property
     def theta(self) -> Array:
         """Logarithms of the parameters over those of the file, (names,)."""
-        return self.state[1:]
+        return self.state[THETA]
 
     @property
     def deviations(self) -> Array:
         """Standard deviations of these logarithms, (names,)."""
-        return np.asarray(np.sqrt(np.diag(self.covariance)[1:]))
+        return np.asarray(np.sqrt(np.diag(self.covariance)[THETA]))
 
     @property
     def lost(self) -> bool:
@@ -133,15 +136,17 @@ class Tracker:
         step = curve.step + float(slope @ (self.theta - self._centre))
         gain = self.sensor_gain
         return gain * step, gain * math.sqrt(
-            max(float(slope @ self.covariance[1:, 1:] @ slope), 0.0)
+            max(float(slope @ self.covariance[THETA, THETA] @ slope), 0.0)
         )
 
     # -- going on
 
     def anchor(self, reading: float) -> None:
         """Take the position (m) from a reading alone."""
-        self.state[0] = reading
-        self.covariance[0, :] = self.covariance[:, 0] = 0.0
+        self.state[[0, -1]] = reading, 0.0
+        self.covariance[[0, -1], :] = 0.0
+        self.covariance[:, [0, -1]] = 0.0
+        self._blur = Blur()
         self.covariance[0, 0] = self._settings.noise**2
 
     def reopen(self, name: str, deviation: float) -> None:
@@ -154,8 +159,8 @@ class Tracker:
         """Return what the model says of pieces of drive cycles."""
         self._recentre()
         settings, slope = self._settings, np.zeros(len(self.names))
-        way = scatter = blur = cycles = 0.0
-        direction = 0
+        way = scatter = cycles = 0.0
+        direction, blur = 0, Blur()
         for piece, begin, end in parts:
             if piece.drive is None:
                 continue
@@ -182,13 +187,13 @@ class Tracker:
         """Go on by a motion that takes a duration (s)."""
         settings, n = self._settings, len(self.names)
         self.state[0] += motion.way + float(motion.slope @ (self.theta - self._centre))
-        going = np.eye(1 + n)
-        going[0, 1:] = motion.slope
+        going = np.eye(2 + n)
+        going[0, THETA] = motion.slope
         self.covariance = going @ self.covariance @ going.T
         self.covariance[0, 0] += motion.scatter
         hours = duration / 3600.0
         walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.way)
-        self.covariance[1:, 1:] += np.diag(self._walks * walk)
+        self.covariance[THETA, THETA] += np.diag(self._walks * walk)
 
     def forecast(self, motion: Motion, duration: float) -> tuple[float, float]:
         """Return position and standard deviation (m) after a motion, and leave the state."""
@@ -208,13 +213,13 @@ class Tracker:
         1970, section 8.3). The first of the readings is where they begin.
         """
         self._origin, self.sensor_gain = Model(p), sensor_gain
-        self.state[1:] = 0.0
+        self.state[THETA] = 0.0
         opened = np.array([_ABOUT * (one == name) for one in self.names])
         for _ in range(_REFITS):
             self._renew()
             self._first = self.model
-            self.state[1:] = 0.0
-            self.covariance[1:, 1:] = covariance + np.diag(opened**2)
+            self.state[THETA] = 0.0
+            self.covariance[THETA, THETA] = covariance + np.diag(opened**2)
             self.prior = self.deviations
             self.anchor(seen[0].reading)
             for before, one in pairwise(seen):
@@ -222,15 +227,27 @@ class Tracker:
                 self.advance(motion, one.t - before.t)
                 self.see(one.reading, motion.blur)
 
-    def see(self, reading: float, blur: float) -> Innovation:
-        """Take a reading (m) after `advance`; a glitch is told but not taken."""
-        variance = self._settings.noise**2 + blur**2
-        expected, total = self.x, float(self.covariance[0, 0]) + variance
+    def see(self, reading: float, blur: Blur) -> Innovation:
+        """Take a reading (m) after `advance`; a glitch is told but not taken.
+
+        Where readings meet the same phase of the ringing they differ from the curve alike: only its
+        phase after the slip is unknown, so their covariance is a cosine of what it has turned.
+        """
+        last, self._blur = self._blur, blur
+        alike = math.cos(blur.turned - last.turned) * blur.coherence if last.ringing else 0.0
+        kept = alike * blur.ringing / last.ringing if last.ringing else 0.0
+        self.state[-1] *= kept
+        self.covariance[-1] *= kept
+        self.covariance[:, -1] *= kept
+        self.covariance[-1, -1] += (1.0 - alike**2) * blur.ringing**2
+        shared = self.covariance[:, 0] + self.covariance[:, -1]  # of the state with the reading
+        expected = self.x + float(self.state[-1])
+        total = float(shared[0] + shared[-1]) + self._settings.noise**2 + blur.timing**2
         z = (reading - expected) / math.sqrt(total)
         if abs(z) <= GLITCH:
-            gain = self.covariance[:, 0] / total
+            gain = shared / total
             self.state = self.state + gain * (reading - expected)
-            self.covariance = self.covariance - np.outer(gain, self.covariance[0])
+            self.covariance = self.covariance - np.outer(gain, shared)
             self.covariance = 0.5 * (self.covariance + self.covariance.T)
         return Innovation(expected, math.sqrt(total), z)
 

@@ -23,7 +23,7 @@ from stickslip_ros.twin.causes import CAUSES, Verdict, judge
 from stickslip_ros.twin.detector import ChangeDetector
 from stickslip_ros.twin.settings import TwinError, TwinSettings
 from stickslip_ros.twin.timeline import RESTED, Command, Drive, Timeline
-from stickslip_ros.twin.tracker import GLITCH, Seen, Tracker
+from stickslip_ros.twin.tracker import GLITCH, THETA, Seen, Tracker
 
 Array = NDArray[np.float64]
 
@@ -134,7 +134,8 @@ class Twin:
         self._judge_at = 0  # readings since the last change at which it is judged, 0: never
         self._since = 0
         self._before = self.tracker.model  # before the last change
-        self._known = self.tracker.covariance[1:, 1:], 1.0  # and how well, and the sensor's gain
+        # and how well, and the sensor's gain
+        self._known = self.tracker.covariance[THETA, THETA], 1.0
         self._drive: Drive | None = None  # of the last cycles
 
     # -- taking
@@ -260,7 +261,7 @@ class Twin:
         self.changes.append(Change(self.t, onset, step, step, self._drive, at_start))
         self._since = sum(one.t > onset for one, _ in self._seen)
         self._judge_at = self.settings.judged_from
-        self._known = tracker.covariance[1:, 1:].copy(), tracker.sensor_gain
+        self._known = tracker.covariance[THETA, THETA].copy(), tracker.sensor_gain
         tracker.reopen("preload", _REOPENED)
         tracker.anchor(reading)
         self.detector.reset()

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Command, Twin, TwinSettings
 from stickslip_ros.twin.settings import TwinError
@@ -39,6 +40,20 @@ def _told(log: Log | tuple[Command | tuple[float, float], ...], p: Parameters = 
     for _ in feed(twin, list(log)):
         pass
     return twin
+
+
+def test_readings_at_one_phase_of_the_ringing_are_no_change() -> None:
+    """Each falls into the ringing 0.1 ms after a slip: all differ from the curve alike."""
+    p = Parameters.of("table1_typical.yaml")
+    twin, axis = Twin(p), Axis(p)
+    noise = 2e-9 * np.random.default_rng(0).standard_normal(220)
+    for k in range(1, 220):
+        if k == 10:
+            axis.command_steps(205)
+            twin.command(Command(axis.state.t, "steps", 205.0))
+        axis.advance(0.01 * k + (1.25e-4 if k >= 10 else 0.01))
+        twin.measure(axis.state.t, axis.state.x + noise[k])
+    assert not twin.changes and twin.driven > 1.0
 
 
 @pytest.mark.slow
