@@ -197,7 +197,7 @@ def test_neighbours_that_go_together_count_less(rho: float) -> None:
 def test_a_run_too_short_to_settle_says_so_in_its_error() -> None:
     """Ringing lasts into the next cycles at 1 kHz: of seven, the last four have not settled."""
     errors = []
-    for cycles in (7, 8):
+    for cycles in (7, 12):
         drive = Drive(cycles, 1000.0, pause=0.01)
         bench = bench_trace(Axis(), (drive,), Sensor(rate=1e6, noise=1e-10), rest=0.01)
         (step,), _ = fitted(bench)
