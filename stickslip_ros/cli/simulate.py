@@ -8,7 +8,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
     UsageError,
@@ -23,7 +23,7 @@ from stickslip_ros.cli.options import (
     switch,
 )
 from stickslip_ros.laws import LAWS
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.parameters import PARAMETERS, ParameterError
 from stickslip_ros.reporting import to_json
 from stickslip_ros.reporting.terminal import format_rows, micro_prefix
 from stickslip_ros.waveforms import WAVEFORMS
@@ -120,19 +120,11 @@ def _json(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
             "backstep": None if math.isnan(run.backstep) else run.backstep,
             "mean_speed": run.mean_speed,
             "zero_amplitude": None if zero is None or math.isnan(zero) else zero,
-            "parameters": _in_force(run.parameters),
+            "parameters": run.parameters.flat(),
             **({"ensemble": _band_as_json(band)} if band else {}),
         },
         allow_nan=False,
     )
-
-
-def _in_force(p: Parameters) -> dict[str, Any]:
-    """Return all parameters, in place of those that are not set the values of the friction law."""
-    from stickslip_ros.model.friction import constants_in_force
-
-    own = constants_in_force(p.friction)
-    return {name: value or getattr(own, name, value) for name, value in p.flat().items()}
 
 
 def _table(run: SimulatedRun, zero: float | None, band: Band | None) -> str:

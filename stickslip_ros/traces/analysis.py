@@ -18,8 +18,14 @@ from stickslip_ros.traces.cycles import (
     cycles_of_actuator,
     cycles_of_clock,
 )
-from stickslip_ros.traces.doubts import doubts_of, find_clipping, too_few
-from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
+from stickslip_ros.traces.doubts import doubts_of, find_clipping, fit_ends, too_few
+from stickslip_ros.traces.even_samples import (
+    EvenSamples,
+    SlipGrid,
+    noise_of,
+    resample_evenly,
+    without_spikes,
+)
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps, without_disturbances
@@ -177,6 +183,8 @@ def find_steps(
         raise TraceError(
             f"{rate:.4g} samples a second show no cycles of {1.0 / period:.6g} Hz; {FASTER}"
         )
+    kept = without_spikes(x, noise_of(x))
+    t, x = t[kept], x[kept]
     even = resample_evenly(t, x, _MOST)
     seen, shorter = _search(even, period, report)
     report("steps")
@@ -208,7 +216,7 @@ def _search(
     one, if no run of it explains the motion, which does not repeat at it either.
     """
     seen = search_runs(even, period, report)
-    if period is not None and not any(one.explained for one in seen):
+    if period is not None and not any(_explains(even, one, seen) for one in seen):
         without = search_runs(even, None, report)
         apart = [abs(math.remainder(period / one.period, 1.0)) for one in without if one.explained]
         if apart and min(apart) > AS_GIVEN:
@@ -220,6 +228,12 @@ def _search(
         if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again):
             seen, shorter = again, [shorter_period(even, one) for one in again]
     return seen, shorter
+
+
+def _explains(even: EvenSamples, run: SlipGrid, seen: list[SlipGrid]) -> bool:
+    """Return whether equal rises and falls explain the motion of a run, too."""
+    fit = fit_ends(even, run, [one for one in seen if one is not run], None)
+    return run.explained and fit is not None and fit.explains()
 
 
 def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:

@@ -75,7 +75,6 @@ def estimate_backstep(
     singles: Array,
     noise: float,
     exact: bool,
-    settings: BackstepSettings = SETTINGS,
 ) -> Backstep:
     """Return the mean backstep of the settled cycles.
 
@@ -85,10 +84,10 @@ def estimate_backstep(
     """
     count = max(len(cycles.slips) - 1, 1)
     if ringing is not None and noise >= EXACT:
-        found = _by_arc(t, forward, cycles, slice(settled_from(count), count), ringing, settings)
+        found = _by_arc(t, forward, cycles, slice(settled_from(count), count), ringing)
         if found is not None:
             depth, chance = max(found.value, 0.0), found.error
-            return Backstep(depth, math.hypot(chance, settings.by_arc * depth), chance, ARC)
+            return Backstep(depth, math.hypot(chance, SETTINGS.by_arc * depth), chance, ARC)
     mean = estimate_settled_mean(singles[:count], exact)
     if exact:
         return Backstep(mean.value, mean.error, mean.error, SAMPLES)
@@ -102,8 +101,8 @@ def estimate_backstep(
     if ringing is None:
         return Backstep(mean.value, chance, chance, SAMPLES)
     interval = float(np.median(np.diff(t)))
-    resolved = ringing.frequency * interval * settings.few < 1.0
-    method = settings.by_ringing if resolved else settings.by_few
+    resolved = ringing.frequency * interval * SETTINGS.few < 1.0
+    method = SETTINGS.by_ringing if resolved else SETTINGS.by_few
     error = math.hypot(chance, method * mean.value)
     return Backstep(mean.value, error, chance, RINGING)
 
@@ -114,18 +113,17 @@ def _by_arc(
     cycles: Cycles,
     settled: slice,
     ringing: Ringing,
-    settings: BackstepSettings,
 ) -> Estimate | None:
     """Return the backstep by the arc of the settled falls; None where samples show no arc."""
     swing = 1.0 / ringing.frequency
     slips = cycles.slips[settled]
     lasts = float(np.median(cycles.ends - cycles.slips))
-    slips = slips[np.unique(np.linspace(0, len(slips) - 1, settings.cycles).astype(int))]
-    after, place = _lay_over(t, forward, slips, -settings.before * swing, 1.2 * swing + lasts)
-    level = _level_at_slip(after, place, ringing, settings)
+    slips = slips[np.unique(np.linspace(0, len(slips) - 1, SETTINGS.cycles).astype(int))]
+    after, place = _lay_over(t, forward, slips, -SETTINGS.before * swing, 1.2 * swing + lasts)
+    level = _level_at_slip(after, place, ringing)
     if level is None:
         return None
-    arc = _fit_bottom(after, place, swing, lasts, settings)
+    arc = _fit_bottom(after, place, swing, lasts)
     if arc is None:
         return None
     return Estimate(level.value - arc.value, math.hypot(level.error, arc.error))
@@ -149,9 +147,7 @@ def _lay_over(t: Array, x: Array, slips: Array, begin: float, end: float) -> tup
     return every[order], np.concatenate(places)[order]
 
 
-def _level_at_slip(
-    t: Array, x: Array, ringing: Ringing, settings: BackstepSettings
-) -> Estimate | None:
+def _level_at_slip(t: Array, x: Array, ringing: Ringing) -> Estimate | None:
     """Return where (m) the runner is when the slip begins; None if too few samples show it.
 
     The runner rises evenly, and may still ring from the slip before. From the slip on it is pulled
@@ -159,15 +155,15 @@ def _level_at_slip(
     then gets far meanwhile: so the level is the mean over all times, by how likely each is.
     """
     swing = 1.0 / ringing.frequency
-    kept = t < settings.pulled * swing
-    every = len(t) // settings.most + 1
+    kept = t < SETTINGS.pulled * swing
+    every = len(t) // SETTINGS.most + 1
     t, x = t[kept][::every], x[kept][::every]
-    if (t < 0.0).sum() < settings.samples:
+    if (t < 0.0).sum() < SETTINGS.samples:
         return None
     since = t - t[0]
     before = np.column_stack([np.ones_like(t), t / swing, *ringing.columns(since).T])
     levels, squares, widths = [], [], []
-    for begin in swing * np.linspace(-settings.onset, settings.onset, settings.places):
+    for begin in swing * np.linspace(-SETTINGS.onset, SETTINGS.onset, SETTINGS.places):
         pulled = np.maximum(t - begin, 0.0)[:, None] / swing
         design = np.hstack((before, pulled**2, pulled**3))
         found, *_ = np.linalg.lstsq(design, x, rcond=1e-6)
@@ -183,18 +179,16 @@ def _level_at_slip(
     return Estimate(level, math.sqrt(spread))
 
 
-def _fit_bottom(
-    t: Array, x: Array, swing: float, lasts: float, settings: BackstepSettings
-) -> Estimate | None:
+def _fit_bottom(t: Array, x: Array, swing: float, lasts: float) -> Estimate | None:
     """Return the height (m) of the deepest point after a slip that lasts so long; None if unseen.
 
     swing and lasts are in s.
     """
-    first, last = settings.lowest[0] * swing, settings.lowest[1] * swing + lasts
+    first, last = SETTINGS.lowest[0] * swing, SETTINGS.lowest[1] * swing + lasts
     inside = (t > first) & (t < last)
-    if inside.sum() < settings.samples:
+    if inside.sum() < SETTINGS.samples:
         return None
-    width = settings.bottom * swing
+    width = SETTINGS.bottom * swing
     grid = np.linspace(first, last, 60)
     weights = np.exp(-0.5 * ((grid[:, None] - t[inside]) / (0.25 * width)) ** 2)
     smooth = weights @ x[inside] / np.maximum(weights.sum(axis=1), 1e-30)
@@ -203,7 +197,7 @@ def _fit_bottom(
     for _ in range(3):
         near = np.abs(t - at) <= width
         edges = np.concatenate(([at - width], t[near], [at + width]))
-        if near.sum() < settings.samples or np.diff(edges).max() > settings.gap * swing:
+        if near.sum() < SETTINGS.samples or np.diff(edges).max() > SETTINGS.gap * swing:
             return None
         arc = np.polynomial.Polynomial.fit(t[near], x[near], 4)
         fine = np.linspace(max(at - width, t[near][0]), min(at + width, t[near][-1]), 201)

@@ -84,7 +84,6 @@ def doubts_of(
     shorter: float | None,
     ringing: Ringing | None = None,
     given: bool = True,
-    settings: DoubtSettings = SETTINGS,
 ) -> tuple[str, ...]:
     """Return why a run is not determined; empty if it is.
 
@@ -93,23 +92,23 @@ def doubts_of(
     its period was not given. Drift and hum that are known are left out of even.
     """
     found = []
-    fit = _fit_ends(even, run, others, ringing, settings)
+    fit = fit_ends(even, run, others, ringing)
     # Where ringing is seen, the search has asked this.
     unlikely = ringing is None and fit is not None and not fit.explains()
     if not run.explained or unlikely:
         found.append("no run of equal steps explains the motion")
-    found += too_few(run.count, 1.0 / run.period, 1.0 / even.tick, settings)
-    before, after = _rests_beside(even, run, others, ringing, settings)
+    found += too_few(run.count, 1.0 / run.period, 1.0 / even.tick)
+    before, after = _rests_beside(even, run, others, ringing)
     if before is None and after is None:
         found.append("no rest beside the run, so step and drift cannot be told apart")
-    found += _moved_within(before, after, abs(step.value), settings)
+    found += _moved_within(before, after, abs(step.value))
     confirmed = False
     if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
         counted = distance / abs(step.value)
         uncertain = run.count * abs(step.error / step.value)
-        confirmed = abs(counted - run.count) + uncertain < settings.confirmed
-        missing = settings.miscounted + 0.02 * run.count + uncertain
+        confirmed = abs(counted - run.count) + uncertain < SETTINGS.confirmed
+        missing = SETTINGS.miscounted + 0.02 * run.count + uncertain
         rise = 0.0 if fit is None else float(np.sum((fit.rise - fit.fall)[fit.number == run.count]))
         without_slip = max(rise, 0.0) / abs(step.value)  # which is no step
         if not -missing < counted - run.count < missing + without_slip:
@@ -117,48 +116,46 @@ def doubts_of(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
     if fit is not None and not confirmed:
-        found += _miscounted(fit, settings)
-    near = settings.mains / (run.end - run.begin)
+        found += _miscounted(fit)
+    near = SETTINGS.mains / (run.end - run.begin)
     swings = 0.0 if ringing is None else ringing.frequency
     if not (swings or given) and any(abs(1.0 / run.period - one) < near for one in MAINS):
         found.append("cycles as long as those of the mains, without ringing, may be hum")
     uneven = _unevenness(even, run)
-    if uneven > max(settings.uneven[0] * run.period, even.tick) and (
-        uneven * swings > settings.uneven[1] or not swings
+    if uneven > max(SETTINGS.uneven[0] * run.period, even.tick) and (
+        uneven * swings > SETTINGS.uneven[1] or not swings
     ):
         found.append(f"the slips miss even times by {100 * uneven / run.period:.2g} % of a period")
-    own = _unlike(even, run, settings)
-    if own > settings.dissimilarity:
+    own = _unlike(even, run)
+    if own > SETTINGS.dissimilarity:
         found.append(f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle")
-    elif shorter is not None and abs(shorter * swings - 1.0) > settings.swing:
+    elif shorter is not None and abs(shorter * swings - 1.0) > SETTINGS.swing:
         found.append(f"the motion repeats better at {1.0 / shorter:.6g} Hz")
     return tuple(found)
 
 
-def too_few(
-    cycles: int, frequency: float, rate: float, settings: DoubtSettings = SETTINGS
-) -> tuple[str, ...]:
+def too_few(cycles: int, frequency: float, rate: float) -> tuple[str, ...]:
     """Return what is to be said of few cycles, or few samples (rate Hz) in each (frequency Hz)."""
     found = []
-    if cycles < settings.cycles:
-        found.append(f"{cycles} cycles; {settings.cycles} are needed")
-    if rate / frequency < settings.samples:
+    if cycles < SETTINGS.cycles:
+        found.append(f"{cycles} cycles; {SETTINGS.cycles} are needed")
+    if rate / frequency < SETTINGS.samples:
         found.append(
             f"{rate:.4g} samples a second are {rate / frequency:.1f} a cycle at {frequency:.6g} "
-            f"Hz; {settings.samples:g} are needed: {FASTER}"
+            f"Hz; {SETTINGS.samples:g} are needed: {FASTER}"
         )
     return tuple(found)
 
 
-def find_clipping(even: EvenSamples, settings: DoubtSettings = SETTINGS) -> tuple[str, ...]:
+def find_clipping(even: EvenSamples) -> tuple[str, ...]:
     """Return what is to be said of a record that stays at its end as nowhere else."""
     ends = np.flatnonzero(np.diff(even.x, append=math.nan) != 0.0)  # of stretches of one value
     long = np.diff(ends, prepend=-1)
     outer = np.isin(even.x[ends], [even.x.min(), even.x.max()])
     longest = int(np.max(long[outer], initial=0))
-    if even.noise < settings.exact or longest < settings.held[0]:
+    if even.noise < SETTINGS.exact or longest < SETTINGS.held[0]:
         return ()
-    if longest < settings.held[1] * int(np.max(long[~outer], initial=1)):
+    if longest < SETTINGS.held[1] * int(np.max(long[~outer], initial=1)):
         return ()
     return (f"{longest} samples in a row have the record's outermost value: it was cut off there",)
 
@@ -168,18 +165,17 @@ def _rests_beside(
     run: SlipGrid,
     others: list[SlipGrid],
     ringing: Ringing | None,
-    settings: DoubtSettings,
 ) -> tuple[Array | None, Array | None]:
     """Return places (m) before and after a run, means over a swing; None without a rest there."""
-    begin = max([even.begin, *(one.end + settings.after * one.period for one in others
+    begin = max([even.begin, *(one.end + SETTINGS.after * one.period for one in others
                                if one.first < run.first)])  # fmt: skip
     end = min([even.end, *(one.begin for one in others if one.first > run.first)])
-    late = run.end + settings.after * run.period
-    if run.end + settings.rest * run.period < end < late + 0.1 * run.period:
+    late = run.end + SETTINGS.after * run.period
+    if run.end + SETTINGS.rest * run.period < end < late + 0.1 * run.period:
         late = run.end + 0.1 * run.period  # nothing but the first period of the rest is seen
     rests = []
     for first, last in ((begin, run.begin - 0.05 * run.period), (late, end)):
-        long = last - first > settings.rest * run.period or last - first > 40 * even.tick
+        long = last - first > SETTINGS.rest * run.period or last - first > 40 * even.tick
         width = max(8 * even.tick, 0.0 if ringing is None else 1.0 / ringing.frequency)
         count = int(np.clip((last - first) / width, 4, 20)) if long else 0
         places = even.means(np.linspace(first, last, count + 1)) if long else np.empty(0)
@@ -188,16 +184,15 @@ def _rests_beside(
     return rests[0], rests[1]
 
 
-def _fit_ends(
+def fit_ends(
     even: EvenSamples,
     run: SlipGrid,
     others: list[SlipGrid],
     ringing: Ringing | None,
-    settings: DoubtSettings,
 ) -> CycleFit | None:
     """Return rises and falls of a run and beyond its ends, by the clock that was found."""
     if ringing is None:
-        damping, samples = settings.follows
+        damping, samples = SETTINGS.follows
         swing = samples * max(even.tick, run.period / 100.0)
         ringing = Ringing(1.0 / swing, 2.0 * math.pi * damping / swing)
     begin = max([even.begin, *(one.end for one in others if one.first < run.first)])
@@ -205,7 +200,7 @@ def _fit_ends(
     return fit_cycles(even, run, ringing, begin, end, tuned=True)
 
 
-def _miscounted(fit: CycleFit, settings: DoubtSettings) -> list[str]:
+def _miscounted(fit: CycleFit) -> list[str]:
     """Return the doubt about the number of steps if cycles at an end are hardly told from none.
 
     A cycle of the run is as likely as its rise and its fall are some of the others', over none.
@@ -219,25 +214,23 @@ def _miscounted(fit: CycleFit, settings: DoubtSettings) -> list[str]:
     for sizes, most in ((fit.rise, 0.0), (fit.fall, math.inf)):  # a rise alone is no step
         usual = float(np.median(sizes[inner]))
         scatter = 1.4826 * float(np.median(np.abs(sizes[inner] - usual)))
-        odds = usual * (sizes - 0.5 * usual) / (scatter**2 + (settings.end * usual) ** 2)
+        odds = usual * (sizes - 0.5 * usual) / (scatter**2 + (SETTINGS.end * usual) ** 2)
         likely += np.minimum(odds, most)
     numbers = {count}
     for number, odd, seen in zip(fit.number, likely, fit.seen, strict=True):
-        if number in (0, count - 1) and seen and odd < settings.likely:
+        if number in (0, count - 1) and seen and odd < SETTINGS.likely:
             numbers.add(count - 1)
-        elif number in (-1, count) and seen and odd > -settings.likely:
+        elif number in (-1, count) and seen and odd > -SETTINGS.likely:
             numbers.add(count + 1)
     return [" or ".join(map(str, sorted(numbers))) + " steps"] if len(numbers) > 1 else []
 
 
-def _moved_within(
-    before: Array | None, after: Array | None, step: float, settings: DoubtSettings
-) -> list[str]:
+def _moved_within(before: Array | None, after: Array | None, step: float) -> list[str]:
     """Return the doubt about rests in which the runner moves like in steps; else empty."""
     for rest, name in ((before, "before"), (after, "after")):
         if rest is not None:
             moved = float(np.quantile(rest, 0.98) - np.quantile(rest, 0.02))
-            if moved > settings.moved * step:
+            if moved > SETTINGS.moved * step:
                 return [
                     f"the runner moves by {1e9 * moved:.1f} nm {name} the run, about as far as in "
                     "a step"
@@ -260,15 +253,15 @@ def _unevenness(even: EvenSamples, run: SlipGrid) -> float:
     return float(np.std(late[known] - about - slope * number[known]))
 
 
-def _unlike(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> float:
+def _unlike(even: EvenSamples, run: SlipGrid) -> float:
     """Return what part of the motion differs between neighbouring cycles; nan if unknown."""
-    if run.count < settings.cycles:
+    if run.count < SETTINGS.cycles:
         return math.nan
     phases = phases_of(even, run.period)
     phases = phases[phases < 0.0]
-    first = max(min(3, run.count - 2), (run.count - settings.looked_at) // 2)
+    first = max(min(3, run.count - 2), (run.count - SETTINGS.looked_at) // 2)
     # Cut half a cycle away from the slips: a slip between two rows would be in none of them.
-    ends = run.slips[first : first + settings.looked_at] - 0.5 * run.period
+    ends = run.slips[first : first + SETTINGS.looked_at] - 0.5 * run.period
     rows = fill_gaps(cycles_on_grid(even, ends[1:], run.period, phases))
     rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases)
     if len(rows) < 2:

@@ -143,16 +143,11 @@ def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
 
 
 def resample_evenly(t: Array, x: Array, most: int) -> EvenSamples:
-    """Return the measurement without spikes, at no more than a given number of even times.
+    """Return the measurement at no more than a given number of even times.
 
     t (s) increases, x is in m, both (samples,). Of more samples, neighbours are averaged.
     """
-    noise = noise_of(x)
-    kept = without_spikes(x, noise)
-    if not kept.all():
-        t, x = t[kept], x[kept]
-        noise = noise_of(x)
-    apart = np.diff(t)
+    noise, apart = noise_of(x), np.diff(t)
     usual = float(np.median(apart))
     # Traces are denser in the slips, by far: that fine a grid would be needless elsewhere.
     tick = max(usual, float(t[-1] - t[0]) / (4 * len(t)))

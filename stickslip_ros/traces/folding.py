@@ -39,40 +39,38 @@ class FoldingSettings:
 SETTINGS = FoldingSettings()
 
 
-def shorter_period(
-    even: EvenSamples, run: SlipGrid, settings: FoldingSettings = SETTINGS
-) -> float | None:
+def shorter_period(even: EvenSamples, run: SlipGrid) -> float | None:
     """Return the shorter period (s) at which the positions of a run repeat better; None if none."""
-    dense = run.period / even.tick > settings.dense
-    cycles = max(2, math.ceil(settings.samples * even.tick / run.period))
+    dense = run.period / even.tick > SETTINGS.dense
+    cycles = max(2, math.ceil(SETTINGS.samples * even.tick / run.period))
     if dense:
-        cycles = min(run.count, 2 * settings.parts)
+        cycles = min(run.count, 2 * SETTINGS.parts)
     first = max(0, (run.count - cycles) // 2) if run.count > 3 else 0
     begin = run.begin + first * run.period
     end = min(run.begin + (first + cycles) * run.period, run.end)
     count = int((end - begin) / even.tick)
     if dense:
-        count = min(count, int(cycles * settings.dense))
+        count = min(count, int(cycles * SETTINGS.dense))
     edges = np.linspace(begin, end, count + 1)
     x = even.means(edges)
     t, x = (0.5 * (edges[1:] + edges[:-1]) - begin)[np.isfinite(x)], x[np.isfinite(x)]
-    if len(t) < 3 * settings.cells or not np.ptp(x) > 0.0:
+    if len(t) < 3 * SETTINGS.cells or not np.ptp(x) > 0.0:
         return None
     tick = (end - begin) / count
     own = 1.0 / run.period
     if dense:
-        tried = own * np.arange(2.0, settings.parts + 1.0)
+        tried = own * np.arange(2.0, SETTINGS.parts + 1.0)
     else:
         # From one to the next, the phase moves by half a cell at either end of the run.
-        step = 1.0 / (settings.cells * (end - begin))
-        tried = np.arange(own / settings.longer, 1.0 / (settings.fewest * tick), step)
+        step = 1.0 / (SETTINGS.cells * (end - begin))
+        tried = np.arange(own / SETTINGS.longer, 1.0 / (SETTINGS.fewest * tick), step)
     if not len(tried):
         return None
     # What changes slowly would be taken up by more cells: first cycles, drift.
-    slow = np.polynomial.Polynomial.fit(t, x, settings.slow)
+    slow = np.polynomial.Polynomial.fit(t, x, SETTINGS.slow)
     t, x = t - 0.5 * (end - begin), x - slow(t)
     # No finer than the samples of a period: a swing in few of them would pass for a shape.
-    cells = np.clip(1.0 / (tried * tick), 3.0, settings.cells).astype(int)
+    cells = np.clip(1.0 / (tried * tick), 3.0, SETTINGS.cells).astype(int)
     criteria = _criteria(t, x, tried, cells)
     best = int(np.argmin(criteria))
     # Its own, longer period takes as many times as many cells to draw its shape as finely; one cell
@@ -81,7 +79,7 @@ def shorter_period(
     whole = np.full(len(near), round(cells[best] * tried[best] / own))
     near, whole = np.append(near, own), np.append(whole, 1)
     alone = float(_criteria(t, x, near, whole).min())
-    return 1.0 / float(tried[best]) if criteria[best] < alone - settings.clear else None
+    return 1.0 / float(tried[best]) if criteria[best] < alone - SETTINGS.clear else None
 
 
 def _criteria(t: Array, x: Array, frequencies: Array, cells: NDArray[np.int64]) -> Array:

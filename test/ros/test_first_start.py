@@ -11,11 +11,10 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from child import environment
+from child import environment, python
 from cpu_time import computes_at_most
 from live import Ros, wait_until
 
-from stickslip_ros import executables
 from stickslip_ros.numba_internals import is_whole
 
 pytestmark = pytest.mark.slow
@@ -93,17 +92,15 @@ def test_a_first_start_says_so_and_shows_no_topic_before_it_is_ready(
         assert child.wait(60.0) == 0
 
 
-def test_every_node_prints_its_usage(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_node_prints_its_usage() -> None:
+    """In processes of their own, which they end."""
     for name, parameter in (
         ("axis_node", "publish_rate"),
         ("recorder_node", "compression"),
         ("replay_node", "rate"),
     ):
-        monkeypatch.setattr(sys, "argv", [name, "--help"])
-        assert getattr(executables, name)() == 0
-        said = capsys.readouterr()
-        assert said.err == ""
-        assert said.out.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
-        assert f"\n  {parameter} " in said.out
+        code = f"import sys; from stickslip_ros.executables import {name}; sys.exit({name}())"
+        said = python("-c", code, "--help")
+        assert (said.returncode, said.stderr) == (0, "")
+        assert said.stdout.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
+        assert f"\n  {parameter} " in said.stdout

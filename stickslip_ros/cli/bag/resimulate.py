@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 from stickslip_ros.cli.options import add_outputs, option, progress_bar, repeated
 from stickslip_ros.parameters import parse_assignment
+from stickslip_ros.reporting.terminal import announce_if_slow
 
 _STATE = "sensor_msgs/msg/JointState"
 _DIFFERENT = 1
@@ -39,9 +39,8 @@ def run(args: argparse.Namespace) -> int:
         states = sum(bag.counts[name] for name, one in bag.topics.items() if one.type == _STATE)
         # An axis may have lived long before it was recorded.
         lived = [(run.end_ns or bag.end_ns) - run.start_ns for run in recorded_runs(bag)]
-        motion = f"computes {1e-9 * sum(lived):.0f} s of motion"
-        print(f"stickslip bag resimulate: {motion}", file=sys.stderr)
-        with progress_bar(states, "states") as bar:
+        motion = f"computing {1e-9 * sum(lived):.0f} s of motion"
+        with announce_if_slow(motion, in_pipes=True), progress_bar(states, "states") as bar:
             runs = resimulate(bag, changes, args.out, bar.update)
     reports = [one.as_dict() for one in runs]
     if args.json:
