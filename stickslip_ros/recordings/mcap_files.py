@@ -18,9 +18,6 @@ from stickslip_ros.recordings.metadata import StoredMetadata, TopicDescription, 
 # Chunks that overlap in time have to be in memory together. Recorders make one or two such, tools
 # that write topic after topic a few dozen.
 _LARGEST_OPEN = LARGEST_CHUNK + LARGEST_CHUNK // 2
-#: An open span: the time of its next message (ns), its number, which no two have, that message,
-#: the others, its size (bytes)
-_Open = tuple[int, int, BagMessage, Iterator[BagMessage], int]
 
 
 class McapFiles:
@@ -84,19 +81,38 @@ class McapFiles:
 
         :raises BagError: a file is damaged.
         """
-        heap: list[_Open] = []
-        for number, (reader, row) in enumerate(self._spans(wanted)):
-            yield from _messages_before(row[0], heap)
-            records = reader.records(row)
-            others = reader.messages_of(records, row, wanted)
-            if first := next(others, None):
+        spans = self._spans(wanted)
+        waiting = next(spans, None)
+        # The next message of each open span; its number, which no two have; the others; its size.
+        heap: list[tuple[int, int, BagMessage, Iterator[BagMessage], int]] = []
+        held = number = 0
+        while heap or waiting:
+            while waiting and (not heap or waiting[1][0] <= heap[0][0]):
+                reader, row = waiting
+                records = reader.records(row)
+                others = reader.messages_of(records, row, wanted)
+                first = next(others, None)
+                waiting = next(spans, None)
+                if first is None:
+                    continue
+                number += 1
                 heapq.heappush(heap, (first.log_ns, number, first, others, len(records)))
-            if sum(span[-1] for span in heap) > _LARGEST_OPEN and len(heap) > 1:
-                raise BagError(
-                    f"{self._path}: its messages are too far out of order to be sorted in "
-                    "memory; sort them with `mcap sort` or `ros2 bag convert`"
-                )
-        yield from _messages_before(Wanted().end_ns, heap)
+                held += len(records)
+                if held > _LARGEST_OPEN and len(heap) > 1:
+                    raise BagError(
+                        f"{self._path}: its messages are too far out of order to be sorted in "
+                        "memory; sort them with `mcap sort` or `ros2 bag convert`"
+                    )
+            if not heap:
+                break
+            _, own, message, others, size = heap[0]
+            yield message
+            following = next(others, None)
+            if following is None:
+                heapq.heappop(heap)
+                held -= size
+            else:
+                heapq.heapreplace(heap, (following.log_ns, own, following, others, size))
 
     def _spans(self, wanted: Wanted) -> Iterator[tuple[McapReader, Row]]:
         """Yield the spans that may hold wanted messages, by their first time."""
@@ -109,14 +125,3 @@ class McapFiles:
             row = reader.spans[places[i]].item()
             if row[0] < wanted.end_ns and row[1] >= wanted.start_ns:
                 yield reader, row
-
-
-def _messages_before(end_ns: int, heap: list[_Open]) -> Iterator[BagMessage]:
-    """Yield the messages of open spans before a time, in order of time."""
-    while heap and heap[0][0] < end_ns:
-        _, number, message, others, size = heap[0]
-        yield message
-        if following := next(others, None):
-            heapq.heapreplace(heap, (following.log_ns, number, following, others, size))
-        else:
-            heapq.heappop(heap)
