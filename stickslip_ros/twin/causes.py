@@ -150,17 +150,15 @@ def judge(
     """
     p = model.p
     warms = p.actuator.gain_temperature or p.friction.friction_temperature
-    known = {
-        name: cause
-        for name, cause in CAUSES.items()
-        if (name != "temperature" or warms) and np.ptp(cause.reach(p)) > 0.0
-    }
+    causes = [name for name in CAUSES if name != "temperature" or warms]
+    reaches = {name: CAUSES[name].reach(p) for name in causes}
+    known = {name: CAUSES[name] for name, (low, high) in reaches.items() if low < high}
     since = _Since(p, sensor_gain, seen, _parts_of(seen), place, settings)
     blurs = since.blurs(model)
     best: dict[str, float] = {}
     evidence: dict[str, float] = {}
     for name, cause in known.items():
-        best[name], evidence[name] = _seek(since, cause, blurs)
+        best[name], evidence[name] = _seek(since, cause, reaches[name], blurs)
     top = max(evidence, key=lambda name: evidence[name])
     shares = {name: math.exp(one - evidence[top]) for name, one in evidence.items()}
     total, count = sum(shares.values()), len(seen) - 1
@@ -224,10 +222,11 @@ class _Since:
         return _log_likelihood(ways, self.seen, blurs, self.settings.noise)
 
 
-def _seek(since: _Since, cause: Cause, blurs: Sequence[float]) -> tuple[float, float]:
-    """Return the likeliest size of a cause and the logarithm of its evidence."""
-    lowest, highest = low, high = cause.reach(since.p)
-    count = cause.solved
+def _seek(
+    since: _Since, cause: Cause, reach: tuple[float, float], blurs: Sequence[float]
+) -> tuple[float, float]:
+    """Return the likeliest size of a cause within its reach, and the logarithm of its evidence."""
+    (low, high), count = reach, cause.solved
     for _ in range(_ROUNDS):
         solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
         logs, _ = since.likelihood(CubicSpline(solved, since.ways(cause, solved))(sizes), blurs)
@@ -235,7 +234,7 @@ def _seek(since: _Since, cause: Cause, blurs: Sequence[float]) -> tuple[float, f
         mean = float(np.exp(logs - logs[k]).sum()) * width
         if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
             break
-        low, high = max(lowest, sizes[k] - width), min(highest, sizes[k] + width)
+        low, high = max(reach[0], sizes[k] - width), min(reach[1], sizes[k] + width)
         count = _SOLVED
     return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
 

@@ -84,7 +84,8 @@ class Tracker:
         self.names = (*given, *(name for name in WALKING if name not in given))
         self._settings, self._origin = settings, Model(p)
         self.model, self._centre = self._origin, np.zeros(len(self.names))
-        self._beyond = False  # whether no axis has the estimates; the model is the last one then
+        #: Whether no axis has the estimates, or they are far off; the model is the last one then
+        self.lost = False
         self._first = self.model  # whose slopes are used
         usual = {"preload": settings.preload_deviation, "gain": settings.gain_deviation}
         prior = np.diag([usual.get(name, 0.0) ** 2 for name in self.names])
@@ -116,11 +117,6 @@ class Tracker:
     def deviations(self) -> Array:
         """Standard deviations of these logarithms, (names,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)[THETA]))
-
-    @property
-    def lost(self) -> bool:
-        """Whether an estimate has gone so far that no model is left."""
-        return self._beyond or bool((np.abs(self.theta) > FARTHEST).any())
 
     @property
     def values(self) -> Array:
@@ -252,16 +248,19 @@ class Tracker:
         return Innovation(expected, math.sqrt(total), z)
 
     def model_at(self, theta: Array) -> Model | None:
-        """Return the model with other logarithms of the parameters, None where no axis has them."""
+        """Return the model with other logarithms of the parameters, None where there is none."""
+        if np.abs(theta).max() > FARTHEST:
+            return None
         return self._origin.moved(dict(zip(self.names, theta.tolist(), strict=True)))
 
     def _recentre(self) -> None:
-        near = np.abs(self.theta - self._centre).max() <= _RECENTRE
-        if not near and (np.abs(self.theta) <= FARTHEST).all():
+        if np.abs(self.theta - self._centre).max() > _RECENTRE:
             self._renew()
+        else:
+            self.lost = False
 
     def _renew(self) -> None:
         model = self.model_at(self.theta)
-        self._beyond = model is None
+        self.lost = model is None
         if model is not None:
             self.model, self._centre = model, self.theta.copy()

@@ -11,6 +11,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Command, Twin, TwinSettings
 from stickslip_ros.twin.settings import TwinError
+from stickslip_ros.twin.timeline import Drive
 from stickslip_ros.twin.twin import BLIND, CHANGED, OK, UNLIKE
 from validation.twin_axis import Hidden, RealAxis, feed
 
@@ -40,6 +41,16 @@ def _told(log: Log | tuple[Command | tuple[float, float], ...], p: Parameters = 
     for _ in feed(twin, list(log)):
         pass
     return twin
+
+
+def test_estimates_that_come_back_have_a_model_again() -> None:
+    """EPM_calc has no contact below 0.625 N, so half the preload is no axis."""
+    tracker = Twin(P.replace(model="epm_calc", preload=0.66)).tracker
+    drive = Drive(300.0, 100.0, 1, 0)
+    for preload, lost in ((0.0, False), (-0.7, True), (0.01, False), (3.0, True), (0.0, False)):
+        tracker.state[1] = preload
+        tracker.step_size(drive)
+        assert tracker.lost is lost
 
 
 def test_readings_at_one_phase_of_the_ringing_are_no_change() -> None:
