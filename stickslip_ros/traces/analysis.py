@@ -183,9 +183,10 @@ def find_steps(
         raise TraceError(
             f"{rate:.4g} samples a second show no cycles of {1.0 / period:.6g} Hz; {FASTER}"
         )
-    kept = without_spikes(x, noise_of(x))
+    noise = noise_of(x)
+    kept = without_spikes(x, noise)
     t, x = t[kept], x[kept]
-    even = resample_evenly(t, x, _MOST)
+    even = resample_evenly(t, x, _MOST, noise if kept.all() else None)
     seen, shorter = _search(even, period, report)
     report("steps")
     parts = [_part(t, even, one, seen) for one in seen]

@@ -142,12 +142,13 @@ def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
     return np.asarray(away <= max(usual, _SPIKE * noise))
 
 
-def resample_evenly(t: Array, x: Array, most: int) -> EvenSamples:
+def resample_evenly(t: Array, x: Array, most: int, noise: float | None = None) -> EvenSamples:
     """Return the measurement at no more than a given number of even times.
 
-    t (s) increases, x is in m, both (samples,). Of more samples, neighbours are averaged.
+    t (s) increases, x is in m, both (samples,). Of more samples, neighbours are averaged. noise (m)
+    is that of a sample where it is known.
     """
-    noise, apart = noise_of(x), np.diff(t)
+    noise, apart = noise_of(x) if noise is None else noise, np.diff(t)
     usual = float(np.median(apart))
     # Traces are denser in the slips, by far: that fine a grid would be needless elsewhere.
     tick = max(usual, float(t[-1] - t[0]) / (4 * len(t)))
