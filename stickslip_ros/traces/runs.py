@@ -186,15 +186,13 @@ class Run:
         """Return cycles, step size, backstep, ringing and Eq. 9 as text."""
         balance = self.balance
         rings = not math.isnan(self.ringing_frequency)
+        damps = f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical"
         rows = [
             ("cycles", f"{len(self.starts)} of {self.period:g} s, from {self.starts[0]:g} s"),
             ("step size", _nano(self.step_size, self.step_size_error)),
             ("backstep", f"{_nano(self.backstep, self.backstep_error)}{self._backstep_from}"),
             ("ringing", f"{self.ringing_frequency:.1f} Hz" if rings else "none visible"),
-            (
-                "decay",
-                f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical" if rings else "-",
-            ),
+            ("decay", (damps if self._damps else "not determined") if rings else "-"),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro_prefix()}m/s"),
         ]
         if math.isnan(balance.excitation):
@@ -208,6 +206,11 @@ class Run:
             ("remainder", _nano(balance.remainder)),
         ]
         return format_rows(rows)
+
+    @property
+    def _damps(self) -> bool:
+        """Whether the samples determine the decay of the ringing."""
+        return self.ringing is not None and not math.isinf(self.ringing.decay_error)
 
     @property
     def _backstep_from(self) -> str:
@@ -252,7 +255,6 @@ class Run:
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
         nan, ringing = math.nan, self.ringing
-        damps = ringing is not None and not math.isinf(ringing.decay_error)
         return {
             "start": self.start,
             "end": self.end,
@@ -272,8 +274,8 @@ class Run:
             "backstep_from": self.mean_backstep.method,
             "ringing_frequency": self.ringing_frequency,
             "ringing_frequency_error": nan if ringing is None else ringing.frequency_error,
-            "damping_ratio": self.damping_ratio if damps else nan,
-            "damping_ratio_error": ringing.damping_ratio_error if ringing and damps else nan,
+            "damping_ratio": self.damping_ratio if self._damps else nan,
+            "damping_ratio_error": ringing.damping_ratio_error if ringing and self._damps else nan,
             "mean_speed": self.mean_speed,
         }
 

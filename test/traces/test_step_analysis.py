@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from typing import Any
@@ -222,6 +224,15 @@ def test_what_is_not_there_is_nan() -> None:
     fast = analyse_steps(t, x, u)
     assert np.isnan(fast.ringing_frequency)
     assert fast.step_size == pytest.approx(130.50e-9, abs=0.05e-9)
+
+
+def test_a_decay_that_is_not_determined_is_given_nowhere() -> None:
+    run = analyse_steps(*_sampled(12, 50e3))
+    assert run.ringing and run.as_json()["damping_ratio"] > 0.0
+    assert "of critical" in run.report()
+    unknown = replace(run, ringing=replace(run.ringing, decay_error=math.inf))
+    assert math.isnan(unknown.as_json()["damping_ratio"])
+    assert "of critical" not in unknown.report() and "not determined" in unknown.report()
 
 
 def test_ringing_faster_than_the_samples_is_not_made_up() -> None:
