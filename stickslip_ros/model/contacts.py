@@ -60,7 +60,7 @@ def scale_contact(contact: Contact, factor: Any) -> Contact:
     return Contact._make(constants)
 
 
-def contacts_in(p: Parameters) -> tuple[Contact, ...]:
+def build_contacts(p: Parameters) -> tuple[Contact, ...]:
     """Return the contacts of the runner, none if it rests on one only.
 
     Raises ParameterError where a contact cannot be.
@@ -87,7 +87,7 @@ def contacts_in(p: Parameters) -> tuple[Contact, ...]:
 
 
 def columns_of_contacts(p: Parameters) -> tuple[Contact, ...]:
-    """Return the contacts like `contacts_in`, for parameters with columns: arrays (points,).
+    """Return the contacts like `build_contacts`, for parameters with columns: arrays (points,).
 
     Constants are nan for impossible contacts.
     """

@@ -15,8 +15,8 @@ import numpy as np
 
 from stickslip_ros.laws import own_constants
 from stickslip_ros.model.contacts import (
+    build_contacts,
     columns_of_contacts,
-    contacts_in,
     mean_contact,
     scale_contact,
 )
@@ -89,7 +89,7 @@ class Plant(NamedTuple):
     @classmethod
     def of(cls, p: Parameters) -> Plant:
         """Build the plant; ParameterError where the parameters contradict each other."""
-        contacts = contacts_in(p)
+        contacts = build_contacts(p)
         contact = mean_contact(contacts) if contacts else contact_of(p.friction)
         plant = _plant(p, contact, contacts)
         acceleration = abs(plant.force) / plant.mass

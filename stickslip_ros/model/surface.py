@@ -42,7 +42,7 @@ _BLOCK = 256
 _MOST_WORN = 100.0
 
 
-class Moment(NamedTuple):
+class CycleStart(NamedTuple):
     """When and where a contact is taken, for a whole cycle."""
 
     x: float  #: position of the runner at the beginning, m
@@ -77,7 +77,7 @@ class Surface(NamedTuple):
             p.dwell_growth, p.dwell_start, p.rate_growth, p.rate_start, p.wear_rate,
         )  # fmt: skip
 
-    def factor(self, moment: Moment) -> float:
+    def factor(self, moment: CycleStart) -> float:
         """Return the factor of the cycle that begins at a moment."""
         exponent = 0.0
         if self.spread:

@@ -19,7 +19,7 @@ from stickslip_ros.library.operating_points import blocking_preloads
 from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
-from stickslip_ros.model.surface import Moment, Surface
+from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.paper.claim import Result, Table, Values, Verdict, paired
 from stickslip_ros.paper.parameter_sets import (
     EIGENFREQUENCY,
@@ -81,7 +81,7 @@ def scattered() -> tuple[Array, Array]:
     """
     surface = Surface.of(Parameters.of(SPREAD).friction)
     assert surface is not None
-    factor = np.array([surface.factor(Moment(_APART * k, k)) for k in range(_PLACES)])
+    factor = np.array([surface.factor(CycleStart(_APART * k, k)) for k in range(_PLACES)])
     of_material, of_place = mesh(compliance(MODULI), factor)
     drives = columns({**REAL_DRIVE, "preload": 1.0}).replace(
         z_ba_slope=TABLE_1["z_ba_slope"] * of_material * of_place,

@@ -2,6 +2,6 @@
 """Advances the model: the compiled kernel for one axis."""
 
 from stickslip_ros.solver.budget import SolverError
-from stickslip_ros.solver.simulation import Cycles, Samples, Simulation, State
+from stickslip_ros.solver.simulation import CycleResults, Samples, Simulation, State
 
-__all__ = ["Cycles", "Samples", "Simulation", "SolverError", "State"]
+__all__ = ["CycleResults", "Samples", "Simulation", "SolverError", "State"]

@@ -29,7 +29,7 @@ class SolverError(StickslipError, ArithmeticError):
     """The solver failed, or exceeded its budget; the message names the cause."""
 
 
-class Buffers(NamedTuple):
+class KernelBuffers(NamedTuple):
     """The buffers of the kernel."""
 
     plant: NDArray[np.float64]  #: of `plants.pack_plant`
@@ -39,7 +39,7 @@ class Buffers(NamedTuple):
 
 
 def run(
-    buffers: Buffers,
+    buffers: KernelBuffers,
     state: np.void,
     until: tuple[float, int],
     rows: NDArray[np.float64],
@@ -66,7 +66,7 @@ def run(
 
 
 def run_samples(
-    buffers: Buffers, state: np.void, times: NDArray[np.float64], samples: NDArray[np.float64]
+    buffers: KernelBuffers, state: np.void, times: NDArray[np.float64], samples: NDArray[np.float64]
 ) -> None:
     """Call `advance.sample` in slices. Raises SolverError like `run`."""
     left = PER_CYCLE
@@ -81,7 +81,7 @@ def run_samples(
 
 
 def run_events(
-    buffers: Buffers, state: np.void, until: tuple[float, int]
+    buffers: KernelBuffers, state: np.void, until: tuple[float, int]
 ) -> list[NDArray[np.float64]]:
     """Call `advance.find_events` in slices; return the times (s) in parts.
 

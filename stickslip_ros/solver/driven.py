@@ -32,7 +32,7 @@ from stickslip_ros.model.actuator_chain import (
 )
 from stickslip_ros.model.actuator_stages import follow
 from stickslip_ros.model.plant import scale_distances
-from stickslip_ros.model.surface import Moment, Surface
+from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
@@ -84,7 +84,7 @@ class DrivenSimulation(Simulation):
         """
         self._chain = self._given = chain  # the lines are laid with the first, see `_check_speed`
         self._surface = surface
-        self._moment = Moment(0.0, 0)  # start of the cycle: time and position, for its contact
+        self._moment = CycleStart(0.0, 0)  # start of the cycle: time and position, for its contact
         self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
         self._command, self._period = _STANDING, 1.0  # durations (s), rates (m/s); s
         self._slip_times = (0.0, math.inf, math.inf)  # last end, next begin and end of a slip, s
@@ -183,7 +183,7 @@ class DrivenSimulation(Simulation):
         """Take the contact of the cycle that begins."""
         rests_since, now = self._rests_since(self._until), self._until
         self._slip_times = rests_since, now + self._slips[0], now + self._slips[1]
-        self._moment = Moment(
+        self._moment = CycleStart(
             x=float(self._s["x"]),
             cycle=self._moment.cycle + 1,
             dwell=self._slip_times[1] - rests_since if self._slip_rate else 0.0,

@@ -37,12 +37,12 @@ def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
 
 def open_record(buffer: NDArray[np.float64], record: np.dtype[Any]) -> np.void:
     """Return the record at the start of a buffer, for Python: fields by ["name"]."""
-    found: np.void = buffer[: record.itemsize // 8].view(plain(record))[0]
+    found: np.void = buffer[: record.itemsize // 8].view(plain_dtype(record))[0]
     return found
 
 
 @cache
-def plain(record: np.dtype[Any]) -> np.dtype[Any]:
+def plain_dtype(record: np.dtype[Any]) -> np.dtype[Any]:
     """Return the dtype of the same fields that Python reads quickly."""
     return np.dtype([(name, record[name]) for name in record.names or ()])
 

@@ -24,7 +24,7 @@ from stickslip_ros.solver.layout import (
     PLANT_SIZE,
     axis_in,
     open_record,
-    plain,
+    plain_dtype,
     plant_in,
     several_in,
 )
@@ -70,7 +70,7 @@ def contact_buffer(plant: Plant) -> NDArray[np.float64] | None:
 
 def contact_records(buffer: NDArray[np.float64]) -> NDArray[Any]:
     """Return the records of several contacts in their buffer, for Python: fields by ["name"]."""
-    return buffer[: len(buffer) // 2].view(plain(CONTACT))
+    return buffer[: len(buffer) // 2].view(plain_dtype(CONTACT))
 
 
 def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:

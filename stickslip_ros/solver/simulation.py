@@ -17,7 +17,7 @@ from stickslip_ros.model.friction import Contact
 from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor
 from stickslip_ros.solver.budget import (
     PER_CYCLE,
-    Buffers,
+    KernelBuffers,
     SolverError,
     run,
     run_events,
@@ -71,7 +71,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Cycles:
+class CycleResults:
     """Results of cycles, each of shape (cycles,)."""
 
     position: NDArray[np.float64]  #: at the end of each cycle, m
@@ -294,7 +294,7 @@ class Simulation:
         force = forces_of(self._each, deflections, inner, v - rate)
         return Samples(x, v, z, rate, u, force, deflections)
 
-    def run_cycles(self, count: int) -> Cycles:
+    def run_cycles(self, count: int) -> CycleResults:
         """Advance to the end of ``count`` further drive cycles."""
         rows = np.empty((count, ROW_SIZE))
         stop = self.cycles_done + count
@@ -302,7 +302,7 @@ class Simulation:
             raise ValueError(f"{count} cycles asked for, {self.cycles_left} are left")
         self._run(math.inf, stop, rows)
         self._t = self._end_of(stop)
-        return Cycles(*np.ascontiguousarray(rows.T))
+        return CycleResults(*np.ascontiguousarray(rows.T))
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
         if self._events is None:
@@ -311,8 +311,8 @@ class Simulation:
             self._events += run_events(self._buffers(), self._s, (t, stop_cycle))
         self._check()
 
-    def _buffers(self) -> Buffers:
-        return Buffers(self._plant, self._axis, self._each, self._drive)
+    def _buffers(self) -> KernelBuffers:
+        return KernelBuffers(self._plant, self._axis, self._each, self._drive)
 
     def _check(self) -> None:
         if not math.isfinite(self._s["now_x"]):

@@ -8,7 +8,7 @@ import pytest
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.model.surface import Moment, Surface
+from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
 
@@ -31,21 +31,21 @@ def _surface(**values: Any) -> Surface:
 def test_the_field_has_its_spread_and_correlation_length() -> None:
     surface = _surface(**ROUGH, surface_seed=3)
     x = np.arange(0.0, 600e-6, 0.25e-6)
-    logarithm = np.log([surface.factor(Moment(at, 0)) for at in x])
+    logarithm = np.log([surface.factor(CycleStart(at, 0)) for at in x])
     assert logarithm.std() == pytest.approx(0.2, rel=0.1)
     assert abs(logarithm.mean()) < 0.04
     for lag in (2, 4, 6):  # quarters of a correlation length
         correlation = np.corrcoef(logarithm[lag:], logarithm[:-lag])[0, 1]
         assert correlation == pytest.approx(np.exp(-((0.25 * lag) ** 2)), abs=0.08)
-    assert surface.factor(Moment(123e-6, 0)) == surface.factor(Moment(123e-6, 7))
+    assert surface.factor(CycleStart(123e-6, 0)) == surface.factor(CycleStart(123e-6, 7))
 
 
 def test_cycles_differ_by_their_number_only() -> None:
     surface = _surface(slip_spread=0.1)
-    logarithm = np.log([surface.factor(Moment(0.0, k)) for k in range(4000)])
+    logarithm = np.log([surface.factor(CycleStart(0.0, k)) for k in range(4000)])
     assert logarithm.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(logarithm[1:], logarithm[:-1])[0, 1]) < 0.05
-    assert surface.factor(Moment(0.0, 5)) == surface.factor(Moment(1e-3, 5))
+    assert surface.factor(CycleStart(0.0, 5)) == surface.factor(CycleStart(1e-3, 5))
 
 
 def test_steps_scatter_and_a_run_repeats_to_the_bit() -> None:
@@ -74,7 +74,7 @@ def test_the_way_back_meets_the_same_surface() -> None:
     surface = _surface(**ROUGH, surface_seed=4)
     nominal = Plant.of(p).contact.z_ba
     assert z_ba == pytest.approx(
-        [nominal * surface.factor(Moment(float(at), 0)) for at in x], rel=1e-12
+        [nominal * surface.factor(CycleStart(float(at), 0)) for at in x], rel=1e-12
     )
     assert np.ptp(z_ba) > 0.05 * nominal
 
