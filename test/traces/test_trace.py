@@ -17,7 +17,7 @@ from stickslip_ros.files import WriteError
 from stickslip_ros.model import Plant, drive_of, friction_force
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.solver import Cycles, Simulation
+from stickslip_ros.solver import CycleResults, Simulation
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import (
     Trace,
@@ -133,7 +133,7 @@ EFFECTS: list[dict[str, Any]] = [
 ]
 
 
-def _cycles_of(p: Parameters, steps: int) -> tuple[Cycles, Simulation]:
+def _cycles_of(p: Parameters, steps: int) -> tuple[CycleResults, Simulation]:
     simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), steps)
     return simulation.run_cycles(steps), simulation

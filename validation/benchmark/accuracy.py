@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
-from stickslip_ros.solver import Cycles, Simulation, SolverError
+from stickslip_ros.solver import CycleResults, Simulation, SolverError
 from validation.benchmark import judge
 from validation.benchmark.random_sets import random_sets
 from validation.benchmark.unstable import growth_of
@@ -194,13 +194,13 @@ def _run_set(found: Accuracy, p: Parameters, judged: bool) -> None:
         found.findings.append(f"judged off by {1e9 * error:.3g} nm a cycle: {_changed(p)}")
 
 
-def _cycles(p: Parameters, tolerance: float) -> Cycles:
+def _cycles(p: Parameters, tolerance: float) -> CycleResults:
     simulation = Simulation(Plant.of(p), tolerance, budget=_BUDGET)
     simulation.start(drive_of(p), CYCLES)
     return simulation.run_cycles(CYCLES)
 
 
-def _unphysical(plant: Plant, drive: DriveCycle, cycles: Cycles) -> list[str]:
+def _unphysical(plant: Plant, drive: DriveCycle, cycles: CycleResults) -> list[str]:
     """Return what cannot be in the results of a run."""
     c = plant.contact
     size: NDArray[np.float64] = np.maximum(np.abs(cycles.z_max), np.abs(cycles.z_min))
