@@ -15,7 +15,7 @@ import numpy as np
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.twin import Command
+from stickslip_ros.twin import TwinCommand
 from validation.whole_system import WholeSystem, aged
 
 #: Accuracy of the integrator: a thousandth of a nanometre a cycle, far below any noise
@@ -35,7 +35,7 @@ class Hidden:
 
 #: time (s), position (m) -> what is hidden
 Story = Callable[[float, float], Hidden]
-Log = list[Command | tuple[float, float]]
+Log = list[TwinCommand | tuple[float, float]]
 
 
 class RealAxis:
@@ -65,7 +65,7 @@ class RealAxis:
     def command(self, name: str, value: float) -> None:
         """Set the drive for the next steps."""
         self.p = self.p.replace(**{name: value})
-        self.log.append(Command(self.t, name, value))
+        self.log.append(TwinCommand(self.t, name, value))
 
     def rest(self, duration: float) -> None:
         """Stand still for a duration (s)."""
@@ -73,7 +73,7 @@ class RealAxis:
 
     def step(self, steps: int) -> None:
         """Make steps (sign: direction)."""
-        self.log.append(Command(self.t, "steps", steps))
+        self.log.append(TwinCommand(self.t, "steps", steps))
         cycle = drive_of(self.p, 1 if steps >= 0 else -1)
         gain, warm = self.p.actuator.gain_in_force, self.p.actuator.gain_temperature
         for _ in range(abs(steps)):
@@ -113,7 +113,7 @@ class RealAxis:
 def feed(twin: Any, log: Log) -> Iterator[Any]:
     """Give a log to a twin; yield what it says of each reading."""
     for one in log:
-        if isinstance(one, Command):
+        if isinstance(one, TwinCommand):
             twin.command(one)
         else:
             yield twin.measure(*one)

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 import stickslip_ros as ss
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED
 from stickslip_ros.reporting.picture import save_picture
-from stickslip_ros.twin import Command, Twin
+from stickslip_ros.twin import Twin, TwinCommand
 
 
 def first_step(axes: Axes) -> None:
@@ -102,7 +102,7 @@ def same_drive(axes: Axes) -> None:
     axis, noise = ss.Axis({"frequency": 100.0}), np.random.default_rng(1)
     twin, updates = Twin(ss.Parameters.of(frequency=100.0)), []
     axis.command_steps(600)
-    twin.command(Command(0.0, "steps", 600))
+    twin.command(TwinCommand(0.0, "steps", 600))
     for number, t in enumerate(np.arange(0.013, 6.0, 0.01).tolist()):
         axis.advance(t)
         updates.append(twin.measure(t, axis.state.x + 2e-9 * noise.standard_normal()))

@@ -83,7 +83,7 @@ def expected_loss(contact: Contact) -> float:
     return contact.z_ba + 0.67 * math.sqrt(contact.z_ba * contact.z_k) or contact.z_k
 
 
-class Reading(NamedTuple):
+class LoopReading(NamedTuple):
     """A reading of the sensor, and what had been commanded by then."""
 
     k: int  #: number of the reading
@@ -117,9 +117,9 @@ class ClosedLoop:
         self._carried = False  # away from the goal, since it was left or set
         self._flies = False  # the same in each look since that
         self._better_places = 0  # how often another one to reach the goal from was looked for
-        self._coming: deque[Reading] = deque()  # readings that have not arrived
+        self._coming: deque[LoopReading] = deque()  # readings that have not arrived
         # the last reading, or the mean of those since
-        self._seen = Reading(0, math.nan, 0.0, 0, 0.0, False)
+        self._seen = LoopReading(0, math.nan, 0.0, 0, 0.0, False)
         self._averaged = 0  # of how many
         self._reference = self._seen  # the one since which steps show their size
         self._take, self._k = 0, 0  # numbers of the next reading, and of that at which one arrives
@@ -230,13 +230,13 @@ class ClosedLoop:
 
     # -- inside: readings
 
-    def _read(self, actuation: Actuation, k: int) -> Reading:
+    def _read(self, actuation: Actuation, k: int) -> LoopReading:
         deflected = actuation.deflected
         base = actuation.config.reading(actuation.sensed, k) - deflected
         done = actuation.steps_done if self._stroke else 0
         rests = actuation.kind == REST and actuation.t >= self._rests_at
         strokes = self._strokes + abs(done) * self._stroke
-        return Reading(k, base, deflected, self._steps + done, strokes, rests)
+        return LoopReading(k, base, deflected, self._steps + done, strokes, rests)
 
     def _plan(self, actuation: Actuation, k: int) -> None:
         """Set the next reading after number k: at rest each, on the way at half of what is left."""
@@ -250,7 +250,7 @@ class ClosedLoop:
         self._k = min(self._take, self._coming[0].k + sensor.delay if self._coming else _NEVER)
         self.due = math.inf if self._k == _NEVER else sensor.time_of(self._k)
 
-    def _look(self, actuation: Actuation, reading: Reading) -> str:
+    def _look(self, actuation: Actuation, reading: LoopReading) -> str:
         """Learn from a reading that arrives, and go on if the runner rests."""
         seen, t = self._seen, actuation.t
         if math.isnan(reading.base):

@@ -10,7 +10,7 @@ from typing import Any
 
 from stickslip_ros.axis.named_files import is_digest
 from stickslip_ros.axis.state_machine import REFUSED, SAME, Row
-from stickslip_ros.axis.tasks import Task
+from stickslip_ros.axis.tasks import AxisTask
 from stickslip_ros.parameters import Parameters
 
 #: Types of messages and services, named as in ROS, which this room does not know.
@@ -49,7 +49,7 @@ class Command:
     ignored: Callable[..., bool] = lambda axis, *arguments: False
     #: The axis and what is carried out -> the task that replaces what runs, unless it is the same;
     #: None ends what runs.
-    task: Callable[..., Task | None] | None = None
+    task: Callable[..., AxisTask | None] | None = None
     #: The axis and what is carried out; what runs goes on.
     effect: Callable[..., None] | None = None
     #: Name in the table of states and the row there of 0 or False, if that means something else;

@@ -20,7 +20,7 @@ from stickslip_ros.axis.events import INJECTED, START, CommandRefused, Event, sh
 from stickslip_ros.axis.faults import Moment
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.supervisor import Supervisor
-from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
+from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask
 from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.version import __version__
@@ -37,9 +37,9 @@ class Device:
         p = Parameters.of(parameters)
         self.config = Config.of(p)
         self.actuation = Actuation(self.config)
-        self._task: Task | None = None
+        self._task: AxisTask | None = None
         self._leaving = False  # the task ends with the running cycle, then comes the next one
-        self._next: Task | None = None
+        self._next: AxisTask | None = None
         self.step_size = StepSize(expected_loss(self.config.plant().contact))
         self._enabled = True
         self.paused = p.node.start_paused  #: True while its time is paused
@@ -225,7 +225,7 @@ class Device:
 
     # -- inside
 
-    def _replace(self, task: Task | None) -> None:
+    def _replace(self, task: AxisTask | None) -> None:
         """Replace the running task by another or by none; a running cycle is finished first."""
         actuation = self.actuation
         if actuation.kind == CYCLES:
@@ -257,7 +257,7 @@ class Device:
         if self._task and self._task.due == math.inf and self.actuation.kind == REST:
             self._task_arrived(ended=False)
 
-    def _end(self, task: Task) -> None:
+    def _end(self, task: AxisTask) -> None:
         """Report that a task has ended."""
         actuation, x = self.actuation, self.actuation.x
         if isinstance(task, StepTask | JogTask):

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from stickslip_ros.axis.actuation import Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop
-from stickslip_ros.axis.tasks import Task
+from stickslip_ros.axis.tasks import AxisTask
 
 #: Checks a second (Hz): a runner at 10 mm/s is caught within 0.1 mm
 _RATE = 100.0
@@ -46,7 +46,7 @@ class Supervisor:
         limits = actuation.config.parameters.limits
         return "travel_high" if limits.travel_high - x < x - limits.travel_low else "travel_low"
 
-    def fault(self, actuation: Actuation, task: Task | None) -> str:
+    def fault(self, actuation: Actuation, task: AxisTask | None) -> str:
         """Return the reason of a fault: too fast, or the closed loop lost or stuck; else empty."""
         limit = actuation.config.parameters.limits.max_velocity
         if limit is not None and abs(self.velocity) > limit:

@@ -16,7 +16,7 @@ from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ANY, RAMP, Actuation
 
 
-class Task(Protocol):
+class AxisTask(Protocol):
     """The execution of one command by an axis."""
 
     @property

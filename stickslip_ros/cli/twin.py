@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.library.ensemble import find_ensemble
-    from stickslip_ros.twin import Command, Twin
+    from stickslip_ros.twin import Twin, TwinCommand
     from stickslip_ros.twin.recording import read_log
 
     check_outputs(args)
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     with report_compilation(), progress_bar(len(log), "twin") as bar:
         for one in log:
             bar.update()
-            if isinstance(one, Command):
+            if isinstance(one, TwinCommand):
                 twin.command(one)
             elif update := twin.measure(*one):
                 updates.append(update)

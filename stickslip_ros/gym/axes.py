@@ -26,8 +26,8 @@ from stickslip_ros.gym.periods import (
     FREQUENCY,
     PLACE,
     SLEWRATE,
+    ActionScale,
     Buffers,
-    Drive,
     Sensing,
     States,
     read,
@@ -71,7 +71,7 @@ class DriveRanges:
     #: s, duration of a sample: an action is one voltage then; None: it is one drive cycle
     sample: float | None = None
 
-    def drive(self, p: Parameters) -> Drive:
+    def drive(self, p: Parameters) -> ActionScale:
         """Return the ranges as the kernel takes them; ParameterError if they contradict p."""
         slow, fast = (_PER_MICROSECOND * one for one in self.slewrate)
         low, high = p.actuator.min_voltage, p.actuator.max_voltage
@@ -87,11 +87,11 @@ class DriveRanges:
                 "or lower the frequency"
             )
         gain = p.actuator.gain_in_force
-        return Drive(self.sample or 0.0, low, high, gain, self.frequency, (slow, fast))
+        return ActionScale(self.sample or 0.0, low, high, gain, self.frequency, (slow, fast))
 
 
 def action_of(
-    drive: Drive, amplitude: float, level: float, frequency: float, slewrate: float
+    drive: ActionScale, amplitude: float, level: float, frequency: float, slewrate: float
 ) -> Array:
     """Return the action, (4,), of a drive cycle; its numbers lie within -1 and 1.
 

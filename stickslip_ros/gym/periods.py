@@ -50,7 +50,7 @@ class States(NamedTuple):
     failed: NDArray[np.int64]  #: 1 if the solver exceeded its budget or failed
 
 
-class Drive(NamedTuple):
+class ActionScale(NamedTuple):
     """How actions become voltages; numbers of an action lie within -1 and 1."""
 
     sample: float  #: s, duration of a sample; 0: periods are drive cycles
@@ -73,13 +73,15 @@ class Sensing(NamedTuple):
 
 
 @compiled
-def within(share: float, ends: tuple[float, float]) -> float:
+def between(share: float, ends: tuple[float, float]) -> float:
     """Return the value at a share, -1 to 1, of the way between ends, even in the logarithm."""
     return ends[0] * math.exp(0.5 * (share + 1.0) * math.log(ends[1] / ends[0]))
 
 
 @compiled
-def lay_period(action: NDArray, level: float, drive: Drive, lines: NDArray) -> tuple[float, int]:
+def lay_period(
+    action: NDArray, level: float, drive: ActionScale, lines: NDArray
+) -> tuple[float, int]:
     """Write the two lines of u, durations (s) and rates (m/s), into lines, (2, 2).
 
     The voltage sets out from level (V). Returns where it ends (V) and the direction of the step,
@@ -98,8 +100,8 @@ def lay_period(action: NDArray, level: float, drive: Drive, lines: NDArray) -> t
         first = end + fall
         if share < 0.0:
             first, end = end, first
-        frequency = within(action[FREQUENCY], drive.frequency)
-        slewrate = within(action[SLEWRATE], drive.slewrate)
+        frequency = between(action[FREQUENCY], drive.frequency)
+        slewrate = between(action[SLEWRATE], drive.slewrate)
         lines[0, 1] = max(fall / slewrate, SHORTEST)
         lines[0, 0] = 1.0 / frequency - lines[0, 1]
         sign = 0 if fall == 0.0 else (1 if share > 0.0 else -1)
@@ -121,7 +123,7 @@ def run_periods(
     buffers: Buffers,
     states: States,
     actions: NDArray,
-    drive: Drive,
+    drive: ActionScale,
     sensing: Sensing,
     part: tuple[int, int],
 ) -> None:

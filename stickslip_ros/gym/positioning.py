@@ -38,7 +38,7 @@ class Weights:
     wear: float = 0.0  #: for the way that the contact slides, 1/m
 
 
-class Outcome(NamedTuple):
+class PeriodResult(NamedTuple):
     """What a period came to, arrays of shape (axes,)."""
 
     reward: Array
@@ -120,7 +120,7 @@ class Positioning:
         states = self.axes.states
         return np.stack([states.reading, self.target, states.level, states.t], axis=1)
 
-    def run(self, actions: Array) -> Outcome:
+    def run(self, actions: Array) -> PeriodResult:
         """Run a period with actions, (axes, numbers), -1 to 1."""
         states, task, w = self.axes.states, self.task, self.weights
         before = states.t.copy()
@@ -138,7 +138,7 @@ class Positioning:
         late = np.where(states.t >= _SETTLED * task.limit, dt, 0.0)
         self._sums += np.stack([late, late * error**2, late * states.vibration**2], axis=1)
         held = inside & (states.t - since >= task.hold) & (task.hold > 0.0)
-        outcome = Outcome(-cost, held, ~held & (states.t >= task.limit))
+        outcome = PeriodResult(-cost, held, ~held & (states.t >= task.limit))
         self._change()
         return outcome
 

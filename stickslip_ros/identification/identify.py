@@ -38,7 +38,7 @@ from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.search import clock_of, search
 from stickslip_ros.identification.settings import DESCENT, FREE
-from stickslip_ros.identification.suggestion import Sensor, suggest
+from stickslip_ros.identification.suggestion import CandidateSensor, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
@@ -181,7 +181,7 @@ class _Work:
         if profiler is None or not (suggest_next and complete):
             return found
         self._report("next", 0.0, self.best.unknowns)
-        sensor = Sensor.of(self.traces, [run.noise for run in found.runs])
+        sensor = CandidateSensor.of(self.traces, [run.noise for run in found.runs])
         base = self.problem.fits[0].parameters
         return replace(found, next=suggest(profiler, base, found.parameters, sensor))
 

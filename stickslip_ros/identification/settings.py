@@ -74,7 +74,7 @@ class StartSettings:
 
 
 @dataclass(frozen=True)
-class SearchSettings:
+class EvolutionSettings:
     """The search by differential evolution that the descents begin from."""
 
     bins: int = 360  #: of a record that are evaluated
@@ -198,7 +198,7 @@ RECORD = RecordSettings()
 BINS = BinSettings()
 FREE = FreeSettings()
 START = StartSettings()
-SEARCH = SearchSettings()
+SEARCH = EvolutionSettings()
 DESCENT = DescentSettings()
 PROFILE = ProfileSettings()
 MISFIT = MisfitSettings()

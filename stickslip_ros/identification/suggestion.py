@@ -38,7 +38,7 @@ _OVER_PRELOAD = {"sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset"}
 
 
 @dataclass(frozen=True)
-class Sensor:
+class CandidateSensor:
     """How a candidate is measured: as the runs so far."""
 
     rate: float  #: highest so far, Hz
@@ -46,7 +46,7 @@ class Sensor:
     noise: float  #: standard deviation of a sample, m
 
     @classmethod
-    def of(cls, traces: Sequence[TraceFit], noises: Sequence[float]) -> Sensor:
+    def of(cls, traces: Sequence[TraceFit], noises: Sequence[float]) -> CandidateSensor:
         """Return the sensor of measured traces with their noise (m)."""
         if not traces:
             return cls(NEXT.rate, NEXT.samples, NEXT.noise)
@@ -56,7 +56,7 @@ class Sensor:
 
 
 def suggest(
-    profiler: Profiler, base: Parameters, estimates: Mapping[str, Estimate], sensor: Sensor
+    profiler: Profiler, base: Parameters, estimates: Mapping[str, Estimate], sensor: CandidateSensor
 ) -> Suggestion | None:
     """Return the run that narrows the widest interval most; None if no candidate can be run.
 
@@ -195,7 +195,7 @@ def _loads(p: Parameters, free: FreeParameters, theta: Array) -> Iterator[Parame
 
 
 def candidate_of(
-    p: Parameters, free: FreeParameters, theta: Array, sensor: Sensor, rate: float
+    p: Parameters, free: FreeParameters, theta: Array, sensor: CandidateSensor, rate: float
 ) -> _Candidate | None:
     """Return a run with its information; None if it cannot be run or sampled."""
     frequency = p.drive.frequency

@@ -44,7 +44,7 @@ from stickslip_ros.ros.messages import (
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
 from stickslip_ros.ros.process import StopRequested, UsageError, run
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
-from stickslip_ros.twin import Command, Forecast, Twin, TwinSettings
+from stickslip_ros.twin import Forecast, Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of
 from stickslip_ros.twin.settings import ASKED, TwinError
 
@@ -98,7 +98,7 @@ class TwinNode(GuardedNode):
         self._origin: int | None = None  # ns that the twin's times count from
         self._start: float | None = None  # s, when the simulated time of the axis was 0
         # What waits for its turn: time, whether it is a reading, number of arrival, and itself
-        self._waiting: list[tuple[float, bool, int, Command | float]] = []
+        self._waiting: list[tuple[float, bool, int, TwinCommand | float]] = []
         self._arrived = 0
         self._told = 0
         latched = QoSProfile(depth=_EVENTS_KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -138,12 +138,12 @@ class TwinNode(GuardedNode):
             self._origin = ns
         return 1e-9 * (ns - self._origin)
 
-    def _wait(self, t: float, what: Command | float) -> None:
+    def _wait(self, t: float, what: TwinCommand | float) -> None:
         if len(self._waiting) >= _MOST:
             self.twin.troubles["messages of a flood"] += 1
             return
         self._arrived += 1
-        is_reading = not isinstance(what, Command)  # of one time, commands go first
+        is_reading = not isinstance(what, TwinCommand)  # of one time, commands go first
         heapq.heappush(self._waiting, (t, is_reading, self._arrived, what))
 
     def _on_events(self, message: Any) -> None:
@@ -164,7 +164,7 @@ class TwinNode(GuardedNode):
 
         def take(message: Any) -> None:
             t = self._seconds(self.get_clock().now().to_msg())
-            self._wait(t, Command(t, name, float(message.data)))
+            self._wait(t, TwinCommand(t, name, float(message.data)))
 
         return take
 
@@ -196,7 +196,7 @@ class TwinNode(GuardedNode):
         """Give the twin all that is older than a time (s), and publish what it says."""
         while self._waiting and self._waiting[0][0] <= until:
             t, _, _, what = heapq.heappop(self._waiting)
-            if isinstance(what, Command):
+            if isinstance(what, TwinCommand):
                 self.twin.command(what)
                 continue
             update = self.twin.measure(t, what)

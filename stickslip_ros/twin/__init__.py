@@ -7,16 +7,24 @@ from stickslip_ros.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from stickslip_ros.twin.settings import TwinSettings
-    from stickslip_ros.twin.timeline import Command
-    from stickslip_ros.twin.twin import Change, Estimate, Forecast, Twin, Update
+    from stickslip_ros.twin.timeline import TwinCommand
+    from stickslip_ros.twin.twin import Change, Forecast, TrackedParameter, Twin, Update
 else:
     __getattr__ = lazy_names(
         __name__,
         {
             "settings": ["TwinSettings"],
-            "timeline": ["Command"],
-            "twin": ["Change", "Estimate", "Forecast", "Twin", "Update"],
+            "timeline": ["TwinCommand"],
+            "twin": ["Change", "TrackedParameter", "Forecast", "Twin", "Update"],
         },
     )
 
-__all__ = ["Change", "Command", "Estimate", "Forecast", "Twin", "TwinSettings", "Update"]
+__all__ = [
+    "Change",
+    "Forecast",
+    "TrackedParameter",
+    "Twin",
+    "TwinCommand",
+    "TwinSettings",
+    "Update",
+]

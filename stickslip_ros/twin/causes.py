@@ -21,9 +21,9 @@ from scipy.interpolate import CubicSpline
 
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.twin.response import Blur, Curve, Model, places
+from stickslip_ros.twin.response import Blur, CycleCurve, Model, parts_of_cycles
 from stickslip_ros.twin.settings import TwinSettings
-from stickslip_ros.twin.timeline import Drive, Piece
+from stickslip_ros.twin.timeline import OperatingPoint, Piece
 from stickslip_ros.twin.tracker import Seen
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ _TRIED = 65
 _LEAST = 0.01
 _REST = Piece(0.0, None, 0.0)
 #: For each drive: numbers of readings, cycles and rests (2, parts) where parts begin and end
-Parts = list[tuple[Drive, NDArray[np.int64], Array, Array]]
+Parts = list[tuple[OperatingPoint, NDArray[np.int64], Array, Array]]
 #: Standard deviations of the sum of squares beyond which no cause explains the readings
 _MISFIT = 6.0
 
@@ -94,7 +94,7 @@ CAUSES: Mapping[str, Cause] = {
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Attribution:
     """What a change comes from."""
 
     posterior: Mapping[str, float]  #: of each cause
@@ -141,9 +141,9 @@ class Verdict:
         return f"{100.0 * math.expm1(size):+.2g} %"
 
 
-def judge(
+def attribute(
     model: Model, sensor_gain: float, seen: Sequence[Seen], place: float, settings: TwinSettings
-) -> Verdict:
+) -> Attribution:
     """Return what explains readings since a change at a place (m).
 
     model and the gain of the sensor are those of before. The first reading is where they begin.
@@ -164,7 +164,7 @@ def judge(
     total, count = sum(shares.values()), len(seen) - 1
     own = since.blurs(Model(known[top].applied(p, best[top])))  # another mass rings in another way
     _, squares = since.likelihood(since.ways(known[top], np.array([best[top]])), own)
-    return Verdict(
+    return Attribution(
         {name: share / total for name, share in shares.items()},
         best,
         float(squares[0]) <= count + _MISFIT * math.sqrt(2.0 * count),
@@ -202,7 +202,7 @@ class _Since:
     def _ways(self, p: Parameters) -> Array:
         found = np.zeros(len(self.seen) - 1)
         for drive, number, cycles, rest in self.parts:
-            curve = Curve.of(p, drive)
+            curve = CycleCurve.of(p, drive)
             way = curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0])
             found += np.bincount(number, way, len(found))
         return self.sensor_gain * found
@@ -241,11 +241,11 @@ def _seek(
 
 def _parts_of(seen: Sequence[Seen]) -> Parts:
     """Return the parts of cycles before each reading but the first."""
-    found: dict[Drive, list[tuple[int, Array, Array]]] = {}
+    found: dict[OperatingPoint, list[tuple[int, Array, Array]]] = {}
     for k, one in enumerate(seen[1:]):
         for piece, begin, end in one.parts:
             if piece.drive is not None:
-                found.setdefault(piece.drive, []).append((k, *places(piece, begin, end)))
+                found.setdefault(piece.drive, []).append((k, *parts_of_cycles(piece, begin, end)))
     parts = []
     for drive, all_of in found.items():
         number, cycles, rests = zip(*all_of, strict=True)

@@ -26,9 +26,9 @@ from stickslip_ros.parameters.device_groups import SLIDER
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.twin.settings import TwinError
-from stickslip_ros.twin.timeline import Command
+from stickslip_ros.twin.timeline import TwinCommand
 
-Log = list[Command | tuple[float, float]]
+Log = list[TwinCommand | tuple[float, float]]
 
 #: Commands whose cycles the twin knows, and others that begin none; it knows nothing of the cycles
 #: of all that move the axis beside these
@@ -48,19 +48,19 @@ _COLUMNS = [
 ]  # fmt: skip
 
 
-def commands_of(event: Event, t: float) -> list[Command]:
+def commands_of(event: Event, t: float) -> list[TwinCommand]:
     """Return the commands (at t, s) that an event of an axis stands for."""
     if event.name == START:
         drive = {name: event.details.get(name) for name in ("amplitude", "frequency")}
-        known = [Command(t, name, float(one)) for name, one in drive.items() if one]
-        return [Command(t, "start"), *known]
+        known = [TwinCommand(t, name, float(one)) for name, one in drive.items() if one]
+        return [TwinCommand(t, "start"), *known]
     if event.outcome == "applied" and event.name in KNOWN:
-        return [Command(t, event.name, float(event.details.get("value", 0.0)))]
+        return [TwinCommand(t, event.name, float(event.details.get("value", 0.0)))]
     if event.outcome == "applied" and event.name in UNKNOWN:
-        return [Command(t, event.name)]
+        return [TwinCommand(t, event.name)]
     ends = event.outcome in ("hit", "fault") or (event.name, event.outcome) == ("scan", "finished")
     if ends or (event.name == "enable" and not event.details.get("value", True)):
-        return [Command(t, "stop")]
+        return [TwinCommand(t, "stop")]
     return []
 
 
@@ -121,14 +121,14 @@ def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:
         for name in ("amplitude", "frequency", "steps"):
             value = float(values[name][k]) if name in values else math.nan
             if not math.isnan(value) and value and value != before.get(name):
-                log.append(Command(now, name, value))
+                log.append(TwinCommand(now, name, value))
                 if name in before:
                     before[name] = value
         log.append((now, reading))
     return log
 
 
-def _of_file(path: Path) -> list[Command]:
+def _of_file(path: Path) -> list[TwinCommand]:
     """Read commands from a table of time (s), command and value. Raises TwinError."""
     found = []
     with naming(path), open_regular(path, _LARGEST) as file:
@@ -138,7 +138,7 @@ def _of_file(path: Path) -> list[Command]:
             name = row["command"].strip()
             if name not in (*KNOWN, *UNKNOWN, "start"):
                 raise ValueError(f"no command {name!r}; known: {', '.join((*KNOWN, *UNKNOWN))}")
-            found.append(Command(float(row["time"]), name, float(row.get("value") or 0.0)))
+            found.append(TwinCommand(float(row["time"]), name, float(row.get("value") or 0.0)))
         except (KeyError, ValueError, AttributeError) as error:
             raise TwinError(
                 f"{path}, line {number}: {error}; write a table with the columns time (s), "
@@ -147,7 +147,7 @@ def _of_file(path: Path) -> list[Command]:
     return sorted(found, key=lambda command: command.t)
 
 
-def _merged(commands: list[Command], readings: Iterable[tuple[float, float]]) -> Log:
+def _merged(commands: list[TwinCommand], readings: Iterable[tuple[float, float]]) -> Log:
     """Return commands among readings, each before the first reading that is not older."""
 
     log, waiting, latest = Log(), deque(commands), -math.inf

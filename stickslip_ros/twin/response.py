@@ -21,7 +21,7 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.twin.timeline import RESTED, Drive, Piece
+from stickslip_ros.twin.timeline import RESTED, OperatingPoint, Piece
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Blur(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Curve:
+class CycleCurve:
     """Position over the cycles of a drive, from the rest before them."""
 
     x: Array  #: m, at parts of cycles
@@ -61,7 +61,7 @@ class Curve:
     ringing_frequency: float  #: Hz
 
     @classmethod
-    def of(cls, p: Parameters, drive: Drive) -> Curve:
+    def of(cls, p: Parameters, drive: OperatingPoint) -> CycleCurve:
         """Solve the cycles of a drive after as many in the direction before, and a rest."""
         p = p.replace(amplitude=drive.amplitude, frequency=drive.frequency)
         simulation = simulation_of(p, Plant.of(p))
@@ -105,7 +105,7 @@ class Curve:
         timing is the deviation of the time, s.
         """
         assert piece.drive
-        cycles, rest = places(piece, t, max(t - timing, piece.start), t + timing)
+        cycles, rest = parts_of_cycles(piece, t, max(t - timing, piece.start), t + timing)
         if rest[0] > 0.0:
             ringing, since = np.interp(rest[0], _RESTS, self.rest_ringing), rest[0]
         else:
@@ -143,16 +143,16 @@ class Model:
         """Take the parameters. Raises ParameterError where no axis has them."""
         Plant.of(p)
         self.p = p
-        self._curves: dict[Drive, Curve] = {}
-        self._slopes: dict[tuple[Drive, tuple[str, ...]], list[Curve]] = {}
+        self._curves: dict[OperatingPoint, CycleCurve] = {}
+        self._slopes: dict[tuple[OperatingPoint, tuple[str, ...]], list[CycleCurve]] = {}
 
-    def curve(self, drive: Drive) -> Curve:
+    def curve(self, drive: OperatingPoint) -> CycleCurve:
         """Return the curve of a drive."""
         if drive not in self._curves:
-            self._curves[drive] = Curve.of(self.p, drive)
+            self._curves[drive] = CycleCurve.of(self.p, drive)
         return self._curves[drive]
 
-    def slopes(self, drive: Drive, names: tuple[str, ...]) -> list[Curve]:
+    def slopes(self, drive: OperatingPoint, names: tuple[str, ...]) -> list[CycleCurve]:
         """Return the derivatives of a curve by the logarithms of parameters."""
         key = drive, names
         if key not in self._slopes:
@@ -162,10 +162,10 @@ class Model:
                 near = {by: self.moved({name: by}) for by in (_CHANGE, 0.0, -_CHANGE)}
                 known = [(by, model) for by, model in near.items() if model is not None]
                 (above, upper), (below, lower) = known[0], known[-1]
-                up, down = Curve.of(upper.p, drive), Curve.of(lower.p, drive)
+                up, down = CycleCurve.of(upper.p, drive), CycleCurve.of(lower.p, drive)
                 rate = 1.0 / (above - below)
                 self._slopes[key].append(
-                    Curve(
+                    CycleCurve(
                         rate * (up.x - down.x), rate * (up.rest - down.rest),
                         rate * (up.step - down.step), up.ringing, up.rest_ringing,
                         up.ringing_frequency,
@@ -182,7 +182,7 @@ class Model:
             return None
 
 
-def places(piece: Piece, *times: float) -> tuple[Array, Array]:
+def parts_of_cycles(piece: Piece, *times: float) -> tuple[Array, Array]:
     """Return the cycles of a piece done at times (s), and the rest (s) behind them."""
     cycles = np.array([piece.cycles_at(t) for t in times])
     rest = np.array([max(t - piece.end, 0.0) if piece.rests else 0.0 for t in times])

@@ -14,7 +14,7 @@ _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
-class Command:
+class TwinCommand:
     """A command at a time: steps, jog (Hz), amplitude (V), frequency (Hz), stop, start, or others.
 
     During any other command (a closed loop, a scan) the twin does not know the cycles. "start" says
@@ -27,7 +27,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Drive:
+class OperatingPoint:
     """An operating point, and what was before it; tables of the model are made for each."""
 
     amplitude: float  #: V
@@ -41,7 +41,7 @@ class Piece:
     """Drive cycles of one drive."""
 
     start: float  #: s
-    drive: Drive | None  #: None: unknown ones
+    drive: OperatingPoint | None  #: None: unknown ones
     cycles: float  #: inf: until something ends them
     rests: bool = True  #: whether the axis rests afterwards
     alike: bool = False  #: whether those before had this amplitude and frequency, and then a rest
@@ -74,7 +74,7 @@ class Timeline:
         self._direction = 0
         self._before = 0.0, 0.0  # amplitude and frequency of the steps before
 
-    def take(self, command: Command) -> None:
+    def take(self, command: TwinCommand) -> None:
         """Take a command; those of the drive count from the next cycle on, as on the axis."""
         name, value, t = command.name, command.value, command.t
         if name in ("amplitude", "frequency"):
@@ -98,7 +98,9 @@ class Timeline:
 
     def piece(self, start: float, direction: int, cycles: float, frequency: float = 0.0) -> Piece:
         """Return the piece of cycles that would be commanded now; frequency (Hz) of a jog."""
-        drive = Drive(self.amplitude, frequency or self.frequency, direction, self._direction)
+        drive = OperatingPoint(
+            self.amplitude, frequency or self.frequency, direction, self._direction
+        )
         rested = not self.pieces or start - self.pieces[-1].end > RESTED
         alike = rested and (drive.amplitude, drive.frequency) == self._before
         return Piece(start, drive, cycles, alike=alike)

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import CONFIDENCE
-from stickslip_ros.twin.response import Blur, Model, places
+from stickslip_ros.twin.response import Blur, Model, parts_of_cycles
 from stickslip_ros.twin.settings import TwinSettings
-from stickslip_ros.twin.timeline import Drive, Piece
+from stickslip_ros.twin.timeline import OperatingPoint, Piece
 
 Array = NDArray[np.float64]
 Parts = Sequence[tuple[Piece, float, float]]
@@ -47,7 +47,7 @@ _ABOUT = 0.05
 GLITCH = 5.0
 
 
-class Motion(NamedTuple):
+class ModelledWay(NamedTuple):
     """What the model says of the time between two readings."""
 
     way: float  #: m
@@ -64,7 +64,7 @@ class Seen(NamedTuple):
     t: float  #: s
     reading: float  #: m
     parts: Parts
-    motion: Motion
+    motion: ModelledWay
 
 
 class Innovation(NamedTuple):
@@ -124,7 +124,7 @@ class Tracker:
         known = [float(self._origin.p.value(name)) for name in self.names]
         return np.asarray(known * np.exp(self.theta))
 
-    def step_size(self, drive: Drive) -> tuple[float, float]:
+    def step_size(self, drive: OperatingPoint) -> tuple[float, float]:
         """Return the settled step of a drive and its standard deviation, m."""
         self._recentre()
         curve = self.model.curve(drive)
@@ -151,7 +151,7 @@ class Tracker:
         self.covariance[k, k] += deviation**2
         self.prior = self.deviations
 
-    def motion(self, parts: Parts) -> Motion:
+    def motion(self, parts: Parts) -> ModelledWay:
         """Return what the model says of pieces of drive cycles."""
         self._recentre()
         settings, slope = self._settings, np.zeros(len(self.names))
@@ -162,7 +162,7 @@ class Tracker:
                 continue
             curve = self.model.curve(piece.drive)
             slopes = self._first.slopes(piece.drive, self.names)
-            at = places(piece, begin, end)
+            at = parts_of_cycles(piece, begin, end)
             x = curve.at(*at)
             way += self.sensor_gain * float(x[1] - x[0])
             blur = curve.blur(piece, end, settings.timing)
@@ -177,9 +177,9 @@ class Tracker:
                 scatter += spread**2 if drive.before else step**2
             if done > 0.0:
                 cycles, direction = cycles + done, piece.drive.direction
-        return Motion(way, slope, scatter, blur, cycles, direction)
+        return ModelledWay(way, slope, scatter, blur, cycles, direction)
 
-    def advance(self, motion: Motion, duration: float) -> None:
+    def advance(self, motion: ModelledWay, duration: float) -> None:
         """Go on by a motion that takes a duration (s)."""
         settings, n = self._settings, len(self.names)
         self.state[0] += motion.way + float(motion.slope @ (self.theta - self._centre))
@@ -191,7 +191,7 @@ class Tracker:
         walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.way)
         self.covariance[THETA, THETA] += np.diag(self._walks * walk)
 
-    def forecast(self, motion: Motion, duration: float) -> tuple[float, float]:
+    def forecast(self, motion: ModelledWay, duration: float) -> tuple[float, float]:
         """Return position and standard deviation (m) after a motion, and leave the state."""
         kept = self.state.copy(), self.covariance.copy()
         self.advance(motion, duration)

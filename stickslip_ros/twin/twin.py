@@ -19,10 +19,10 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.reporting import CONFIDENCE, format_si
-from stickslip_ros.twin.causes import CAUSES, Verdict, judge
+from stickslip_ros.twin.causes import CAUSES, Attribution, attribute
 from stickslip_ros.twin.detector import ChangeDetector
 from stickslip_ros.twin.settings import TwinError, TwinSettings
-from stickslip_ros.twin.timeline import RESTED, Command, Drive, Timeline
+from stickslip_ros.twin.timeline import RESTED, OperatingPoint, Timeline, TwinCommand
 from stickslip_ros.twin.tracker import GLITCH, THETA, Seen, Tracker
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Entry(NamedTuple):
     deviations: Array  #: standard deviations of their logarithms
 
 
-class Estimate(NamedTuple):
+class TrackedParameter(NamedTuple):
     """A parameter with the ends of its 95 % interval."""
 
     name: str
@@ -82,9 +82,9 @@ class Change:
     onset: float  #: s, the likeliest
     step_before: float  #: m
     step_after: float  #: m, as known now
-    drive: Drive  #: of these steps
+    drive: OperatingPoint  #: of these steps
     at_start: bool  #: whether the first steps already were other ones than the file says
-    verdict: Verdict | None = None  #: None until there are readings enough
+    verdict: Attribution | None = None  #: None until there are readings enough
 
     @property
     def text(self) -> str:
@@ -136,11 +136,11 @@ class Twin:
         self._before = self.tracker.model  # before the last change
         # and how well, and the sensor's gain
         self._known = self.tracker.covariance[THETA, THETA], 1.0
-        self._drive: Drive | None = None  # of the last cycles
+        self._drive: OperatingPoint | None = None  # of the last cycles
 
     # -- taking
 
-    def command(self, command: Command) -> None:
+    def command(self, command: TwinCommand) -> None:
         """Take a command; they come in the order of time, each before later readings."""
         if not (math.isfinite(command.t) and math.isfinite(command.value)):
             self.troubles["commands that are no numbers"] += 1
@@ -154,7 +154,7 @@ class Twin:
             self.t = math.nan
         self.timeline.take(command)
 
-    def _possible(self, command: Command) -> bool:
+    def _possible(self, command: TwinCommand) -> bool:
         drive = {"amplitude": self.timeline.amplitude, "frequency": self.timeline.frequency}
         if command.name in drive:
             drive[command.name] = command.value
@@ -276,7 +276,7 @@ class Twin:
         kept = readings[first + _UNSURE :]
         if len(kept) > self.settings.judged_from // 2:
             covariance, gain = self._known
-            verdict = judge(self._before, gain, kept, readings[first].reading, self.settings)
+            verdict = attribute(self._before, gain, kept, readings[first].reading, self.settings)
             new = not change.verdict or change.verdict.likeliest != verdict.likeliest
             change.verdict = verdict
             if verdict.explained and new:
@@ -320,7 +320,7 @@ class Twin:
         deviation = math.hypot(now.step_deviation, then.step_deviation)
         return (now.step_size - then.step_size) / scale, deviation / scale
 
-    def estimates(self) -> list[Estimate]:
+    def estimates(self) -> list[TrackedParameter]:
         """Return the parameters, the breakaway distance and the step size with their intervals."""
         tracker, found = self.tracker, []
         deviations = tracker.deviations
@@ -330,15 +330,17 @@ class Twin:
             others = [value, *self._of_other_causes(name)]
             ends = min(others) / wide, max(others) * wide
             seen = len(others) == 1 and deviations[k] < _SEEN * tracker.prior[k]
-            found.append(Estimate(name, PARAMETERS[name].unit, value, *ends, bool(seen)))
+            found.append(TrackedParameter(name, PARAMETERS[name].unit, value, *ends, bool(seen)))
         preload = next(one for one in found if one.name == "preload")
         p = tracker.model.p
         z_ba = [_breakaway_distance(p, one) for one in preload[2:5]]
-        found.append(Estimate("breakaway distance", "m", z_ba[0], z_ba[1], z_ba[2], preload.seen))
+        found.append(
+            TrackedParameter("breakaway distance", "m", z_ba[0], z_ba[1], z_ba[2], preload.seen)
+        )
         if self._drive is not None:
             step, deviation = tracker.step_size(self._drive)
             half = CONFIDENCE * deviation
-            found.append(Estimate("step size", "m", step, step - half, step + half, True))
+            found.append(TrackedParameter("step size", "m", step, step - half, step + half, True))
         return found
 
     def _of_other_causes(self, name: str) -> list[float]:

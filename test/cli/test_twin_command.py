@@ -13,7 +13,7 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters, yaml_text
 from stickslip_ros.solver import Simulation
-from stickslip_ros.twin import Command
+from stickslip_ros.twin import TwinCommand
 from stickslip_ros.twin.recording import read_log
 
 BAG = Path(__file__).parents[1] / "golden" / "bags" / "plain"
@@ -69,8 +69,11 @@ def test_columns_and_drive_file_are_told_the_same_way(
 ) -> None:
     log = read_log(table)
     first = log[2]
-    assert not isinstance(first, Command)
-    assert log[:2] == [Command(first[0], "frequency", 100.0), Command(first[0], "steps", 400.0)]
+    assert not isinstance(first, TwinCommand)
+    assert log[:2] == [
+        TwinCommand(first[0], "frequency", 100.0),
+        TwinCommand(first[0], "steps", 400.0),
+    ]
     wrong = ["--set", "preload=0.8", "--set", "mu=0.4", *_with_start(table)]
     assert main(["twin", str(table), *wrong]) == 1
     assert "the file is not of this axis" in capsys.readouterr().out
@@ -78,7 +81,7 @@ def test_columns_and_drive_file_are_told_the_same_way(
 
 def test_a_bag_of_the_axis_itself_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = load_motion(BAG)
-    assert {"start", "steps"} <= {one.name for one in read_log(BAG) if isinstance(one, Command)}
+    assert {"start", "steps"} <= {one.name for one in read_log(BAG) if isinstance(one, TwinCommand)}
     config = tmp_path / "axis.yaml"
     config.write_text(yaml_text(Parameters.of(found.parameters)))
     assert main(["twin", str(BAG), "--config", str(config)]) == 0

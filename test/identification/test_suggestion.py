@@ -15,8 +15,7 @@ from stickslip_ros.identification.fit import Estimate, Suggestion
 from stickslip_ros.identification.free import free_parameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
-from stickslip_ros.identification.suggestion import Sensor as Records
-from stickslip_ros.identification.suggestion import candidate_of, suggest
+from stickslip_ros.identification.suggestion import CandidateSensor, candidate_of, suggest
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
@@ -24,7 +23,7 @@ from stickslip_ros.traces.motion import Motion
 pytestmark = pytest.mark.slow
 
 #: Records of 20 ms.
-RECORDS = Records(5e5, 10_000, 1e-9)
+RECORDS = CandidateSensor(5e5, 10_000, 1e-9)
 
 
 def at_truth(axis: Axis, run: tuple[Parameters, Motion]) -> Profiler:
@@ -45,7 +44,7 @@ def widest(known: Profiler, drive: Parameters) -> float:
     return float(np.sqrt(np.diag(np.linalg.inv(known.information() + one.information)).max()))
 
 
-def suggestion(axis: Axis, known: Profiler, records: Records) -> Suggestion:
+def suggestion(axis: Axis, known: Profiler, records: CandidateSensor) -> Suggestion:
     """What is suggested where the estimates are the true values."""
     deviations = np.sqrt(np.diag(np.linalg.inv(known.information())))
     estimates = {
@@ -108,7 +107,7 @@ def test_the_run_that_it_suggests_narrows_the_widest_interval_as_predicted() -> 
 def test_no_drive_is_suggested_that_is_faster_than_samples_tell() -> None:
     axis, (known, motion) = small()
     slow = Motion(motion.source, motion.t[::10], motion.x[::10])
-    told = suggestion(axis, at_truth(axis, (known, slow)), Records(5e4, 1000, 1e-9))
+    told = suggestion(axis, at_truth(axis, (known, slow)), CandidateSensor(5e4, 1000, 1e-9))
     assert told.frequency * 24.0 <= told.rate <= 5.01e4
 
 

@@ -9,19 +9,19 @@ import pytest
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.twin import Command, Twin, TwinSettings
+from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.settings import TwinError
-from stickslip_ros.twin.timeline import Drive
+from stickslip_ros.twin.timeline import OperatingPoint
 from stickslip_ros.twin.twin import BLIND, CHANGED, OK, UNLIKE
 from validation.twin_axis import Hidden, RealAxis, feed
 
 P = Parameters.of(frequency=100.0)
 CHANGE = 1.5  # s
-Log = list[Command | tuple[float, float]]
+Log = list[TwinCommand | tuple[float, float]]
 
 
 @cache
-def _log(cycles: int = 450, **hidden: float) -> tuple[Command | tuple[float, float], ...]:
+def _log(cycles: int = 450, **hidden: float) -> tuple[TwinCommand | tuple[float, float], ...]:
     """Steps at 100 Hz, read at 100 Hz with 2 nm of noise; the change comes at `CHANGE`."""
     axis = RealAxis(P, lambda t, _: Hidden(**hidden) if t >= CHANGE - 1e-9 else Hidden(), seed=8)
     axis.step(cycles)
@@ -31,12 +31,12 @@ def _log(cycles: int = 450, **hidden: float) -> tuple[Command | tuple[float, flo
 def _through(gain: float) -> Log:
     """The axis that stays the same, by a sensor whose gain changes."""
     return [
-        one if isinstance(one, Command) or one[0] < CHANGE else (one[0], gain * one[1])
+        one if isinstance(one, TwinCommand) or one[0] < CHANGE else (one[0], gain * one[1])
         for one in _log()
     ]
 
 
-def _told(log: Log | tuple[Command | tuple[float, float], ...], p: Parameters = P) -> Twin:
+def _told(log: Log | tuple[TwinCommand | tuple[float, float], ...], p: Parameters = P) -> Twin:
     twin = Twin(p)
     for _ in feed(twin, list(log)):
         pass
@@ -46,7 +46,7 @@ def _told(log: Log | tuple[Command | tuple[float, float], ...], p: Parameters = 
 def test_estimates_that_come_back_have_a_model_again() -> None:
     """EPM_calc has no contact below 0.625 N, so half the preload is no axis."""
     tracker = Twin(P.replace(model="epm_calc", preload=0.66)).tracker
-    drive = Drive(300.0, 100.0, 1, 0)
+    drive = OperatingPoint(300.0, 100.0, 1, 0)
     for preload, lost in ((0.0, False), (-0.7, True), (0.01, False), (3.0, True), (0.0, False)):
         tracker.state[1] = preload
         tracker.step_size(drive)
@@ -61,7 +61,7 @@ def test_readings_at_one_phase_of_the_ringing_are_no_change() -> None:
     for k in range(1, 220):
         if k == 10:
             axis.command_steps(205)
-            twin.command(Command(axis.state.t, "steps", 205.0))
+            twin.command(TwinCommand(axis.state.t, "steps", 205.0))
         axis.advance(0.01 * k + (1.25e-4 if k >= 10 else 0.01))
         twin.measure(axis.state.t, axis.state.x + noise[k])
     assert not twin.changes and twin.driven > 1.0
@@ -136,7 +136,7 @@ def test_a_wrong_file_is_told_from_the_start() -> None:
 def test_what_no_parameter_explains_is_unlike_the_model() -> None:
     random = np.random.default_rng(2)
     log: Log = [
-        one if isinstance(one, Command) or one[0] < CHANGE
+        one if isinstance(one, TwinCommand) or one[0] < CHANGE
         else (one[0], one[1] + 30e-9 * random.standard_normal()) for one in _log()
     ]  # fmt: skip
     assert _told(log).level[0] == UNLIKE
@@ -159,7 +159,7 @@ def test_a_prediction_holds_what_comes() -> None:
     assert abs(twin.predict_position(-1e-5).position + 1e-5) < 70e-9
     with pytest.raises(TwinError, match="no reading"):
         Twin(P).predict_steps(1)
-    twin.command(Command(twin.t, "jog", 100.0))
+    twin.command(TwinCommand(twin.t, "jog", 100.0))
     with pytest.raises(TwinError, match="without end"):
         twin.predict_steps(1)
 
@@ -167,7 +167,11 @@ def test_a_prediction_holds_what_comes() -> None:
 def test_troubles_are_told_and_survived() -> None:
     log = list(_log())
     bad: Log = [*log[:100], (math.nan, 0.0), (1.0, math.nan), log[50], log[99]]
-    bad += [Command(0.9, "amplitude", math.nan), Command(0.9, "frequency", -1.0), *log[100:200]]
+    bad += [
+        TwinCommand(0.9, "amplitude", math.nan),
+        TwinCommand(0.9, "frequency", -1.0),
+        *log[100:200],
+    ]
     bad += log[230:]  # 0.3 s missing
     twin = _told(bad)
     assert not twin.changes
@@ -180,7 +184,7 @@ def test_troubles_are_told_and_survived() -> None:
     assert twin.troubles["gaps"] == 1
     twin.measure(t - 50.0, x)
     assert twin.troubles["jumps of the clock"] == 1
-    twin.command(Command(t - 50.0, "start"))
+    twin.command(TwinCommand(t - 50.0, "start"))
     assert twin.troubles["restarts of the axis"] == 1
     assert twin.measure(t - 49.9, x) is None
 
@@ -192,7 +196,7 @@ def test_rest_and_closed_loop_make_blind_and_move_no_estimate() -> None:
         twin.measure(twin.t + 0.01, twin.tracker.x + 1e-9 * (-1) ** k)
     assert twin.level[0] == BLIND
     assert np.abs(twin.tracker.theta - before).max() < 1e-3
-    twin.command(Command(twin.t, "position", 1e-6))
+    twin.command(TwinCommand(twin.t, "position", 1e-6))
     twin.measure(twin.t + 0.01, 5e-6)
     assert twin.troubles["readings during unknown cycles"] == 1
     with pytest.raises(TwinError, match="closed loop"):

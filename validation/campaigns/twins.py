@@ -21,8 +21,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.twin import Command, Twin, TwinSettings
-from stickslip_ros.twin.timeline import Drive
+from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
+from stickslip_ros.twin.timeline import OperatingPoint
 from validation.twin_axis import Hidden, Log, RealAxis, feed
 
 P = Parameters.of(frequency=100.0)
@@ -33,7 +33,7 @@ CHANGE = 2.0  # s
 def _noisy(log: Log, seed: int) -> Log:
     random = np.random.default_rng(seed)
     return [
-        one if isinstance(one, Command) else (one[0], one[1] + NOISE * random.standard_normal())
+        one if isinstance(one, TwinCommand) else (one[0], one[1] + NOISE * random.standard_normal())
         for one in log
     ]
 
@@ -107,7 +107,7 @@ def intervals(count: int, first: int) -> None:
 
 def moves(count: int, first: int) -> None:
     """Print how far open-loop moves end from 2 um, with the step of the twin and the first one."""
-    p, whole, drive = P.replace(amplitude=80.0), 2e-6, Drive(80.0, 100.0, 1, 1)
+    p, whole, drive = P.replace(amplitude=80.0), 2e-6, OperatingPoint(80.0, 100.0, 1, 1)
 
     def story(t: float, _: float) -> Hidden:
         return Hidden(preload=1.0 - 0.3 * min(t / (count * 0.01 * steps), 1.0))
