@@ -15,6 +15,10 @@ class StickslipError(Exception):
     """An error that the caller can correct; the text is one line with the cure."""
 
 
+class UsageError(StickslipError):
+    """A command line or a parameter of a node is wrong; the message says what to change."""
+
+
 class MissingLibrary(StickslipError, ModuleNotFoundError):
     """A library that this needs is not installed; the message says how to install it."""
 

@@ -17,14 +17,14 @@ from stickslip_ros.cli.measurement_options import (
     steps_in,
 )
 from stickslip_ros.cli.options import (
-    UsageError,
     add_outputs,
     check_outputs,
+    flag,
     option,
     quantity,
-    switch,
     write_outputs,
 )
+from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import to_json
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the subcommand."""
     text = "a trace, table or bag: every file that compare can read"
     option(parser, "trace", "MEASUREMENT", text, Path)
-    switch(parser, "--runner-only", "ignore the actuator, as if it was not measured")
+    flag(parser, "--runner-only", "ignore the actuator, as if it was not measured")
     option(parser, "--frequency", "HZ", "drive frequency (default: found)", quantity("Hz"))
     option(parser, "--start", "S", "time of the first cycle (default: found)", quantity("s"))
     text = "0-amplitude, measured separately, for Eq. 9"
@@ -115,7 +115,7 @@ def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
 def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
     if not (args.plot or args.report or args.table):
         return
-    from stickslip_ros.pages.measured import page_of
+    from stickslip_ros.pages.measured import measurement_page
     from stickslip_ros.traces import TraceError
 
     if not seen.runs:
@@ -123,7 +123,7 @@ def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
     found = [run.as_json() for run in seen.runs]
     rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(found, 1)]
     heading = ["run", *_COLUMNS.values()]
-    write_outputs(args, motion.source, heading, rows, lambda: page_of(motion, seen))
+    write_outputs(args, motion.source, heading, rows, lambda: measurement_page(motion, seen))
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:

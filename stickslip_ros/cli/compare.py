@@ -18,15 +18,15 @@ from stickslip_ros.cli.measurement_options import (
 )
 from stickslip_ros.cli.options import (
     Renamed,
-    UsageError,
     add_assignments,
     add_outputs,
     check_outputs,
     option,
-    parameters_of,
+    parameters_from,
     quantity,
     write_outputs,
 )
+from stickslip_ros.errors import UsageError
 from stickslip_ros.measurement.verdict import LIMITS
 from stickslip_ros.reporting import format_si, to_json
 from stickslip_ros.reporting.terminal import style_text
@@ -120,7 +120,9 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
             f"{args.measurement} is a parameter file; give the run first, then the measurement"
         )
     if simulated:
-        p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
+        p = parameters_from(
+            argparse.Namespace(config=args.simulation, assignments=args.assignments)
+        )
         measurement = measurement_of(args, args.measurement)
         measurement, seen = steps_in(args, measurement, 1.0 / p.drive.frequency)
         name = args.simulation.name
@@ -142,9 +144,9 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
 def _page(
     found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
 ) -> ResultPage:
-    from stickslip_ros.pages.compared import page_of
+    from stickslip_ros.pages.compared import comparison_page
 
-    return page_of(found, judgements, simulation)
+    return comparison_page(found, judgements, simulation)
 
 
 def _json(found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion) -> str:

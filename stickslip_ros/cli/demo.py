@@ -7,7 +7,8 @@ import argparse
 from importlib.util import find_spec
 from pathlib import Path
 
-from stickslip_ros.cli.options import UsageError, option
+from stickslip_ros.cli.options import option
+from stickslip_ros.errors import UsageError
 from stickslip_ros.shared_files import example, shared
 
 

@@ -10,8 +10,9 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, add_parameters, option, parameters_of, switch
+from stickslip_ros.cli.options import add_parameters, flag, option, parameters_from
 from stickslip_ros.emulator import CONTROLLERS
+from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "address to listen on; others than loopback allow network access (default: %(default)s)"
     option(parser, "--host", "HOST", text, default="127.0.0.1")
     option(parser, "--axes", "NAMES", "names of the axes (default: %(default)s)", default="x,y,z")
-    switch(parser, "--watch", "show where the axes are, live on a terminal, as lines in a pipe")
+    flag(parser, "--watch", "show where the axes are, live on a terminal, as lines in a pipe")
     add_parameters(parser)
 
 
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.emulator import OwnAxes, Server, controller_of
 
-    axes = [Axis(parameters_of(args, axis_name=name)) for name in names]
+    axes = [Axis(parameters_from(args, axis_name=name)) for name in names]
     own = OwnAxes(axes)
     controller = controller_of(args.controller, axes)
     with report_compilation():

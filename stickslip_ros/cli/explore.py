@@ -12,12 +12,12 @@ from pathlib import Path
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import (
-    UsageError,
     add_parameters,
+    flag,
     option,
-    parameters_of,
-    switch,
+    parameters_from,
 )
+from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import Parameters
 
 
@@ -29,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--params-file", "FILE.yaml", text, Path, dest="config")
     option(parser, "--measurement", "FILE", "a table or a bag to lay over the step", Path)
     option(parser, "--port", "N", "(default: a free one)", int, default=0)
-    switch(parser, "--no-browser", "only print the address")
+    flag(parser, "--no-browser", "only print the address")
     add_measurement_options(parser)
 
 
@@ -40,16 +40,16 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.workbench.curves import curves
     from stickslip_ros.workbench.overlay import Overlay
-    from stickslip_ros.workbench.server import Server, Workbench
+    from stickslip_ros.workbench.server import Workbench, WorkbenchServer
 
-    p, overlay = parameters_of(args), None
+    p, overlay = parameters_from(args), None
     if args.measurement:
         overlay = Overlay.of(measurement_of(args, args.measurement))
         named = any(text.startswith("frequency=") for text in args.assignments)
         if not named and p.drive.frequency == Parameters().drive.frequency:
             p = p.replace(frequency=float(f"{overlay.frequency:.6g}"))
     try:
-        server = Server(Workbench(p, overlay), args.port)
+        server = WorkbenchServer(Workbench(p, overlay), args.port)
     except OSError as error:
         raise UsageError(
             f"cannot listen on port {args.port}: {error.strerror or error}; choose another --port"

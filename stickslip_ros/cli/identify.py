@@ -14,17 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import (
-    UsageError,
     add_outputs,
     check_outputs,
+    flag,
     option,
     progress_bar,
     repeated,
     report_left_out,
-    switch,
     write_outputs,
 )
-from stickslip_ros.errors import INTERRUPTED
+from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.files import write_text
 from stickslip_ros.library.left_out import OF_A_FIT, left_out
 from stickslip_ros.parameters import PARAMETERS, Parameters, parameter, yaml_text
@@ -58,14 +57,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     repeated(parser, "--prior", "NAME=MEAN:SD", text)
     text = "where a free parameter may lie, SI units (default: 10 times about its start)"
     repeated(parser, "--bounds", "NAME=LOW:HIGH", text)
-    switch(parser, "--fit-gain", "fit the gain of the sensor, too")
+    flag(parser, "--fit-gain", "fit the gain of the sensor, too")
     parser.add_argument(
         "--fit-lag", action=argparse.BooleanOptionalAction, default=None,
         help="whether the amplifier may lag, so that intervals allow for it (default: if no "
         "amplifier_bandwidth is given)",
     )  # fmt: skip
     text = "look for the run that would narrow the widest interval most"
-    switch(parser, "--next", text, dest="suggest_next")
+    flag(parser, "--next", text, dest="suggest_next")
     text = "rank friction laws, all or those named, by how well they predict what was not fitted"
     option(parser, "--laws", "A,B", text, nargs="?", const="")
     option(parser, "--seed", "N", "of the search (default: 1)", int, default=1)
@@ -132,9 +131,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _page(found: Fit) -> ResultPage:
-    from stickslip_ros.pages.fitted import page_of
+    from stickslip_ros.pages.fitted import fit_page
 
-    return page_of(found)
+    return fit_page(found)
 
 
 def _laws(text: str | None) -> list[str]:

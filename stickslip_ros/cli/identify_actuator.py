@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
-    UsageError,
     add_outputs,
     add_parameters,
     option,
-    parameters_of,
+    parameters_from,
     yaml_lines,
 )
+from stickslip_ros.errors import UsageError
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Value
 from stickslip_ros.reporting.terminal import format_rows
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.measurement.reading import read_loop
     from stickslip_ros.model.actuator import hysteresis_text
 
-    known = parameters_of(args).actuator
+    known = parameters_from(args).actuator
     full = known.max_voltage
     seen = read_loop(sample_file(args.loop), reading_of(args))
     for note in seen.notes:

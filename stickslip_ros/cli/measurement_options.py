@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
-    UsageError,
+    flag,
     option,
     progress_bar,
     quantity,
     repeated,
-    switch,
 )
+from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.terminal import SEARCH
 from stickslip_ros.shared_files import sample_file
@@ -55,8 +55,8 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     option(reading, "--joint", "NAME", "joint to use in a bag (default: the slider)")
     option(reading, "--from", "S", "ignore samples before", quantity("s"), dest="first")
     option(reading, "--to", "S", "ignore samples after", quantity("s"), dest="last")
-    switch(reading, "--fit-position-drift", "take the drift of the position out")
-    switch(reading, "--remove-hum", "take hum of 50 or 60 Hz and its harmonics out")
+    flag(reading, "--fit-position-drift", "take the drift of the position out")
+    flag(reading, "--remove-hum", "take hum of 50 or 60 Hz and its harmonics out")
 
 
 def reading_of(args: argparse.Namespace) -> Reading:

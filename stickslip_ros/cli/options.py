@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import UsageError
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.device_groups import AXIS_NODE
@@ -36,10 +36,6 @@ PICTURES = (".svg", ".pdf", ".png")
 _Adds = argparse.ArgumentParser | argparse._ArgumentGroup
 
 
-class UsageError(StickslipError, ValueError):
-    """The command line is wrong; the message says what to change."""
-
-
 def option(
     parser: _Adds, name: str, metavar: Any, text: str, kind: Callable[[str], Any] = str, **more: Any
 ) -> None:
@@ -47,7 +43,7 @@ def option(
     parser.add_argument(name, metavar=metavar, help=text, type=kind, **more)
 
 
-def switch(parser: _Adds, name: str, text: str, **more: Any) -> None:
+def flag(parser: _Adds, name: str, text: str, **more: Any) -> None:
     """Add an option without a value."""
     parser.add_argument(name, action="store_true", help=text, **more)
 
@@ -90,12 +86,12 @@ def add_outputs(
     """Add --json, and those of --plot, --report and --table that have a text."""
     if plot:
         option(parser, "--plot", "FILE.svg|pdf|png", f"write a picture: {plot}", Path)
-        switch(parser, "--show", "open that picture")
+        flag(parser, "--show", "open that picture")
     if report:
         option(parser, "--report", "FILE.html", f"write a page: {report}", Path)
     if table:
         option(parser, "--table", "FILE.csv|tex", f"write {table}, SI units", Path)
-    switch(parser, "--json", "print one JSON object, SI units")
+    flag(parser, "--json", "print one JSON object, SI units")
 
 
 def check_outputs(args: argparse.Namespace, *others: Path | None) -> None:
@@ -193,7 +189,7 @@ class _ListParameters(argparse.Action):
         parser.exit()
 
 
-def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
+def parameters_from(args: argparse.Namespace, **overrides: Any) -> Parameters:
     """Return the full set: defaults, then --config, then --set, then overrides that are not None.
 
     --amplitude and --frequency are overrides, too. Raises ParameterError.

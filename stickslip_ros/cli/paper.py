@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, check_outputs, option, progress_bar, switch
+from stickslip_ros.cli.options import check_outputs, flag, option, progress_bar
+from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting.tables import Cell, write_table
 from stickslip_ros.reporting.terminal import announce_if_slow
 
 if TYPE_CHECKING:
     from stickslip_ros.paper import Claim
-    from stickslip_ros.paper.report import Outcome
+    from stickslip_ros.paper.report import ClaimOutcome
 
 _HEADING = ("claim", "quantity", "unit", "simulated", "joint set", "paper", "verdict")
 
@@ -35,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--table", "FILE.csv|FILE.tex", "write all numbers, SI units", Path)
     text = "write the picture of one ITEM, and no folder"
     option(parser, "--plot", "FILE.svg|pdf|png", text, Path)
-    switch(parser, "--show", "open that picture")
+    flag(parser, "--show", "open that picture")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
             bar.write(line)
             sys.stdout.flush()  # a pipe, too, sees each claim when it is computed
 
-        def show(outcome: Outcome) -> None:
+        def show(outcome: ClaimOutcome) -> None:
             say(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
             bar.update()
 
@@ -106,7 +107,7 @@ def _write_plot(path: Path, claims: Sequence[Claim]) -> int:
     return 0
 
 
-def _rows(outcomes: Sequence[Outcome]) -> list[list[Cell]]:
+def _rows(outcomes: Sequence[ClaimOutcome]) -> list[list[Cell]]:
     """Return a row for each number; one that nothing in the paper judges has no verdict."""
     return [
         [

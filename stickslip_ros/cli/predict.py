@@ -13,7 +13,7 @@ from stickslip_ros.cli.options import (
     add_outputs,
     check_outputs,
     option,
-    parameters_of,
+    parameters_from,
     quantity,
     report_left_out,
 )
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.prediction import predict
 
-    p = parameters_of(args)
+    p = parameters_from(args)
     check_outputs(args)
     found = predict(p, step=args.step)
     report_left_out("predict", found.left_out)

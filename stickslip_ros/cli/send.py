@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import (
-    UsageError,
     add_axis,
     option,
     progress_bar,
@@ -19,7 +18,7 @@ from stickslip_ros.cli.options import (
     require_ros,
 )
 from stickslip_ros.cli.watch import place_of
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.parameters import PARAMETERS, parse_assignment
 from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting import format_si

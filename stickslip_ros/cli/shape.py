@@ -17,7 +17,7 @@ from stickslip_ros.cli.options import (
     add_outputs,
     add_parameters,
     option,
-    parameters_of,
+    parameters_from,
     report_left_out,
     yaml_lines,
 )
@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.waveform_search import shape_slip
 
-    p = parameters_of(args)
+    p = parameters_from(args)
     with announce_if_slow("searching the slip that leaves the least ringing"):
         found = shape_slip(p)
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}

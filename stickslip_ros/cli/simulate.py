@@ -11,17 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
-    UsageError,
     add_drive,
     add_ensemble,
     add_outputs,
     check_outputs,
     ensemble_of,
+    flag,
     option,
-    parameters_of,
+    parameters_from,
     progress_bar,
-    switch,
 )
+from stickslip_ros.errors import UsageError
 from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import PARAMETERS, ParameterError
 from stickslip_ros.reporting import to_json
@@ -51,7 +51,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "write the trace at even times instead, so many a second, each value exact"
     option(parser, "--trace-rate", "HZ", text, float)
     text = "write into --trace what the simulated sensor reads instead: time and position"
-    switch(parser, "--sensor", text)
+    flag(parser, "--sensor", text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     check_steps(args.steps, bool((args.trace and not args.trace_rate) or args.plot), "--steps")
     check_outputs(args)
     ensemble = ensemble_of(args)
-    p = parameters_of(args)
+    p = parameters_from(args)
     with plain_until_compiled(), progress_bar(abs(args.steps), "steps") as bar:
         result = SimulatedRun(p, run_steps(p, args.steps, bar.update), args.steps)
     zero, unknown = _zero_amplitude(result)

@@ -10,20 +10,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
-    UsageError,
     add_ensemble,
     add_outputs,
     add_parameters,
     check_outputs,
     ensemble_of,
+    flag,
     option,
-    parameters_of,
+    parameters_from,
     progress_bar,
     repeated,
     report_left_out,
-    switch,
 )
-from stickslip_ros.errors import INTERRUPTED
+from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.library.left_out import left_out
 from stickslip_ros.reporting.tables import write_table
 
@@ -54,7 +53,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "table or picture, may be repeated (default: prints the points)"
     repeated(parser, "--out", "FILE.csv|FILE.png", text, type=Path)
     option(parser, "--jobs", "N", "number of threads (default: one per processor)", int)
-    switch(parser, "--resume", "continue an unfinished FILE.csv")
+    flag(parser, "--resume", "continue an unfinished FILE.csv")
     add_ensemble(parser, "each metric with the band in which 95 %% of its draws lie")
     add_outputs(parser, "a line over one parameter, a map over two", "", "the points")
 
@@ -77,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
 
     ensemble = ensemble_of(args)
     sweep = Sweep(
-        parameters_of(args),
+        parameters_from(args),
         tuple(GridAxis.parse(text) for text in args.vary),
         tuple(args.metric or ["step_size"]),
         TRIAL_STEPS if args.steps is None else args.steps,

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
-    UsageError,
     add_outputs,
     add_parameters,
     check_outputs,
     option,
-    parameters_of,
+    parameters_from,
     progress_bar,
     quantity,
     write_outputs,
 )
+from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si, to_json
 from stickslip_ros.twin.settings import ASKED, TwinSettings
 
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.twin.recording import read_log
 
     check_outputs(args)
-    p = parameters_of(args)
+    p = parameters_from(args)
     given = {name: getattr(args, name) for name in ASKED if getattr(args, name) is not None}
     settings = TwinSettings(**given)
     ensemble = find_ensemble(args.config) if args.config else None
@@ -87,9 +87,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _page(twin: Twin, updates: list[Update], source: str) -> ResultPage:
-    from stickslip_ros.pages.twin import page_of
+    from stickslip_ros.pages.twin import twin_page
 
-    return page_of(twin, updates, source)
+    return twin_page(twin, updates, source)
 
 
 def _forecasts(args: argparse.Namespace, twin: Twin) -> list[Forecast]:

@@ -12,7 +12,8 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, add_axis, option, quantity, require_ros
+from stickslip_ros.cli.options import add_axis, option, quantity, require_ros
+from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:

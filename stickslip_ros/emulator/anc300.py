@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import FAULT
-from stickslip_ros.emulator.dialogue import Command, Controller, Dialogue, Refused, Waiting
+from stickslip_ros.emulator.dialogue import Controller, Dialogue, Refused, Request, Waiting
 from stickslip_ros.version import __version__
 
 PASSWORD = b"123456"
@@ -274,7 +274,7 @@ def _set_pattern(_: Module, *words: str) -> None:
         raise Refused("Only the linear pattern is simulated")
 
 
-def _switch(name: str, label: str) -> dict[str, Command]:
+def _switch(name: str, label: str) -> dict[str, Request]:
     """Return the commands that set and get a setting that nothing is connected to."""
     allowed = ("off", *map(str, range(1, 8))) if label == "trigger" else ("on", "off")
 
@@ -284,38 +284,38 @@ def _switch(name: str, label: str) -> dict[str, Command]:
         module.switches[name] = word
 
     return {
-        f"set{name}": Command(set_it, 1),
-        f"get{name}": Command(lambda m: f"{label} = {m.switches[name]}\r\n"),
+        f"set{name}": Request(set_it, 1),
+        f"get{name}": Request(lambda m: f"{label} = {m.switches[name]}\r\n"),
     }
 
 
-def _reading(name: str, unit: str, read: Callable[[Module], float]) -> Command:
+def _reading(name: str, unit: str, read: Callable[[Module], float]) -> Request:
     """Return the command that gets a value with its unit."""
-    return Command(lambda module: _value(name, read(module), unit))
+    return Request(lambda module: _value(name, read(module), unit))
 
 
-OF_MODULE: dict[str, Command] = {
-    "setm": Command(lambda m, mode: m.set_mode(mode), 1),
-    "getm": Command(lambda m: f"mode = {m.mode}\r\n"),
-    "setv": Command(lambda m, volts: m.set_voltage(_number(volts)), 1),
+OF_MODULE: dict[str, Request] = {
+    "setm": Request(lambda m, mode: m.set_mode(mode), 1),
+    "getm": Request(lambda m: f"mode = {m.mode}\r\n"),
+    "setv": Request(lambda m, volts: m.set_voltage(_number(volts)), 1),
     "getv": _reading("voltage", "V", lambda m: m.voltage),
-    "setf": Command(lambda m, hertz: m.set_frequency(_number(hertz)), 1),
+    "setf": Request(lambda m, hertz: m.set_frequency(_number(hertz)), 1),
     # The line feed inside is the controller's own.
-    "getf": Command(lambda m: f"frequency = {round(m.axis.status.frequency)} Hz\r\n"),
-    "seta": Command(lambda m, volts: m.set_offset(_number(volts)), 1),
+    "getf": Request(lambda m: f"frequency = {round(m.axis.status.frequency)} Hz\r\n"),
+    "seta": Request(lambda m, volts: m.set_offset(_number(volts)), 1),
     "geta": _reading("voltage", "V", lambda m: m.offset),
     "geto": _reading("voltage", "V", lambda m: m.output),
     "getc": _reading("capacitance", "nF", lambda m: CAPACITANCE_NF),
-    "capw": Command(_wait_for_capacitance),
-    "stepu": Command(lambda m, count="1": m.step(+1, count), optional=1),
-    "stepd": Command(lambda m, count="1": m.step(-1, count), optional=1),
-    "stepw": Command(lambda m: Waiting(lambda: not m.axis.moving, lambda: b"")),
-    "stop": Command(lambda m: m.axis.stop()),
-    "getser": Command(lambda m: f"SIM-{m.axis.parameters.node.axis_name}\r\n"),
-    "getpu": Command(_pattern),
-    "getpd": Command(_pattern),
-    "setpu": Command(_set_pattern, len(_RAMP)),
-    "setpd": Command(_set_pattern, len(_RAMP)),
+    "capw": Request(_wait_for_capacitance),
+    "stepu": Request(lambda m, count="1": m.step(+1, count), optional=1),
+    "stepd": Request(lambda m, count="1": m.step(-1, count), optional=1),
+    "stepw": Request(lambda m: Waiting(lambda: not m.axis.moving, lambda: b"")),
+    "stop": Request(lambda m: m.axis.stop()),
+    "getser": Request(lambda m: f"SIM-{m.axis.parameters.node.axis_name}\r\n"),
+    "getpu": Request(_pattern),
+    "getpd": Request(_pattern),
+    "setpu": Request(_set_pattern, len(_RAMP)),
+    "setpd": Request(_set_pattern, len(_RAMP)),
     **_switch("aci", "acin"),
     **_switch("dci", "dcin"),
     **_switch("tu", "trigger"),

@@ -31,7 +31,7 @@ class Refused(Exception):
         self.reason = reason
 
 
-class Command(NamedTuple):
+class Request(NamedTuple):
     """A command of a channel or of the controller."""
 
     run: Callable[..., Any]  #: gets whose command it is and the arguments, returns the answer

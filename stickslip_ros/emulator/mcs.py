@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, JOGGING, SCANNING, TARGETING
-from stickslip_ros.emulator.dialogue import Command, Controller, Dialogue, Refused
+from stickslip_ros.emulator.dialogue import Controller, Dialogue, Refused, Request
 from stickslip_ros.emulator.smaract import (
     FULL_SCALE_V,
     LEAST_HERTZ,
@@ -128,17 +128,17 @@ def _limits(channel: McsChannel) -> str:
     return f"PL#,{round(low / _NM)},{round(high / _NM)}"
 
 
-def _set_mode(name: str, modes: int) -> Command:
+def _set_mode(name: str, modes: int) -> Request:
     """Return the command that sets an attribute of the controller to a mode below ``modes``."""
 
     def run(controller: Mcs, mode: int) -> None:
         check(0 <= mode < modes)
         setattr(controller, name, mode)
 
-    return Command(run, 1)
+    return Request(run, 1)
 
 
-def _setting(name: str) -> dict[str, Command]:
+def _setting(name: str) -> dict[str, Request]:
     """Return the commands that store and report a setting."""
 
     def store(channel: McsChannel, *numbers: int) -> None:
@@ -147,42 +147,42 @@ def _setting(name: str) -> dict[str, Command]:
     def report(channel: McsChannel) -> str:
         return f"{name}#,{','.join(map(str, channel.settings[name]))}"
 
-    return {f"S{name}": Command(store, len(_SETTINGS[name])), f"G{name}": Command(report)}
+    return {f"S{name}": Request(store, len(_SETTINGS[name])), f"G{name}": Request(report)}
 
 
-OF_CONTROLLER: dict[str, Command] = {
-    "GSI": Command(lambda c: "ID1"),
-    "GIV": Command(lambda c: "IV1,2,0"),
-    "GNC": Command(lambda c: f"N{len(c.channels)}"),
+OF_CONTROLLER: dict[str, Request] = {
+    "GSI": Request(lambda c: "ID1"),
+    "GIV": Request(lambda c: "IV1,2,0"),
+    "GNC": Request(lambda c: f"N{len(c.channels)}"),
     "SCM": _set_mode("communication", 2),
-    "GCM": Command(lambda c: f"CM{c.communication}"),
+    "GCM": Request(lambda c: f"CM{c.communication}"),
     "SSE": _set_mode("sensors", 3),
-    "GSE": Command(lambda c: f"SE{c.sensors}"),
-    "R": Command(reset),
-    "K": Command(lambda c, ms: check(ms == 0 or 100 <= ms <= 60000), 1),
+    "GSE": Request(lambda c: f"SE{c.sensors}"),
+    "R": Request(reset),
+    "K": Request(lambda c, ms: check(ms == 0 or 100 <= ms <= 60000), 1),
 }
 
-OF_CHANNEL: dict[str, Command] = {
-    "MST": Command(_step, 3, moves=True),
-    "MPA": Command(lambda c, x, hold: c.go_to_for(_NM * x, hold), 2, moves=True),
-    "MPR": Command(lambda c, x, hold: c.go_to_for(c.target + _NM * x, hold), 2, moves=True),
-    "MSCA": Command(_scan, 2, moves=True),
-    "MSCR": Command(lambda c, way, speed: _scan(c, c.level + way, speed), 2, moves=True),
-    "S": Command(lambda c: c.axis.stop()),
-    "CS": Command(lambda c: None, moves=True),
-    "FRM": Command(refuse_reference, 3, moves=True),
-    "SP": Command(lambda c, x: c.set_position(_NM * x), 1),
-    "GP": Command(lambda c: f"P#,{round(c.position / _NM)}"),
-    "GS": Command(lambda c: f"S#,{_STATUS.get(c.axis.mode, int(c.axis.moving))}"),
-    "GVL": Command(lambda c: f"VL#,{c.level}"),
-    "SPL": Command(_set_limits, 2),
-    "GPL": Command(_limits),
-    "GPPK": Command(lambda c: "PPK#,0"),
-    "GST": Command(lambda c: "ST#,1"),  # a linear positioner with a nanosensor
-    "SST": Command(lambda c, kind: check(kind == 1), 1),
-    "GCT": Command(lambda c: "CT#,0"),  # a positioner
-    "GSN": Command(lambda c: "SN#,1"),
-    "GFV": Command(lambda c: "FV#,1,0,0"),
+OF_CHANNEL: dict[str, Request] = {
+    "MST": Request(_step, 3, moves=True),
+    "MPA": Request(lambda c, x, hold: c.go_to_for(_NM * x, hold), 2, moves=True),
+    "MPR": Request(lambda c, x, hold: c.go_to_for(c.target + _NM * x, hold), 2, moves=True),
+    "MSCA": Request(_scan, 2, moves=True),
+    "MSCR": Request(lambda c, way, speed: _scan(c, c.level + way, speed), 2, moves=True),
+    "S": Request(lambda c: c.axis.stop()),
+    "CS": Request(lambda c: None, moves=True),
+    "FRM": Request(refuse_reference, 3, moves=True),
+    "SP": Request(lambda c, x: c.set_position(_NM * x), 1),
+    "GP": Request(lambda c: f"P#,{round(c.position / _NM)}"),
+    "GS": Request(lambda c: f"S#,{_STATUS.get(c.axis.mode, int(c.axis.moving))}"),
+    "GVL": Request(lambda c: f"VL#,{c.level}"),
+    "SPL": Request(_set_limits, 2),
+    "GPL": Request(_limits),
+    "GPPK": Request(lambda c: "PPK#,0"),
+    "GST": Request(lambda c: "ST#,1"),  # a linear positioner with a nanosensor
+    "SST": Request(lambda c, kind: check(kind == 1), 1),
+    "GCT": Request(lambda c: "CT#,0"),  # a positioner
+    "GSN": Request(lambda c: "SN#,1"),
+    "GFV": Request(lambda c: "FV#,1,0,0"),
 }
 for _name in _SETTINGS:
     OF_CHANNEL |= _setting(_name)

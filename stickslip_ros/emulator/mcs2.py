@@ -15,7 +15,7 @@ from typing import Any
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import HOLDING, JOGGING, SCANNING, TARGETING
-from stickslip_ros.emulator.dialogue import Command, Controller, Dialogue, Refused
+from stickslip_ros.emulator.dialogue import Controller, Dialogue, Refused, Request
 from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
 from stickslip_ros.version import __version__
 
@@ -204,7 +204,7 @@ def _check(condition: bool) -> None:
         raise Refused(-222)
 
 
-def _attribute(header: str, name: str, low: int, high: int) -> dict[str, Command]:
+def _attribute(header: str, name: str, low: int, high: int) -> dict[str, Request]:
     """Return the commands that set and read an attribute that is a whole number in a range."""
 
     def write(channel: Mcs2Channel, value: float) -> None:
@@ -212,27 +212,27 @@ def _attribute(header: str, name: str, low: int, high: int) -> dict[str, Command
         setattr(channel, name, int(value))
 
     return {
-        header: Command(write, 1),
-        f"{header}?": Command(lambda channel: round(getattr(channel, name))),
+        header: Request(write, 1),
+        f"{header}?": Request(lambda channel: round(getattr(channel, name))),
     }
 
 
-def _kept(header: str) -> dict[str, Command]:
+def _kept(header: str) -> dict[str, Request]:
     def write(channel: Mcs2Channel, value: float) -> None:
         channel.kept[header] = int(value)
 
-    return {header: Command(write, 1), f"{header}?": Command(lambda c: c.kept[header])}
+    return {header: Request(write, 1), f"{header}?": Request(lambda c: c.kept[header])}
 
 
-def _limit(header: str, name: str) -> dict[str, Command]:
+def _limit(header: str, name: str) -> dict[str, Request]:
     """Return the commands of a soft limit, a parameter in m."""
 
     def write(channel: Mcs2Channel, value: float) -> None:
         channel.set_limits(**{name: _PM * value})
 
     return {
-        header: Command(write, 1),
-        f"{header}?": Command(lambda c: round(c.limit(name) / _PM)),
+        header: Request(write, 1),
+        f"{header}?": Request(lambda c: round(c.limit(name) / _PM)),
     }
 
 
@@ -240,45 +240,45 @@ def _refuse_reference(_: Mcs2Channel) -> None:
     raise Refused(259)  # the simulated sensor has no reference mark
 
 
-OF_CHANNEL: dict[str, Command] = {
-    "MOVE": Command(lambda c, value: c.move(value), 1, moves=True),
-    "STOP": Command(lambda c: c.axis.stop()),
-    "CAL": Command(lambda c: None),
-    "REF": Command(_refuse_reference),
+OF_CHANNEL: dict[str, Request] = {
+    "MOVE": Request(lambda c, value: c.move(value), 1, moves=True),
+    "STOP": Request(lambda c: c.axis.stop()),
+    "CAL": Request(lambda c: None),
+    "REF": Request(_refuse_reference),
     **_attribute("MMOD", "mode", ABSOLUTE, STEP),
     **_attribute("STEP:FREQ", "hertz", LEAST_HERTZ, _MOST_HERTZ),
     **_attribute("STEP:AMPL", "level", 1, _LEVELS),
     **_attribute("HOLD", "hold_ms", -1, 0xFFFFFFFF),
-    "AMPL": Command(lambda c, value: c.switch(value), 1),
-    "AMPL?": Command(lambda c: c.amplifier),
-    "POS": Command(lambda c, value: c.set_position(_PM * value), 1),
-    "POS?": Command(lambda c: round(c.position / _PM)),
-    "POS:CURR?": Command(lambda c: round(c.position / _PM)),
-    "POS:TARG?": Command(lambda c: round(c.target / _PM)),
-    "SCAN:POS?": Command(lambda c: round(c.scan_level)),
+    "AMPL": Request(lambda c, value: c.switch(value), 1),
+    "AMPL?": Request(lambda c: c.amplifier),
+    "POS": Request(lambda c, value: c.set_position(_PM * value), 1),
+    "POS?": Request(lambda c: round(c.position / _PM)),
+    "POS:CURR?": Request(lambda c: round(c.position / _PM)),
+    "POS:TARG?": Request(lambda c: round(c.target / _PM)),
+    "SCAN:POS?": Request(lambda c: round(c.scan_level)),
     **_limit("RLIM:MIN", "soft_low"),
     **_limit("RLIM:MAX", "soft_high"),
-    "STAT?": Command(lambda c: c.state),
-    "PTYP:NAME?": Command(lambda c: '"SL-S1I1E1"'),
-    "FERR?": Command(lambda c: round((c.target - c.position) / _PM)),
-    "ERR?": Command(lambda c: LOCKED if c.locked else 0),
-    "TEMP?": Command(lambda c: 25),
+    "STAT?": Request(lambda c: c.state),
+    "PTYP:NAME?": Request(lambda c: '"SL-S1I1E1"'),
+    "FERR?": Request(lambda c: round((c.target - c.position) / _PM)),
+    "ERR?": Request(lambda c: LOCKED if c.locked else 0),
+    "TEMP?": Request(lambda c: 25),
 }
 for _header in _KEPT:
     OF_CHANNEL |= _kept(_header)
 
-OF_CONTROLLER: dict[str, Command] = {
-    "*IDN?": Command(lambda d: f"SmarAct,MCS2 (stickslip_ros),SIM-1,{__version__}"),
-    "*OPC?": Command(lambda d: 1),  # commands are carried out before the next one is read
-    "*CLS": Command(lambda d: d.errors.clear()),
-    "*RST": Command(lambda d: d.reset()),
-    "DEV:SNUM?": Command(lambda d: '"SIM-1"'),
-    "DEV:NAME?": Command(lambda d: '"MCS2 (stickslip_ros)"'),
-    "DEV:NOCH?": Command(lambda d: len(d.controller.channels)),
-    "DEV:NOBM?": Command(lambda d: -(-len(d.controller.channels) // _OF_MODULE)),
-    "DEV:STAT?": Command(lambda d: 0),
-    "DEV:NUMCHAN?": Command(lambda d: len(d.controller.channels)),
-    "SYST:ERR?": Command(lambda d: d.next_error()),
-    "SYST:ERR:NEXT?": Command(lambda d: d.next_error()),
-    "SYST:ERR:COUN?": Command(lambda d: len(d.errors)),
+OF_CONTROLLER: dict[str, Request] = {
+    "*IDN?": Request(lambda d: f"SmarAct,MCS2 (stickslip_ros),SIM-1,{__version__}"),
+    "*OPC?": Request(lambda d: 1),  # commands are carried out before the next one is read
+    "*CLS": Request(lambda d: d.errors.clear()),
+    "*RST": Request(lambda d: d.reset()),
+    "DEV:SNUM?": Request(lambda d: '"SIM-1"'),
+    "DEV:NAME?": Request(lambda d: '"MCS2 (stickslip_ros)"'),
+    "DEV:NOCH?": Request(lambda d: len(d.controller.channels)),
+    "DEV:NOBM?": Request(lambda d: -(-len(d.controller.channels) // _OF_MODULE)),
+    "DEV:STAT?": Request(lambda d: 0),
+    "DEV:NUMCHAN?": Request(lambda d: len(d.controller.channels)),
+    "SYST:ERR?": Request(lambda d: d.next_error()),
+    "SYST:ERR:NEXT?": Request(lambda d: d.next_error()),
+    "SYST:ERR:COUN?": Request(lambda d: len(d.errors)),
 }

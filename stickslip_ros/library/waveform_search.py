@@ -64,7 +64,7 @@ class ShapedSlip:
 def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSlip:
     """Return the slip in two parts that leaves the least ringing (section 4.2 of the paper).
 
-    Holds of the waveform stay the same; `ringing` defines the ringing.
+    Holds of the waveform stay the same; `ringing_and_step` defines the ringing.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def _shape_slip(p: Parameters) -> ShapedSlip:
     if not frequency > 0.0:
         raise ParameterError("the contact is damped too much to ring: there is nothing to shape")
     period = 1.0 / frequency
-    ringing_before, step_before = ringing(single)
+    ringing_before, step_before = ringing_and_step(single)
     if abs(step_before) < MEASURABLE:
         raise ParameterError(
             f"preload is {p.friction.preload:g} N and amplitude {p.drive.amplitude:g} V: the axis "
@@ -131,7 +131,7 @@ def _shape_slip(p: Parameters) -> ShapedSlip:
         options={"initial_simplex": simplex, "xatol": 1e-5, "fatol": 1e-4, "maxfev": 300},
     ).x
     split, latency = float(best[0]), float(best[1]) * period
-    ringing_after, step_after = ringing(_shaped(single, split, latency))
+    ringing_after, step_after = ringing_and_step(_shaped(single, split, latency))
     return ShapedSlip(
         split, latency, period, ringing_before, ringing_after, step_before, step_after,
         left_out(p, OF_ONE_CONTACT),
@@ -148,7 +148,7 @@ def shaping_map(
     )
 
 
-def ringing(p: Parameters) -> tuple[float, float]:
+def ringing_and_step(p: Parameters) -> tuple[float, float]:
     """Return the ringing after a slip, peak to peak, and the step size, both in m.
 
     Of a settled cycle: the runner against the actuator, x - u, over the first three ringing periods
@@ -184,7 +184,7 @@ def _shaped(single: Parameters, split: float, latency: float) -> Parameters:
 
 def _ringing_or_nan(single: Parameters, split: float, latency: float) -> float:
     try:
-        return ringing(_shaped(single, split, latency))[0]
+        return ringing_and_step(_shaped(single, split, latency))[0]
     except ParameterError:
         return math.nan
 

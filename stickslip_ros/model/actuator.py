@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.parameters import ActuatorParameters, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_yaml import load_values
-from stickslip_ros.parameters.number_file import FileVersion, read_text
+from stickslip_ros.parameters.number_file import FileVersion, read_small_text
 
 #: Play operators of a loop that is given by its width alone.
 OPERATORS = 8
@@ -193,7 +193,7 @@ def hysteresis_text(actuator: Actuator, remark: str) -> str:
 def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     path = file.path
     try:
-        content = load_values(read_text(path))
+        content = load_values(read_small_text(path))
     except ParameterError:
         raise
     except ValueError:  # without what stands there, for somebody else may have named the file

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
-from stickslip_ros.pages.compared_figures import figures, points_of
+from stickslip_ros.pages.compared_figures import comparison_figures, points_of
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.page import PlotPlace, ResultPage, versions
@@ -25,7 +25,7 @@ class _Cycles(NamedTuple):
     left_out: int
 
 
-def page_of(
+def comparison_page(
     found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
 ) -> ResultPage:
     """Return the page of a comparison.
@@ -73,7 +73,7 @@ def _cards(found: Comparison) -> list[tuple[str, str, str]]:
 
 def _plots(found: Comparison) -> list[PlotPlace]:
     """Return the plots that there are, with their titles and descriptions."""
-    drawn = figures(found)
+    drawn = comparison_figures(found)
     step = next(metric for metric in found.metrics if metric.name == "step size")
     in_run, as_measured = format_si(step.run, step.unit), format_si(step.measured, step.unit)
     within = (

@@ -26,7 +26,7 @@ PHASES = (
 )
 
 
-def figures(found: Comparison) -> dict[str, Figure]:
+def comparison_figures(found: Comparison) -> dict[str, Figure]:
     """Return the plots by name: overview, step, slip, cycles; without steps the first only."""
     plots = {"overview": _overview(found)}
     if found.run_steps is not None:

@@ -42,7 +42,7 @@ _PROFILES = (
 )
 
 
-def figures(found: Fit) -> list[PlotPlace]:
+def fit_figures(found: Fit) -> list[PlotPlace]:
     """Return the plots with their descriptions."""
     plots: list[PlotPlace] = []
     for k, run in enumerate(found.runs):

@@ -22,7 +22,7 @@ TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
 BACKSTEP = "#5b4a8a"
 
 
-def page_of(motion: Motion, seen: Findings) -> ResultPage:
+def measurement_page(motion: Motion, seen: Findings) -> ResultPage:
     """Return the page of a measurement and the runs in it."""
     parts = {
         "source": motion.source,

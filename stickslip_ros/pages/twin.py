@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _POINTS, _BAND = 4000, "#9db4d8"
 
 
-def page_of(twin: Twin, updates: Sequence[Update], source: str) -> ResultPage:
+def twin_page(twin: Twin, updates: Sequence[Update], source: str) -> ResultPage:
     """Return the page of a twin that has taken the readings of a source."""
     level, reason = twin.level
     parts = {

@@ -5,8 +5,10 @@ A new claim is a function in one of these files and a line in ``report.py``, wit
 ``claims.yaml``, the bounds of its numbers in ``checks.csv`` and its picture in ``charts.yaml``.
 """
 
-from stickslip_ros.paper.claim import Basis, Check, Claim, Result, Verdict
-from stickslip_ros.paper.report import CLAIMS, PAGE, FolderError, Outcome, refuse_foreign, report
+from stickslip_ros.paper.claim import Basis, Check, Claim, Result
+from stickslip_ros.paper.claim import ClaimVerdict as Verdict
+from stickslip_ros.paper.report import CLAIMS, PAGE, FolderError, refuse_foreign, report
+from stickslip_ros.paper.report import ClaimOutcome as Outcome
 
 __all__ = [
     "CLAIMS",

@@ -27,7 +27,7 @@ _COLOURS = {
 }  # fmt: skip
 
 
-class Curve(NamedTuple):
+class ChartCurve(NamedTuple):
     """A column over the x of its panel."""
 
     column: str
@@ -44,7 +44,7 @@ class Panel:
 
     x: str  #: a column
     labels: tuple[str, str]  #: of the axes, units included
-    curves: Sequence[Curve] = ()
+    curves: Sequence[ChartCurve] = ()
     table: str = ""  #: ending of the table that holds the columns
     y: str = ""  #: column of the vertical axis of a map
     values: tuple[str, str] = ("", "")  #: column (m) and label of a map, "" for none
@@ -64,7 +64,7 @@ class Panel:
     @classmethod
     def of(cls, texts: Mapping[str, Any]) -> Panel:
         """Return the panel that a mapping of charts.yaml describes."""
-        return cls(**{**texts, "curves": [Curve(*one) for one in texts.get("curves", ())]})
+        return cls(**{**texts, "curves": [ChartCurve(*one) for one in texts.get("curves", ())]})
 
 
 def read_charts(path: Path) -> dict[str, Callable[[Result], Result]]:
@@ -110,7 +110,7 @@ def _draw(panels: Sequence[Panel], tables: Mapping[str, Table], figure: Figure) 
             axes.legend(loc=one.legend, fontsize=8.5, framealpha=0.9, title=one.heading)
 
 
-def _draw_curve(axes: Axes, one: Panel, curve: Curve, tables: Mapping[str, Table]) -> float:
+def _draw_curve(axes: Axes, one: Panel, curve: ChartCurve, tables: Mapping[str, Table]) -> float:
     """Draw a curve and return its greatest y."""
     table = tables[curve.of + one.table]
     x, y = one.scales[0] * table[one.x], one.scales[1] * table[curve.column]

@@ -33,8 +33,8 @@ def paired(values_of: Callable[[Any], Values], table_1: Any, joint: Any) -> dict
     return {what: (value, other[what]) for what, value in one.items()}
 
 
-class Verdict(Enum):
-    """How a simulation stands against a claim; `Verdict.of` has the rule for the first three."""
+class ClaimVerdict(Enum):
+    """How a simulation stands against a claim; the first three follow the rule of `of`."""
 
     AGREES = "agrees"
     IN_KIND = "agrees in kind"
@@ -43,7 +43,7 @@ class Verdict(Enum):
     DATA = "data only"
 
     @classmethod
-    def of(cls, checks: Sequence[Check]) -> Verdict:
+    def of(cls, checks: Sequence[Check]) -> ClaimVerdict:
         """Return the verdict that follows from checks, at least one of them judged.
 
         - a trend is missed, or there are printed numbers and none is met: disagrees
@@ -53,8 +53,8 @@ class Verdict(Enum):
         trends = [check.holds for check in checks if check.basis is Basis.TREND]
         numbers = [check.holds for check in checks if check.basis is Basis.NUMBER]
         if not all(trends) or (numbers and not any(numbers)):
-            return Verdict.DISAGREES
-        return Verdict.AGREES if numbers and all(numbers) else Verdict.IN_KIND
+            return ClaimVerdict.DISAGREES
+        return ClaimVerdict.AGREES if numbers and all(numbers) else ClaimVerdict.IN_KIND
 
 
 class Basis(Enum):
@@ -143,7 +143,7 @@ class Result:
     draw: Callable[[Figure], None] | None = None  #: fills a figure of `size`
     size: tuple[float, float] = (6.2, 3.9)  #: inches
     remark: str = ""  #: beside that of the claim, where it holds numbers
-    settled: Verdict | None = None  #: where there is nothing to judge: why
+    settled: ClaimVerdict | None = None  #: where there is nothing to judge: why
     checks: tuple[Check, ...] = ()  #: of the values, which the claim brings
 
     def judged(self, checks: Sequence[Check]) -> Result:
@@ -159,16 +159,16 @@ class Result:
         return replace(self, checks=tuple(check.of(self.values[check.what]) for check in checks))
 
     @property
-    def verdict(self) -> Verdict:
-        """With the parameters of Table 1, or those of the claim; see `Verdict.of`."""
-        return self.settled or Verdict.of(self.checks)
+    def verdict(self) -> ClaimVerdict:
+        """With the parameters of Table 1, or those of the claim; see `ClaimVerdict.of`."""
+        return self.settled or ClaimVerdict.of(self.checks)
 
     @property
-    def joint_verdict(self) -> Verdict | None:
+    def joint_verdict(self) -> ClaimVerdict | None:
         """With the joint set; None where only one set is shown."""
         if all(check.joint is None for check in self.checks):
             return None
-        return self.settled or Verdict.of([check.with_joint_set for check in self.checks])
+        return self.settled or ClaimVerdict.of([check.with_joint_set for check in self.checks])
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ class Curves(NamedTuple):
         return linear / constant
 
 
-def curves(base: Set, constant: float) -> Curves:
+def stiffness_curves(base: Set, constant: float) -> Curves:
     """Return the three curves of a set with a constant stiffness (N/m)."""
     return Curves(
         forces({**base, "sigma_0": constant}, PRELOAD),
@@ -56,7 +56,9 @@ def curves(base: Set, constant: float) -> Curves:
 
 def both() -> tuple[Curves, Curves]:
     """Return the curves with Table 1 and with the joint set."""
-    return curves(TABLE_1, CONSTANT), curves({**JOINT, "spring": JOINT_SENSOR}, JOINT_CONSTANT)
+    return stiffness_curves(TABLE_1, CONSTANT), stiffness_curves(
+        {**JOINT, "spring": JOINT_SENSOR}, JOINT_CONSTANT
+    )
 
 
 def _numbers(found: Curves) -> Values:
@@ -76,7 +78,7 @@ def _numbers(found: Curves) -> Values:
     }
 
 
-def generated_force() -> Result:
+def bounds_of_force() -> Result:
     """The curves of both sets."""
     sets = dict(zip(("", "_joint"), both(), strict=True))
     return Result(

@@ -20,7 +20,7 @@ from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.model.surface import CycleStart, Surface
-from stickslip_ros.paper.claim import Result, Table, Values, Verdict, paired
+from stickslip_ros.paper.claim import ClaimVerdict, Result, Table, Values, paired
 from stickslip_ros.paper.parameter_sets import (
     EIGENFREQUENCY,
     JOINT,
@@ -120,7 +120,7 @@ def _over_modulus(name: str, table_1: Array, joint: Array) -> dict[str, Array]:
     }
 
 
-def zero_amplitude() -> Result:
+def zero_amplitude_of_materials() -> Result:
     """0-amplitude over Young's modulus, z_ba by Mindlin's compliance."""
     sets = [
         zero_amplitudes(_of_material(base), len(MODULI), TRIAL_STEPS) for base in (TABLE_1, JOINT)
@@ -211,7 +211,7 @@ def table() -> Result:
         tables={"": {"Young's modulus (N/m2)": np.array([m.youngs_modulus for m in MATERIALS])}},
         remark="; ".join(f"{m.name}: {m.printed_modulus:g} kN/mm²" for m in MATERIALS)
         + ". Fig. 6, 9 and 10 are computed from these moduli.",
-        settled=Verdict.DATA,
+        settled=ClaimVerdict.DATA,
     )
 
 
@@ -221,7 +221,7 @@ def tops(highest: Sequence[tuple[float, float]]) -> Table:
     return {"preload (N)": preload, "maximum (N)": force}
 
 
-def generated_force() -> Result:
+def slopes_of_force() -> Result:
     """Generated force over preload for three slopes of Eq. 14."""
     sets = {
         ending: [forces({**base, "sigma_0_slope": slope}, _PRELOAD) for slope in SLOPES]

@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip_ros.library.operating_points import blocking_preloads
 from stickslip_ros.model import Plant
-from stickslip_ros.paper.claim import Result, Values, Verdict, paired
+from stickslip_ros.paper.claim import ClaimVerdict, Result, Values, paired
 from stickslip_ros.paper.parameter_sets import (
     EPM_CALC,
     EPM_FIX,
@@ -141,7 +141,7 @@ def parameter_sets() -> Result:
     return Result(
         values,
         tables={"": {"preload (N)": rest, "z_ss of EPM_calc at rest (m)": z_ss}},
-        settled=Verdict.DATA,
+        settled=ClaimVerdict.DATA,
     )
 
 

@@ -33,7 +33,7 @@ from stickslip_ros.paper import (
     waveforms,
 )
 from stickslip_ros.paper.charts import read_charts
-from stickslip_ros.paper.claim import Claim, Result, Table, Verdict, read_checks
+from stickslip_ros.paper.claim import Claim, ClaimVerdict, Result, Table, read_checks
 from stickslip_ros.reporting.page import page
 from stickslip_ros.version import __version__
 
@@ -51,7 +51,7 @@ _COMPUTED: Mapping[str, Callable[[], Result]] = {
     "fig05": preload.earlier_laws,
     "tab02": preload.parameter_sets,
     "tab03": materials.table,
-    "fig06": materials.zero_amplitude,
+    "fig06": materials.zero_amplitude_of_materials,
     "fig07": amplitude.slewrate,
     "eq09": response.balance,
     "shaping": waveforms.shaping,
@@ -62,12 +62,12 @@ _COMPUTED: Mapping[str, Callable[[], Result]] = {
     "fig10": stiffness.stiffness,
     "sec45": response.hysteresis,
     "fig11": stiffness.eigenfrequency,
-    "fig12": materials.generated_force,
+    "fig12": materials.slopes_of_force,
     "fig13": influences.velocity,
     "sec52": influences.contacts,
     "sec53": amplitude.steady_state_distance,
     "fig14": preload.ceim,
-    "fig15": force.generated_force,
+    "fig15": force.bounds_of_force,
     "tab05": typical.guide,
 }
 _HERE = Path(__file__).parent
@@ -86,8 +86,8 @@ _FIRST_LINE = "stickslip paper: this folder is replaced as a whole"
 _DPI = 150
 FAILED = "could not be computed"
 #: Badges of the page.
-_BADGES = {Verdict.AGREES.value: "good", Verdict.IN_KIND.value: "mixed"} | dict.fromkeys(
-    (Verdict.DISAGREES.value, FAILED), "bad"
+_BADGES = {ClaimVerdict.AGREES.value: "good", ClaimVerdict.IN_KIND.value: "mixed"} | dict.fromkeys(
+    (ClaimVerdict.DISAGREES.value, FAILED), "bad"
 )
 
 
@@ -96,7 +96,7 @@ class FolderError(StickslipError, ValueError):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ClaimOutcome:
     """Result of a claim; a failed claim has only a fault."""
 
     claim: Claim
@@ -156,8 +156,8 @@ def report(
     folder: Path,
     claims: Sequence[Claim],
     executor: Executor,
-    progress: Callable[[Outcome], object] = lambda outcome: None,
-) -> list[Outcome]:
+    progress: Callable[[ClaimOutcome], object] = lambda outcome: None,
+) -> list[ClaimOutcome]:
     """Compute the claims on the executor and write the folder; return the outcomes.
 
     A claim that fails stands in the page as failed. progress is called with each outcome.
@@ -184,7 +184,7 @@ def report(
     return outcomes
 
 
-def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> Outcome:
+def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> ClaimOutcome:
     """Write the files of a claim and return its outcome; one that fails says why."""
     try:
         result = compute()
@@ -193,12 +193,12 @@ def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> Outcome
             f"{claim.name}{ending}.csv": _csv(table) for ending, table in result.tables.items()
         }
     except Exception as error:  # whatever it is, the other claims are not to blame
-        return Outcome(claim, fault=f"{type(error).__name__}: {error}")
+        return ClaimOutcome(claim, fault=f"{type(error).__name__}: {error}")
     files = {f"{claim.name}.{kind}": picture for kind, picture in pictures.items()}
     files |= {name: text.encode() for name, text in tables.items()}
     for name, content in files.items():
         (work / name).write_bytes(content)
-    return Outcome(claim, result, pictures.get("svg", b"").decode(), tuple(files))
+    return ClaimOutcome(claim, result, pictures.get("svg", b"").decode(), tuple(files))
 
 
 def draw_result(result: Result) -> Figure:
@@ -236,9 +236,9 @@ def _csv(table: Table) -> str:
     return text.getvalue()
 
 
-def _page(outcomes: Sequence[Outcome]) -> str:
+def _page(outcomes: Sequence[ClaimOutcome]) -> str:
     found = [outcome.verdict for outcome in outcomes]
-    order = [*(verdict.value for verdict in Verdict), FAILED]
+    order = [*(verdict.value for verdict in ClaimVerdict), FAILED]
     return page(
         "paper.html",
         outcomes=outcomes,

@@ -13,7 +13,7 @@ from stickslip_ros.measurement.actuator_identification import identify_hysteresi
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.pages.response import draw_closer, draw_cycles
-from stickslip_ros.paper.claim import Result, Verdict
+from stickslip_ros.paper.claim import ClaimVerdict, Result
 from stickslip_ros.paper.parameter_sets import (
     FULL_DEFLECTION,
     FULL_VOLTAGE,
@@ -227,7 +227,7 @@ def balance() -> Result:
                 "lasting backstep (m)": lasting,
             }
         },
-        settled=Verdict.CONTRADICTORY,
+        settled=ClaimVerdict.CONTRADICTORY,
     )  # fmt: skip
 
 

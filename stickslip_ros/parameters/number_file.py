@@ -67,7 +67,7 @@ def read_bytes(path: Path) -> bytes:
         raise cannot_read(path, error) from None
 
 
-def read_text(path: Path) -> str:
+def read_small_text(path: Path) -> str:
     """Return the text of a file as `read_bytes` does; UnicodeDecodeError if it is none."""
     return read_bytes(path).decode("utf-8-sig")
 
@@ -82,7 +82,7 @@ def read_rows(
     words. Raises ParameterError with the line for anything else.
     """
     try:
-        text = read_text(path)
+        text = read_small_text(path)
     except UnicodeDecodeError:
         raise ParameterError(f"{path} is not a text file; it has to hold {form}") from None
     lines: list[int] = []

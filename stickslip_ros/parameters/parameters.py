@@ -241,9 +241,9 @@ def yaml_text(p: Parameters, given: Collection[str] = ()) -> str:
 
     Those with a name in given are in it, too.
     """
-    from stickslip_ros.parameters.ros_file import yaml_text as text_of
+    from stickslip_ros.parameters.ros_file import parameter_file_text
 
     usual = Parameters().flat()
-    return text_of(
+    return parameter_file_text(
         {name: value for name, value in p.flat().items() if value != usual[name] or name in given}
     )

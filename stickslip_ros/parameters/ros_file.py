@@ -65,7 +65,7 @@ def values_in(path: Path, name: str) -> list[object]:
     return [values[name] for _, values in sections if name in values]
 
 
-def yaml_text(values: Mapping[str, Any]) -> str:
+def parameter_file_text(values: Mapping[str, Any]) -> str:
     """Return the text of a parameter file with values by name."""
     return yaml.safe_dump({"/**": {_VALUES: dict(values)}}, sort_keys=False)
 

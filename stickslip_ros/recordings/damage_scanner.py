@@ -25,8 +25,8 @@ from stickslip_ros.recordings.mcap_records import (
     PackedChunk,
     Place,
     place_at,
-    places,
     reading,
+    record_places,
     records_in,
 )
 from stickslip_ros.recordings.unpacking import unpack
@@ -95,7 +95,7 @@ class DamageScanner(McapFile):
         """
         compression, told, largest = "", 0, 0
         with contextlib.suppress(*BROKEN):
-            for place in places(self.stream, len(MAGIC), self.size):
+            for place in record_places(self.stream, len(MAGIC), self.size):
                 if place.opcode == Opcode.CHUNK:
                     chunk = PackedChunk.read(self.read(place.start + HEAD.size, LONGEST_CHUNK_HEAD))
                     compression = compression if told else chunk.compression

@@ -28,8 +28,8 @@ from stickslip_ros.recordings.mcap_records import (
     metadata_text,
     parse,
     place_at,
-    places,
     reading,
+    record_places,
 )
 from stickslip_ros.recordings.unpacking import open_storage
 
@@ -150,7 +150,7 @@ class McapFile:
         if footer.summary_crc and footer.summary_crc != self._checksum(start, end):
             return None
         index = Index()
-        for place in places(self.stream, start, end):
+        for place in record_places(self.stream, start, end):
             if place.opcode == Opcode.CHUNK_INDEX:
                 chunk = parse(ChunkIndex, body_at(self.stream, place))
                 index.compressions.add(chunk.compression)

@@ -117,7 +117,7 @@ def place_at(stream: IO[bytes], at: int, end: int) -> Place:
     return Place(opcode, at, at + HEAD.size + length)
 
 
-def places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
+def record_places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
     """Yield where the records of a part of a file lie; ValueError where one cannot be."""
     while start < end:
         place = place_at(stream, start, end)

@@ -204,7 +204,7 @@ def without_name(arguments: Sequence[str]) -> list[str]:
     return kept
 
 
-def compile_all() -> None:
+def compile_axis() -> None:
     """Have all compiled that a node of an axis needs, before there is one."""
     with report_compilation():
         axis = Axis({})
@@ -215,7 +215,7 @@ def compile_all() -> None:
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; return 0 when it was asked to end, 2 on bad use."""
     return run(
-        "axis_node", args, lambda stop: axis_or_host(stop, args), compile_all, _usage, many=True
+        "axis_node", args, lambda stop: axis_or_host(stop, args), compile_axis, _usage, many=True
     )
 
 

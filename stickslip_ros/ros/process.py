@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args, try_shutdown
 
-from stickslip_ros.errors import StickslipError, ending_signals
+from stickslip_ros.errors import StickslipError, UsageError, ending_signals
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.parameters.ros_file import OF_EVERY_NODE
 from stickslip_ros.recordings import BagError
@@ -29,10 +29,6 @@ _ROUND = 0.1  # s, the longest that the executor waits for something to do
 _POLL = 0.05  # s, between checks whether a signal asks to end
 
 StopRequested = Callable[[], bool]
-
-
-class UsageError(StickslipError):
-    """A request of the user that cannot be carried out; the text is one line with the cure."""
 
 
 class Runnable(Protocol):

@@ -22,13 +22,14 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from stickslip_ros.errors import UsageError
 from stickslip_ros.files import reason_and_cure
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.process import StopRequested, UsageError, run
+from stickslip_ros.ros.process import StopRequested, run
 from stickslip_ros.ros.recording import Choice, Recording, check_there, ros_distro
 
 NODE_NAME = "stickslip_recorder"

@@ -21,12 +21,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from stickslip_ros.errors import UsageError
 from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
 from stickslip_ros.ros.player import Timetable, with_ticks
-from stickslip_ros.ros.process import StopRequested, UsageError, run
+from stickslip_ros.ros.process import StopRequested, run
 
 NODE_NAME = "stickslip_replay"
 _DEPTH = 1000

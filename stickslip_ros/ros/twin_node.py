@@ -29,6 +29,7 @@ from stickslip_ros.axis import Event
 from stickslip_ros.axis.command import FLOAT64, INT32
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START
+from stickslip_ros.errors import UsageError
 from stickslip_ros.library.ensemble import find_ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.device_groups import AXIS_NODE, SLIDER
@@ -42,7 +43,7 @@ from stickslip_ros.ros.messages import (
     stamp,
 )
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.process import StopRequested, UsageError, run
+from stickslip_ros.ros.process import StopRequested, run
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Forecast, Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of

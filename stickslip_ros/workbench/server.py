@@ -136,7 +136,7 @@ def _file_name(name: str) -> str:
     return last[-_LONGEST_NAME:] if last.strip(".") else "file"
 
 
-class Server(ThreadingHTTPServer):
+class WorkbenchServer(ThreadingHTTPServer):
     """Listens on this machine; `serve_forever` answers."""
 
     daemon_threads = True
@@ -166,7 +166,7 @@ class Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     """Answers one connection."""
 
-    server: Server
+    server: WorkbenchServer
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "stickslip", ""
     disable_nagle_algorithm = True  # or an answer in two parts waits 40 ms for the first one's

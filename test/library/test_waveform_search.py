@@ -10,7 +10,7 @@ from table_1 import table_1
 from stickslip_ros.library.waveform_search import (
     elongate_step,
     elongation_map,
-    ringing,
+    ringing_and_step,
     shape_slip,
     shaping_map,
 )
@@ -44,14 +44,14 @@ def test_the_known_start() -> None:
     """85.5 % and 0.48 ringing periods at 0.4 N leave a small part of it."""
     p = table_1()
     latency = 0.48 / Plant.of(p).ringing_frequency
-    assert ringing(shaped(p, 0.855, latency))[0] < ringing(p)[0] / 20.0
+    assert ringing_and_step(shaped(p, 0.855, latency))[0] < ringing_and_step(p)[0] / 20.0
 
 
 def test_the_map_is_the_ringing_of_each_pair() -> None:
     p = table_1(frequency=1000.0)
     found = shaping_map(p, np.array([0.5, 0.9]), np.array([2e-5, 6e-5, 2e-3]))
     assert found.shape == (2, 3)
-    assert found[1, 1] == ringing(shaped(p, 0.9, 6e-5))[0]
+    assert found[1, 1] == ringing_and_step(shaped(p, 0.9, 6e-5))[0]
     assert np.isnan(found[:, 2]).all()
     assert np.isfinite(found[:, :2]).all()
 

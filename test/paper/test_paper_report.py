@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from stickslip_ros import paper
 from stickslip_ros.files import WriteError
 from stickslip_ros.paper import PAGE, Basis, Check, Claim, FolderError, Result, Verdict, report
-from stickslip_ros.paper.report import Outcome, errata
+from stickslip_ros.paper.report import ClaimOutcome, errata
 
 REPOSITORY = Path(__file__).parent.parent.parent
 
@@ -110,7 +110,7 @@ def test_whatever_fails_the_folder_is_whole_or_as_before(
 def test_the_page_shows_what_was_compared_and_needs_nothing_beside_itself(
     tmp_path: Path, executor: Executor
 ) -> None:
-    seen: list[Outcome] = []
+    seen: list[ClaimOutcome] = []
     (outcome,) = report(tmp_path / "deep" / "out", [item("fig00")], executor, seen.append)
     assert (outcome.verdict, seen) == (Verdict.AGREES.value, [outcome])
     out = tmp_path / "deep" / "out"
@@ -198,7 +198,7 @@ def test_an_interrupted_report_leaves_what_was_there(tmp_path: Path, executor: E
     report(out, [item("fig00")], executor)
     before = {path: path.read_bytes() for path in out.iterdir()}
 
-    def interrupt(outcome: Outcome) -> None:
+    def interrupt(outcome: ClaimOutcome) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -14,9 +14,9 @@ from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis
+from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.ros.messages import diagnostic_array, event_status, stamp
-from stickslip_ros.ros.process import UsageError
 from stickslip_ros.ros.twin_node import TwinNode
 
 

@@ -15,7 +15,7 @@ from table_1 import TABLE_1
 import stickslip_ros as ss
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.workbench.overlay import Overlay
-from stickslip_ros.workbench.server import Server, Workbench
+from stickslip_ros.workbench.server import Workbench, WorkbenchServer
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -28,7 +28,7 @@ Open = Callable[..., "Page"]
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
     overlay = Overlay.of(ss.read_measurement("steps_100hz.csv"))
-    with Server(Workbench(Parameters.of(TABLE_1), overlay)) as server:
+    with WorkbenchServer(Workbench(Parameters.of(TABLE_1), overlay)) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield server.address
@@ -288,7 +288,7 @@ def test_the_contact_is_fitted_to_the_measurement(browser: Browser) -> None:
     """From a wrong stiffness back to that of the sample, then shown by the sliders."""
     overlay = Overlay.of(ss.read_measurement("steps_100hz.csv"))
     start = Parameters.of({**TABLE_1, "sigma_0": 1.5 * 9.0e6, "sigma_1": 12.0})
-    with Server(Workbench(start, overlay)) as server:
+    with WorkbenchServer(Workbench(start, overlay)) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         page = browser.new_page()

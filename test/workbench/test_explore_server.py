@@ -17,14 +17,14 @@ from table_1 import TABLE_1
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.workbench.server import HOST, Server, Workbench
+from stickslip_ros.workbench.server import HOST, Workbench, WorkbenchServer
 
 SAMPLES = Path(__file__).parents[2] / "examples" / "samples"
 
 
 @pytest.fixture
-def server() -> Iterator[Server]:
-    with Server(Workbench(Parameters.of(TABLE_1))) as found:
+def server() -> Iterator[WorkbenchServer]:
+    with WorkbenchServer(Workbench(Parameters.of(TABLE_1))) as found:
         thread = threading.Thread(target=found.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()
         yield found
@@ -33,7 +33,7 @@ def server() -> Iterator[Server]:
 
 
 def ask(
-    server: Server, path: str, body: bytes | None = None, **headers: str
+    server: WorkbenchServer, path: str, body: bytes | None = None, **headers: str
 ) -> tuple[int, str, http.client.HTTPMessage]:
     connection = http.client.HTTPConnection(HOST, server.server_port, timeout=60)
     connection.request("GET" if body is None else "POST", path, body, headers)
@@ -43,14 +43,14 @@ def ask(
     return answer.status, text, answer.headers
 
 
-def curves(server: Server, query: str) -> dict[str, Any]:
+def curves(server: WorkbenchServer, query: str) -> dict[str, Any]:
     status, text, _ = ask(server, f"/curves?{query}")
     assert status == 200
     found: dict[str, Any] = json.loads(text)
     return found
 
 
-def test_the_page_has_everything_it_asks_for(server: Server) -> None:
+def test_the_page_has_everything_it_asks_for(server: WorkbenchServer) -> None:
     status, text, headers = ask(server, "/")
     assert status == 200
     for script in ("/chart.js", "/explore.js"):
@@ -61,7 +61,7 @@ def test_the_page_has_everything_it_asks_for(server: Server) -> None:
     assert "https://" not in text
 
 
-def test_a_change_changes_the_curves(server: Server) -> None:
+def test_a_change_changes_the_curves(server: WorkbenchServer) -> None:
     assert curves(server, "preload=1.0")["over"]["amplitude"]["now"] == [
         300.0,
         pytest.approx(113.2, abs=0.01),
@@ -80,25 +80,25 @@ def test_a_change_changes_the_curves(server: Server) -> None:
     ],
 )
 def test_what_cannot_be_is_answered_with_the_reason(
-    server: Server, query: str, complaint: str
+    server: WorkbenchServer, query: str, complaint: str
 ) -> None:
     assert complaint in curves(server, query)["error"]
 
 
-def test_a_foreign_name_for_this_machine_is_refused(server: Server) -> None:
+def test_a_foreign_name_for_this_machine_is_refused(server: WorkbenchServer) -> None:
     """A page of another site could bind its name to 127.0.0.1 and read the answers."""
     status, text, _ = ask(server, "/curves", Host="evil.example")
     assert (status, text) == (403, "this page is for this machine only\n")
     assert ask(server, "/", Host=f"localhost:{server.server_port}")[0] == 200
 
 
-def test_files_are_taken_from_the_page_only(server: Server) -> None:
+def test_files_are_taken_from_the_page_only(server: WorkbenchServer) -> None:
     for headers in ({}, {"Origin": "http://evil.example"}, {"Origin": "null"}):
         assert ask(server, "/open?name=a.csv", b"t,x\n", **headers)[0] == 403
     assert ask(server, "/nothing")[0] == 404
 
 
-def test_it_listens_on_this_machine_only(server: Server) -> None:
+def test_it_listens_on_this_machine_only(server: WorkbenchServer) -> None:
     assert server.server_address[0] == "127.0.0.1"
     other = socket.socket()
     other.settimeout(0.5)
@@ -109,7 +109,7 @@ def test_it_listens_on_this_machine_only(server: Server) -> None:
     other.close()
 
 
-def post(server: Server, name: str, content: bytes) -> dict[str, Any]:
+def post(server: WorkbenchServer, name: str, content: bytes) -> dict[str, Any]:
     origin = server.address.rstrip("/")
     status, text, _ = ask(server, f"/open?name={name}", content, Origin=origin)
     assert status == 200
@@ -117,7 +117,7 @@ def post(server: Server, name: str, content: bytes) -> dict[str, Any]:
     return found
 
 
-def test_a_fit_needs_a_measurement_and_a_request_of_the_page(server: Server) -> None:
+def test_a_fit_needs_a_measurement_and_a_request_of_the_page(server: WorkbenchServer) -> None:
     origin = server.address.rstrip("/")
     assert json.loads(ask(server, "/fit")[1]) == {"state": "idle"}
     assert ask(server, "/fit", b"", Origin="http://evil.example")[0] == 403
@@ -126,7 +126,7 @@ def test_a_fit_needs_a_measurement_and_a_request_of_the_page(server: Server) -> 
 
 
 @pytest.mark.slow
-def test_a_measurement_from_the_page_is_laid_over(server: Server) -> None:
+def test_a_measurement_from_the_page_is_laid_over(server: WorkbenchServer) -> None:
     name = "steps_100hz.csv"
     answer = post(server, name, (SAMPLES / name).read_bytes())
     assert answer == {"measurement": name, "frequency": pytest.approx(100.0, rel=1e-4)}
@@ -134,7 +134,7 @@ def test_a_measurement_from_the_page_is_laid_over(server: Server) -> None:
     assert name in ask(server, "/")[1]
 
 
-def test_parameters_from_the_page_are_its_new_start(server: Server) -> None:
+def test_parameters_from_the_page_are_its_new_start(server: WorkbenchServer) -> None:
     text = b"/**:\n  ros__parameters:\n    preload: 1.0\n    z_ba: 2.0e-8\n"
     assert post(server, "fitted.yaml", text) == {"parameters": "fitted.yaml"}
     found = curves(server, "")
@@ -155,7 +155,7 @@ def test_parameters_from_the_page_are_its_new_start(server: Server) -> None:
     ],
 )
 def test_a_bad_file_is_refused_and_nothing_changes(
-    server: Server, name: str, content: bytes, complaint: str
+    server: WorkbenchServer, name: str, content: bytes, complaint: str
 ) -> None:
     before = server.workbench.state
     error = post(server, name, content)["error"]
@@ -165,7 +165,7 @@ def test_a_bad_file_is_refused_and_nothing_changes(
 
 
 def test_what_is_no_request_is_refused_without_a_traceback(
-    server: Server, capsys: pytest.CaptureFixture[str]
+    server: WorkbenchServer, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert ask(server, "/open?name=a.csv", b"t,x\n", Origin="http://[")[0] == 403
     assert ask(server, "//[")[0] == 404
@@ -174,7 +174,7 @@ def test_what_is_no_request_is_refused_without_a_traceback(
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_one_file_is_taken_at_a_time(server: Server) -> None:
+def test_one_file_is_taken_at_a_time(server: WorkbenchServer) -> None:
     """Eight of 150 MB took 1.4 GB."""
     with server.taking:
         status, text, _ = ask(server, "/open?name=a", b"0", Origin=server.address.rstrip("/"))
@@ -202,6 +202,6 @@ def test_the_command_tells_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> N
         assert child.wait(30) == 0
 
 
-def test_a_port_in_use_is_told(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_in_use_is_told(server: WorkbenchServer, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explore", "--no-browser", "--port", str(server.server_port)]) == 2
     assert "choose another --port" in capsys.readouterr().err

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stickslip_ros.cli.command_line import Parser, finish
-from stickslip_ros.cli.options import UsageError, progress_bar
+from stickslip_ros.cli.options import progress_bar
+from stickslip_ros.errors import UsageError
 from stickslip_ros.files import check_folder
 from validation import benchmark
 from validation.benchmark import METHODS, OURS, PEERS

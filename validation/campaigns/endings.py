@@ -31,7 +31,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64
 
 from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
-from stickslip_ros.ros.axis_host import compile_all
+from stickslip_ros.ros.axis_host import compile_axis
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.spin_thread import SpinThread
@@ -174,7 +174,7 @@ def an_axis(how: str, lot: random.Random, folder: Path) -> list[str]:
 def study(moments: int, seed: int) -> int:
     """Try so many ends; print those that were bad and return how many there were."""
     choose_domain()
-    compile_all()
+    compile_axis()
     lot, bad, tried = random.Random(seed), 0, Counter[str]()
     numbers = Numbers()
     try:

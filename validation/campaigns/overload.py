@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.ros.axis_host import compile_all
+from stickslip_ros.ros.axis_host import compile_axis
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from validation.campaigns.processes import ended, memory_of, waited, waited_here
@@ -146,7 +146,7 @@ def _one_set(lot: np.random.Generator, client: AxisClient, pid: int, heard: Hear
 def study(sets: int, seed: int) -> Heard:
     """Try so many sets; return what was heard."""
     choose_domain()
-    compile_all()
+    compile_axis()
     heard, lot = Heard(), np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
         for first in range(0, sets, SETS_OF_AN_AXIS):

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.command_line import Parser, finish
-from stickslip_ros.cli.options import UsageError, progress_bar, require_ros
+from stickslip_ros.cli.options import progress_bar, require_ros
+from stickslip_ros.errors import UsageError
 from stickslip_ros.files import WriteError, write_text
 from stickslip_ros.reporting.page import page, plot_parts
 

@@ -23,7 +23,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.recordings import BagError, open_bag, resimulate
-from stickslip_ros.ros.axis_host import compile_all
+from stickslip_ros.ros.axis_host import compile_axis
 from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 
@@ -188,7 +188,7 @@ def soak(
     """
     found = Soaked(seed)
     bag = folder / "bag"
-    compile_all()  # or the axis would do so when it has a minute to be ready
+    compile_axis()  # or the axis would do so when it has a minute to be ready
     with (
         child_node("recorder_node", folder, "-p", f"output:={bag}", own_session=True) as recorder,
         child_node("axis_node", folder, own_session=True) as axis,

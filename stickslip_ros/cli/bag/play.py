@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-from stickslip_ros.cli.options import option, quantity, repeated, run_node, switch
+from stickslip_ros.cli.options import flag, option, quantity, repeated, run_node
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -15,7 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     option(parser, "bag", "BAG", "folder of a bag, or one of its files")
     option(parser, "--rate", "X", "speed (default: 1)", float)
-    switch(parser, "--loop", "repeat without end", default=None)
+    flag(parser, "--loop", "repeat without end", default=None)
     text = "publish /clock (default rate: 100 Hz)"
     option(parser, "--clock", "HZ", text, quantity("Hz"), nargs="?", const=100.0)
     option(parser, "--start", "S", "skip this time at the beginning", quantity("s"))
