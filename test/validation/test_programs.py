@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each program of `validation/`, run once and short. What they find is theirs to judge."""
+
+import importlib.util
+import json
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import setuptools
+
+from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.gym import TASKS
+from stickslip_ros.identification import identify
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces import run_steps
+from validation import benchmark
+from validation.benchmark import LIMIT, Effort, accuracy
+from validation.benchmark.__main__ import main as bench
+from validation.benchmark.accuracy import BAR, CYCLES
+from validation.benchmark.unstable import growth_of
+from validation.campaigns import interrupts, parameter_sets, targets
+from validation.campaigns.__main__ import CAMPAIGNS
+from validation.campaigns.__main__ import main as campaigns
+from validation.campaigns.intervals import experiment, judged, pulls
+from validation.control import axis_loop, learned_feedforward, steps_then_scan
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_bench_compares_with_peers_and_names_those_that_are_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two solvers that share no code agree with its reference, so all three are right."""
+    monkeypatch.setattr(benchmark, "QUICK", Effort(cycles=2, repeats=2, quoted=1e-4, plotted=1e-4))
+    monkeypatch.setitem(sys.modules, "CyRK", None)
+    picture = tmp_path / "speed.png"
+    case = ["--quick", "--cases", "0.4N-18500Hz", "--methods", "scipy-odeint", "cyrk-dop853"]
+    assert bench([*case, "--json", "--plot", str(picture)]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["cases"]
+    methods = {one["name"]: one for one in found["methods"]}
+    assert set(methods) == {"ours", "scipy-odeint", "cyrk-dop853"}
+    for name in ("ours", "scipy-odeint"):
+        assert methods[name]["quoted"]["error"] <= LIMIT
+    assert "pip install cyrk" in methods["cyrk-dop853"]["missing"]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_make_installs_the_peers_of_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    handed: dict[str, Any] = {}
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(setuptools, "setup", handed.update)
+    runpy.run_path("setup.py")
+    listed = re.search(r"^PEERS := (.*)$", Path("Makefile").read_text("utf-8"), re.MULTILINE)
+    assert listed
+    assert listed[1].split() == handed["extras_require"]["bench"]
+
+
+@pytest.mark.parametrize("count", [15, pytest.param(40, marks=pytest.mark.long)])
+def test_the_solver_keeps_its_promise_on_sets_by_lot(count: int) -> None:
+    found = accuracy.campaign(count, seed=7)
+    assert (found.findings, found.over_budget, len(found.errors)) == ([], [], count)
+    assert found.judged
+
+
+def test_corners_of_all_ranges_end_well() -> None:
+    assert accuracy.campaign(12, seed=3, corners=True).findings == []
+
+
+def test_what_an_unstable_motion_makes_of_an_error_is_no_error_of_the_solver() -> None:
+    """A ringing under a narrow Stribeck curve; but a cycle by itself has to keep the bar."""
+    ringing: dict[str, Any] = {
+        **{"model": "lugre", "preload": 0.875, "mu_s": 10.0, "mu_k": 0.626, "mass": 2.52e-3},
+        **{"v_stribeck": 2.05e-5, "sigma_1": 0.0, "waveform": "triangle", "frequency": 61.3},
+        **{"slewrate": 188.5, "amplitude": 272.8},
+    }
+    growth = growth_of(Parameters.of(ringing), CYCLES, BAR, 200_000)
+    assert growth.committed < BAR
+    assert growth.explained > 3.0 * BAR
+    stiff: dict[str, Any] = {"model": "lugre", "preload": 1.0, "v_stribeck": 1e-3}
+    unstable = Parameters.of({**stiff, "mu_s": 0.3, "mu_k": 0.2})
+    committed = growth_of(unstable, CYCLES, BAR, 200_000).committed
+    assert growth_of(unstable, CYCLES, 0.5 * committed, 200_000).explained == 0.0
+
+
+def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name, campaign in CAMPAIGNS.items():
+        module, *arguments = campaign.command
+        assert importlib.util.find_spec(module), name
+        for variable in campaign.environment:
+            tests = ROOT / arguments[-1]
+            files = tests.rglob("*.py") if tests.is_dir() else [tests]
+            assert any(variable in file.read_text("utf-8") for file in files), name
+    with pytest.raises(SystemExit):
+        campaigns(["fizz"])
+    assert "there is no campaign 'fizz'; known: accuracy, " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["guide", pytest.param("emulate", marks=pytest.mark.long)])
+def test_ctrl_c_ends_a_command_soon_and_leaves_nothing_half(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert interrupts.study(name, moments=2, seed=7) == 0, capsys.readouterr().out
+
+
+def test_sets_over_all_ranges_give_a_result_or_a_word() -> None:
+    """The last one was never done: its slew limit lies far below what the drive asks for."""
+    run_steps({"creep": 0.01, "dwell_growth": 0.02, "surface_spread": 0.1}, 3)  # compiled by that
+    for number in (*range(6), 1489):
+        values = parameter_sets.drawn(number)
+        assert parameter_sets.judged(values) in ("result", "refused", "budget"), values
+
+
+def test_targets_are_reached_or_given_up(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of them a load carries two away for ever, and one is reached where no scan corrects it."""
+    for seed, number in (("1", "16"), ("1", "27"), ("777001", "61082")):
+        one = ["--count", "1", "--seed", seed, "--first", number]
+        assert targets.main(one) == 0, capsys.readouterr().out
+
+
+@pytest.mark.parametrize("moments", [1, pytest.param(12, marks=pytest.mark.long)])
+def test_ends_of_recorders_and_axes_lose_no_more_than_is_said(
+    ros_domain: int, capsys: pytest.CaptureFixture[str], moments: int
+) -> None:
+    pytest.importorskip("rclpy")
+    from validation.campaigns import endings
+
+    assert endings.study(moments, seed=1) == 0, capsys.readouterr().out
+
+
+@pytest.mark.long
+def test_an_axis_hears_stops_and_signals_at_any_cost(ros_domain: int) -> None:
+    pytest.importorskip("rclpy")
+    from validation.campaigns import overload
+
+    assert overload.study(2, seed=3).faults == []
+
+
+@pytest.mark.long
+def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
+    """Of eight intervals at 95 %, six or more do, but for one time in 170; no lag where none is.
+
+    In experiment 1001 hum of 50 Hz in 28 ms was taken for 60 Hz: sigma_0ss was 17 % off.
+    """
+    words: list[str] = []
+    for seed, fit_lag in ((1004, False), (1005, None)):
+        truth, runs = experiment(seed)
+        found = identify(runs, fit_lag=fit_lag)
+        words += judged(truth, found).values()
+        for name, true in truth.items():
+            assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
+    assert (len(words), words.count("held") >= 6) == (8, True)
+    drawn = np.array([pulls(seed) for seed in (1001, 2004, 2006, 2016)])
+    assert np.abs(drawn).max() < 3.0
+    assert np.mean(drawn**2) < 1.9  # 16 values of mean square 1: chance in a hundred
+
+
+def test_the_baselines_of_control_arrive() -> None:
+    assert steps_then_scan.scores(TASKS["vertical"], range(2)).max() < 0.06
+    assert steps_then_scan.scores(TASKS["hold"], range(1)).max() < 1e-9
+    assert axis_loop.scores(TASKS["vertical"], range(2)).max() < 0.1
+    way = np.array([21.3e-6, -40.7e-6])  # learned with steps a fifth smaller than planned
+    move = learned_feedforward.Move(way, 134e-9)
+    for _ in range(learned_feedforward.TRIALS):
+        reached = move.side * (move.steps * 107e-9 + move.rest)
+        move.correct(way - reached, 160e-9)
+    assert np.abs(way - reached).max() < 1e-9
+
+
+def test_soak_commands_all_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rclpy")
+    from validation.soak.__main__ import main as soak
+    from validation.soak.run import RandomCommands
+
+    drawn = RandomCommands(3)
+    for name, arguments in (drawn.next() for _ in range(300)):
+        # the names of the joints are the client's to add
+        assert len(arguments) == len(COMMANDS[name].example) - (name == "trajectory"), name
+    for hours in ("0", "nan"):
+        assert soak(["--hours", hours, "--out", str(tmp_path / "soak")]) == 2
+    assert "--hours is" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("ros_domain")
+def test_a_soak_of_twenty_seconds_finds_nothing(tmp_path: Path) -> None:
+    pytest.importorskip("rclpy")
+    command = [sys.executable, "-m", "validation.soak", "--hours", str(20 / 3600), "--seed", "5"]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "soak"), "--json"], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    found = json.loads(done.stdout)
+    assert (found["findings"], found["lost"], found["gaps"]) == ([], 0, 0)
+    assert found["bit_for_bit"] is True
+    assert sum(found["commands"].values()) > 20
