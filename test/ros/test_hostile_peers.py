@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from cpu_time import computes_at_most
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from heard import Heard
 from live import MakeAxis, Ros, Start
 from rcl_interfaces.msg import Parameter, ParameterValue
@@ -100,8 +100,9 @@ def test_bytes_that_are_no_message_are_refused(ros: Ros, client: AxisClient) -> 
     assert "cannot be understood" in _refused(ros, client)
 
 
-def _status_named(name: str) -> DiagnosticArray:
-    return DiagnosticArray(status=[DiagnosticStatus(name=name)])
+def _status_named(name: str, *values: KeyValue, axis: str = "") -> DiagnosticArray:
+    status = DiagnosticStatus(name=name, hardware_id=axis, values=list(values))
+    return DiagnosticArray(status=[status])
 
 
 def test_bytes_that_are_no_message_leave_a_client_as_it_is(ros: Ros, node: AxisNode) -> None:
@@ -114,7 +115,15 @@ def test_bytes_that_are_no_message_leave_a_client_as_it_is(ros: Ros, node: AxisN
             no_utf8 = serialize_message(text).replace(b"odd", b"\xff\xfe\xfd")
             qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             publisher = ros.publisher(peer, kind, topic.full_name("/stickslip_axis"), qos)
-            ros.send(publisher, no_utf8, no_utf8[:-5], b"", b"\0\1\0\0" + b"\xff" * 40)
+            # Messages that say less than they should, or lie before 1970
+            short: list[Any] = [JointState(name=["axis_slider"]), JointState()]
+            short[1].header.stamp.sec = -1
+            if kind is DiagnosticArray:
+                name, event = "stickslip_axis: description", KeyValue(key="event", value="steps")
+                lacking = [_status_named(name, *one, axis=name[:14]) for one in ([], [event])]
+                short = [DiagnosticArray(), *lacking]
+            noise = (no_utf8, no_utf8[:-5], b"", b"\0\1\0\0" + b"\xff" * 40)
+            ros.send(publisher, *short, *noise)
             assert client.step(1).wait().steps_done == 1
         stamp = client.stamp
         ros.wait_until(lambda: client.stamp > stamp, "another state")

@@ -7,20 +7,22 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from fuzzing import TIME, search
 from hypothesis import strategies as some
 from live import Ros
 
+from .fuzzing import TIME, search
+
 pytest.importorskip("rclpy")
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from hostile import messages
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
+
+from .hostile import messages
 
 pytestmark = TIME
 PATIENCE = Duration(seconds=20)
@@ -32,29 +34,6 @@ HEARD = {
     "/diagnostics": (DiagnosticArray, QoSProfile(depth=10)),
     "/joint_states": (JointState, QoSProfile(depth=10)),
 }
-
-
-def _of_the_axis(*pairs: KeyValue) -> DiagnosticArray:
-    name = "stickslip_axis: description"
-    status = DiagnosticStatus(name=name, hardware_id="stickslip_axis", values=list(pairs))
-    return DiagnosticArray(status=[status])
-
-
-def _before_1970(message: Any) -> Any:
-    message.header.stamp.sec = -1
-    return message
-
-
-#: What ended the thread of a client, and with it all that waits for an answer.
-FINDS = [
-    ("/stickslip_axis/status", DiagnosticArray()),
-    ("/stickslip_axis/status", _of_the_axis()),
-    ("/stickslip_axis/events", _of_the_axis(KeyValue(key="event", value="steps"))),
-    ("/stickslip_axis/description", DiagnosticArray()),
-    ("/stickslip_axis/description", _of_the_axis()),
-    ("/joint_states", JointState(name=["axis_slider"])),
-    ("/joint_states", _before_1970(JointState())),
-]
 
 
 Check = Callable[[tuple[str, Any]], None]
@@ -86,11 +65,6 @@ def check(ros: Ros) -> Iterator[Check]:
         peer.destroy_publisher(publisher)
     with AxisClient(node=ros.node("user")) as later:
         assert later.step(1).wait().steps_done == 1
-
-
-def test_what_was_found(check: Check) -> None:
-    for one in FINDS:
-        check(one)
 
 
 @pytest.mark.long

@@ -8,9 +8,10 @@ import json
 import os
 from pathlib import Path
 
-import mutations
 import pytest
 from child import python
+
+from . import mutations
 
 
 @pytest.mark.long

@@ -15,13 +15,13 @@ from typing import Any
 
 import pytest
 from cpu_time import cpu_seconds
-from fuzzing import MOST_GROWTH, SECONDS, TIME, megabytes, search
 from hypothesis import strategies as some
 from live import Process, Ros, Start
 
+from .fuzzing import MOST_GROWTH, SECONDS, TIME, megabytes, search
+
 pytest.importorskip("rclpy")
 
-from hostile import damaged, messages
 from rcl_interfaces.srv import ListParameters
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -29,6 +29,8 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.messages import message_class
+
+from .hostile import damaged, messages
 
 pytestmark = [pytest.mark.long, TIME]
 AXIS, RECORDER = "stickslip_axis", "stickslip_recorder"

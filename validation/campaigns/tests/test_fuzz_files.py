@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from fuzzing import TIME, search
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
@@ -24,6 +23,8 @@ from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.recordings import open_bag
+
+from .fuzzing import TIME, search
 
 pytestmark = [pytest.mark.long, TIME]
 LONGEST = 2.0  # s of computing for one file

@@ -12,11 +12,12 @@ from collections.abc import Iterator
 
 import pytest
 from cpu_time import cpu_seconds
-from fuzzing import MOST_GROWTH, TIME, megabytes, search
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
 from stickslip_ros.emulator import anc300, mcs, mcs2, scu
+
+from .fuzzing import MOST_GROWTH, TIME, megabytes, search
 
 pytestmark = [pytest.mark.long, TIME]
 PATIENCE = 30.0  # s for an answer, on a machine that is busy with other things

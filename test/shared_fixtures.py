@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Shared fixtures: real ROS, each test in a DDS domain and a context of its own, on loopback only.
+
+Nothing here imports ROS before a fixture that needs it is used, so the other tests run without it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import importlib.util
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import hypothesis
+import pytest
+from child import environment
+from live import MakeAxis, Process, Ros, Start
+from table_1 import TABLE_1
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+# Tests are about the compiled solver, and leave no process behind that compiles it.
+os.environ.setdefault("STICKSLIP_COMPILE", "wait")
+# Programs that tests start find the bytecode that the first of them leaves.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# The threads of linear algebra on small matrices wait for each other, busily.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# A shell that runs the tests in the background has them ignore Ctrl-C, and so would the programs
+# that are sent one here.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+# An example that takes long shows a busy machine, not a defect.
+hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.load_profile("any machine")
+#: Folders whose tests start processes, serve sockets or wait for DDS.
+REAL_TIME = frozenset({"cli", "emulator", "examples", "ros", "testing", "validation"})
+#: Fixtures for tests with DDS, programs or sockets, none of which is quick.
+SLOW = frozenset({"stickslip_domain", "start_module", "emulate", "browser"})
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is slow, and give a test that depends on the machine's clock a second chance.
+
+    The summary tells who needed it. Their programs wait for no compiling: it is done before.
+    """
+    for item in items:
+        starts = SLOW.intersection(getattr(item, "fixturenames", ()))
+        if starts or item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.slow)
+        if item.nodeid.removeprefix("test/").partition("/")[0] in REAL_TIME:
+            item.add_marker(pytest.mark.flaky(reruns=1))
+            item.fixturenames.insert(0, "compiled_solver")  # type: ignore[attr-defined]
+
+
+def pytest_report_header() -> str:
+    """Say what is left out as a whole."""
+    return "" if importlib.util.find_spec("rclpy") else "no rclpy: test/ros is left out"
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """Return the workers of ``-n auto``: half as many again as processors, as many tests wait."""
+    return math.ceil(1.5 * len(os.sched_getaffinity(0)))
+
+
+class CompileOnce:
+    """Compiles in one process while the workers collect; each would compile all for itself."""
+
+    def __init__(self) -> None:
+        """Begin; that process holds a lock until it ends, however it does."""
+        held, self._lock = tempfile.mkstemp()
+        fcntl.flock(held, fcntl.LOCK_EX)
+        command = [sys.executable, str(Path(__file__).with_name("compile_tests.py"))]
+        self._child = subprocess.Popen(command, stdout=held, env=environment())
+        os.close(held)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker what to wait for."""
+        node.workerinput["compiling"] = self._lock
+
+    def pytest_unconfigure(self) -> None:
+        """End it with the tests."""
+        self._child.kill()
+        self._child.wait()
+        os.unlink(self._lock)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile before workers need it; a run in one process compiles what it uses."""
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(CompileOnce())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop(session: pytest.Session) -> None:
+    """Wait in a worker until all is compiled."""
+    compiling = getattr(session.config, "workerinput", {}).get("compiling")
+    if compiling:
+        with open(compiling) as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH)
+
+
+@pytest.fixture(scope="session")
+def compiled_solver() -> None:
+    """Have everything compiled that an axis needs, for tests that start programs.
+
+    On a fresh machine that takes half a minute, longer than they wait, and the programs say so.
+    """
+    from stickslip_ros.axis import Axis
+    from stickslip_ros.library.zero_amplitude import zero_amplitude
+    from stickslip_ros.traces import regime_now, trace_steps
+
+    axis = Axis(TABLE_1)
+    axis.compile_ahead()
+    assert regime_now(axis.simulation) == "elastic"
+    assert zero_amplitude(axis.parameters)
+    assert len(trace_steps(TABLE_1, 2).t)
+
+
+#: What a search for steps found and said, by the samples that it searched.
+_FOUND: dict[bytes, tuple[Any, list[str]]] = {}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def search_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Search the same samples for steps once, but in the tests of the search.
+
+    A search takes seconds, and most tests look at what follows it.
+    """
+    if request.path.parent.name == "traces":
+        yield
+        return
+    from stickslip_ros.traces import analysis
+
+    search = analysis.find_steps
+
+    def remember(t: Any, x: Any, period: float | None = None, report: Any = None) -> Any:
+        key = hashlib.blake2b(t.tobytes() + x.tobytes() + repr(period).encode()).digest()
+        if key not in _FOUND:
+            said: list[str] = []
+            _FOUND[key] = search(t, x, period, said.append), said
+        found, said = _FOUND[key]
+        for stage in said if report else ():
+            report(stage)
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(analysis, "find_steps", remember)
+        yield
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Give a real Chromium; without one, or without Playwright, the test is skipped."""
+    api = pytest.importorskip("playwright.sync_api", reason="no Playwright: pip install playwright")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    program = next(filter(None, map(shutil.which, names)), None)
+    if not program:
+        pytest.skip("no Chromium on this machine: apt install chromium")
+    with api.sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def ros_domain(stickslip_domain: int) -> int:
+    """Reserve a DDS domain for this test and set the environment, that of child processes too."""
+    return stickslip_domain
+
+
+@pytest.fixture
+def ros(ros_domain: int) -> Iterator[Ros]:
+    """Give a :class:`Ros` in a domain of its own."""
+    from stickslip_ros.ros.spin_thread import SpinThread
+
+    spin = SpinThread("ros", ros_domain)
+    try:
+        yield Ros(spin)
+    finally:
+        spin.close()
+
+
+@pytest.fixture
+def make_axis(ros: Ros) -> MakeAxis:
+    """Give a function that makes an axis node here: ``make_axis("/left", frequency=500.0)``.
+
+    The operating point is that of Table 1 where nothing else is said.
+    """
+    from rclpy.parameter import Parameter
+
+    from stickslip_ros.ros.axis_node import AxisNode
+
+    def make(namespace: str | None = None, **parameters: Any) -> AxisNode:
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = AxisNode(
+            given={**TABLE_1, "publish_rate": 100.0},
+            context=ros.context,
+            namespace=namespace,
+            parameter_overrides=overrides,
+        )
+        return ros.add(node)
+
+    return make
+
+
+@pytest.fixture
+def start_module(ros_domain: int, tmp_path: Path) -> Iterator[Start]:
+    """Give a function that starts ``python -m <module> <arguments>`` in the test's DDS domain.
+
+    What still runs at the end of the test is killed.
+    """
+    started: list[Process] = []
+
+    def start(module: str, *arguments: str) -> Process:
+        output = tmp_path / f"process_{len(started)}.log"
+        process = Process([sys.executable, "-m", module, *arguments], tmp_path, output)
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.kill()
+
+
+@pytest.fixture
+def start_node(start_module: Start) -> Start:
+    """Give a function that starts a node of ours with parameters.
+
+    ``start_node("recorder_node", output="bag")`` runs that executable.
+    """
+
+    def start(name: str, *ros_arguments: str, **parameters: object) -> Process:
+        arguments = list(ros_arguments)
+        for key, value in parameters.items():
+            arguments += ["-p", f"{key}:={value}"]
+        return start_module("stickslip_ros.executables", name, "--ros-args", *arguments)
+
+    return start
+
+
+@pytest.fixture
+def emulate() -> Iterator[Callable[..., Any]]:
+    """Give a function that serves a controller with one axis per set of parameters."""
+    from emulated import Emulated
+
+    from stickslip_ros.axis import Axis
+
+    started: list[Emulated] = []
+
+    def start(name: str, *parameters: dict[str, Any]) -> Emulated:
+        emulated = Emulated(name, [Axis({**TABLE_1, **values}) for values in parameters or ({},)])
+        started.append(emulated)
+        return emulated
+
+    yield start
+    for emulated in started:
+        emulated.server.close()
