@@ -44,35 +44,6 @@ def test_commands_over_topics_move_the_axis(ros: Ros, make_axis: MakeAxis) -> No
     assert float(finished["time (s)"]) == pytest.approx(begun + 0.03, abs=1e-9)
 
 
-def test_bad_commands_are_refused_and_the_move_ends_where_it_would(
-    ros: Ros, make_axis: MakeAxis
-) -> None:
-    """NaN, infinity, -5 V, 1e9 Hz, no time for the slip: told, counted, and nothing changed."""
-    make_axis(slewrate=1.0, frequency=1000.0)
-    client, heard = connect(ros)
-    client.step(500)
-    bad = [
-        ("amplitude", math.nan, ["amplitude is nan", "finite"]),
-        ("amplitude", math.inf, ["amplitude is inf", "finite"]),
-        ("amplitude", -5.0, ["amplitude is -5 V", "300 V"]),
-        ("frequency", 1e9, ["frequency is 1e+09 Hz", "100000 Hz"]),
-        ("frequency", -math.inf, ["frequency is -inf", "finite"]),
-        ("frequency", 5000.0, ["5000 Hz leaves 200 us", "300 us", "stay below 3333.33 Hz"]),
-    ]
-    for number, (command, value, words) in enumerate(bad):
-        with pytest.raises(CommandRefused):
-            client.send(command, value)
-        refused = heard.event(command, "refused", 1 + number % 3)
-        assert refused["value"] == repr(value)
-        assert all(word in refused["reason"] for word in words)
-    finished = heard.event("move", "finished")
-    run = run_steps(table_1(slewrate=1.0, frequency=1000.0), 500)
-    assert float(finished["position"]) == run.position[-1]
-    report = values(heard.next_report()["axis"])
-    assert report["refused commands"] == str(len(bad))
-    assert "3333.33 Hz" in report["last error"]
-
-
 # -- what it publishes
 
 
@@ -214,11 +185,7 @@ def test_parameters_set_while_it_runs_hold_or_are_refused_whole(
     assert heard.event("parameters", "applied")["preload"] == "1.0"
     refused: tuple[tuple[dict[str, Any], str], ...] = (
         ({"amplitude": 100.0}, "amplitude can be set at the start only"),
-        ({"mass": 0.005, "z_ba": 5e-8, "z_ss": 4e-8}, "z_ss has to be larger"),
         ({"mass": 0.005, "preload": math.nan}, "preload is nan; it has to be a finite number"),
-        ({"mass": 0.005, "max_voltage": 200.0}, "amplitude is 300 V"),
-        ({"mass": 0.005, "model": "coulomb"}, "model is 'coulomb'; known: ceim"),
-        ({"mass": -1.0}, "mass is -1 kg; it has to lie between"),
         ({"mass": "heavy"}, "mass is 'heavy'; "),
         ({"mass": [0.005]}, "mass is "),
         ({"mass": None}, "mass is None; "),
@@ -288,10 +255,7 @@ def test_a_file_named_in_a_parameter_file_lies_beside_it(start_node: Start, tmp_
     [
         ("preloda: 1.0", "no parameter 'preloda'; did you mean preload"),
         ("preload: -1.0", "preload is -1 N; it has to lie between 0.001 and 1000 N"),
-        ("preload: .nan", "preload is nan"),
-        ("frequency: 1.0e+9", "frequency is 1e+09 Hz"),
         ("slewrate: 0.02", "leaves 10000 us a cycle"),
-        ("publish_rate: 0.0", "publish_rate is 0 Hz"),
         ("preload: much", "preload is 'much'; it has to be a number"),
     ],
 )

@@ -11,19 +11,12 @@ from table_1 import TABLE_1
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.command import FLOAT64, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
-from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.axis.state_machine import SCANNING, row
 from stickslip_ros.axis.tasks import ScanTask
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recording import axis_topics
-
-
-def volts(axis: Device) -> float:
-    """Return the highest voltage."""
-    return axis.parameters.actuator.max_voltage
-
 
 #: Moves the level of the actuator by a share of the highest voltage.
 SHARE = Command(

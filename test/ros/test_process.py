@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a node runs as a process: what a long run leaves behind, and a test that is killed."""
+"""How a node runs as a process: its usage, what a long run leaves behind, a test that is killed."""
 
 import os
 import shutil
@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from child import python
 from live import wait_until
 from rclpy.node import Node
 from rclpy.task import Future
@@ -81,3 +82,18 @@ def test_programs_of_a_test_that_is_killed_end_with_it(tmp_path: Path) -> None:
         running.kill()
     # Nothing, or empty until whoever adopted it takes notice.
     wait_until(lambda: not (child.exists() and child.read_bytes()), "the end of the program")
+
+
+@pytest.mark.slow
+def test_every_node_prints_its_usage() -> None:
+    """In processes of their own, which they end."""
+    for name, parameter in (
+        ("axis_node", "publish_rate"),
+        ("recorder_node", "compression"),
+        ("replay_node", "rate"),
+    ):
+        code = f"import sys; from stickslip_ros.executables import {name}; sys.exit({name}())"
+        said = python("-c", code, "--help")
+        assert (said.returncode, said.stderr) == (0, "")
+        assert said.stdout.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
+        assert f"\n  {parameter} " in said.stdout

@@ -136,7 +136,11 @@ def test_stop_service_closes_the_bag_before_it_answers(
 
 @pytest.mark.parametrize(
     ("wait", "calls"),
-    [(True, 200), (False, 200), pytest.param(False, 2000, marks=pytest.mark.long)],
+    [
+        (True, 200),
+        pytest.param(False, 200, marks=pytest.mark.long),
+        pytest.param(False, 2000, marks=pytest.mark.long),
+    ],
 )
 def test_many_calls_at_once_are_all_answered(
     ros: Ros, start_node: Start, tmp_path: Path, wait: bool, calls: int

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Time under control: pauses, steps, paces while the axis runs, and somebody else's clock."""
 
-import random
 import time
-from collections.abc import Callable
 
 import pytest
 from heard import Heard, stamp
@@ -36,32 +34,6 @@ def test_a_paused_axis_takes_commands_and_moves_with_the_steps_of_time(
     assert (client.steps_done, client.status["paused"]) == (10, "False")
     with pytest.raises(CommandRefused, match=r"step_time is 0.1 while time runs: pause first"):
         client.go_on(0.1)
-
-
-def test_random_pauses_steps_and_paces_are_repeated_bit_for_bit(
-    ros: Ros, make_axis: MakeAxis
-) -> None:
-    make_axis(frequency=1000.0)
-    heard = Heard(ros)
-    client = AxisClient(node=ros.node("user"))
-    rng = random.Random(26)
-    acts: list[Callable[[], object]] = [
-        lambda: client.pause(True),
-        lambda: client.pause(False),
-        lambda: client.set_pace(rng.choice((0.0, 0.2, 1.0, 5.0))),
-        lambda: client.step(rng.randrange(-30, 30)),
-        lambda: client.jog(rng.uniform(-900.0, 900.0)),
-        lambda: client.go_on(rng.uniform(1e-4, 0.05)) if client.status["paused"] == "True" else 0,
-        lambda: client.go_on(cycles=7) if client.status["paused"] == "True" else 0,
-    ]
-    for _ in range(60):
-        rng.choice(acts)()
-    client.set_pace(1.0).pause(True)
-    seen = len(heard.joints)
-    ros.wait_until(lambda: len(heard.joints) > seen + 3, "the last states")
-    assert heard.compare_with_rerun() > 50
-    names = {values["event"] for _, values in heard.events}
-    assert {"pause", "step of time", "parameters", "steps", "jog"} <= names
 
 
 def test_its_clock_stands_and_steps_with_it(ros: Ros, make_axis: MakeAxis) -> None:

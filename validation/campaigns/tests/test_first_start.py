@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from child import environment, python
+from child import environment
 from cpu_time import computes_at_most
 from live import Ros, wait_until
 
@@ -90,17 +90,3 @@ def test_a_first_start_says_so_and_shows_no_topic_before_it_is_ready(
     finally:
         child.terminate()
         assert child.wait(60.0) == 0
-
-
-def test_every_node_prints_its_usage() -> None:
-    """In processes of their own, which they end."""
-    for name, parameter in (
-        ("axis_node", "publish_rate"),
-        ("recorder_node", "compression"),
-        ("replay_node", "rate"),
-    ):
-        code = f"import sys; from stickslip_ros.executables import {name}; sys.exit({name}())"
-        said = python("-c", code, "--help")
-        assert (said.returncode, said.stderr) == (0, "")
-        assert said.stdout.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
-        assert f"\n  {parameter} " in said.stdout
