@@ -15,38 +15,35 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import compiled, report_compilation
 
 
-@pytest.fixture
-def no_choice(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody has chosen a folder for the compiled code."""
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights here")
+def test_it_is_kept_where_its_user_may_write_and_nobody_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the package as Python does, else at home; machine code of others must not run."""
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
-
-
-def _read_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "access", lambda *_: False)
-
-
-@pytest.mark.usefixtures("no_choice")
-def test_it_is_kept_in_the_package_as_python_does() -> None:
-    package = Path(module.__file__).parent
-    assert Path(module.cache_folder()).parent == package / "__pycache__"
-
-
-@pytest.mark.usefixtures("no_choice")
-def test_beside_a_package_that_cannot_be_written_it_is_kept_at_home(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """As after `sudo pip install` or in a ROS installation."""
-    _read_only(monkeypatch)
-    monkeypatch.setenv("HOME", "/home/somebody")
-    assert Path(module.cache_folder()).parent == Path("/home/somebody/.cache/stickslip_ros")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/fast")
-    assert Path(module.cache_folder()).parent == Path("/fast/stickslip_ros")
-
-
-def test_a_folder_chosen_for_numba_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NUMBA_CACHE_DIR", "/chosen")
-    assert Path(module.cache_folder()).parent == Path("/chosen")
+    assert Path(module.cache_folder()).parent == Path(module.__file__).parent / "__pycache__"
+    with monkeypatch.context() as patch:  # as after `sudo pip install` or in a ROS installation
+        patch.setattr(os, "access", lambda *_: False)
+        patch.setenv("HOME", "/home/somebody")
+        assert Path(module.cache_folder()).parent == Path("/home/somebody/.cache/stickslip_ros")
+        patch.setenv("XDG_CACHE_HOME", "/fast")
+        assert Path(module.cache_folder()).parent == Path("/fast/stickslip_ros")
+    cache, home = tmp_path / "cache", tmp_path / "home"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    chosen = Path(module.cache_folder())
+    assert chosen.parent == cache
+    chosen.mkdir(parents=True)
+    assert Path(module.cache_folder()) == chosen
+    for folder in (chosen, cache):
+        folder.chmod(0o777)
+        assert Path(module.cache_folder()).parent == home / "stickslip_ros"
+        folder.chmod(0o755)
+    for folder in (cache, home):
+        folder.mkdir(exist_ok=True)
+        folder.chmod(0o777)
+    assert module.cache_folder() == ""
 
 
 def test_an_edit_in_any_file_of_the_kernel_has_a_folder_of_its_own(
@@ -77,13 +74,16 @@ def test_what_is_compiled_lands_in_that_folder(
     assert list((tmp_path / "deep" / "cache").rglob("*.nbi"))
 
 
-def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("place", ["", "no locator"])
+def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     """In every process anew then, but it runs."""
 
     def no_locator(function: object) -> object:
         raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(numba_internals._Cache, "_impl_class", staticmethod(no_locator))
+    monkeypatch.setattr(module, "_FOLDER", place)
+    if place:
+        monkeypatch.setattr(numba_internals._Cache, "_impl_class", staticmethod(no_locator))
 
     @compiled
     def half(x: float) -> float:
@@ -199,7 +199,7 @@ def test_namesakes_that_two_processes_compiled_stay_apart(tmp_path: Path) -> Non
     assert run("first", "second") == "3.0 30.0"
 
 
-@pytest.mark.parametrize("version", ["0.60.0", "0.99.0", "1.0", "of today"])
+@pytest.mark.parametrize("version", ["0.60.0", "of today"])
 def test_with_a_numba_that_is_not_known_it_compiles_as_numba_promises(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path, version: str
 ) -> None:
@@ -228,12 +228,6 @@ def test_the_range_of_known_versions_is_that_of_the_packaging() -> None:
     assert numba_internals.is_known()
 
 
-def test_a_quick_call_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    with report_compilation():
-        pass
-    assert capsys.readouterr().err == ""
-
-
 @pytest.mark.long
 def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: Path) -> None:
     """With an empty cache, as on a fresh machine; the only test that compiles everything anew."""
@@ -248,10 +242,7 @@ def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: P
     assert runs[1].stderr == ""
 
 
-@pytest.mark.parametrize("damage", ["one bit", "cut", "random", "empty"])
-def test_a_damaged_cache_is_made_anew(
-    tmp_path: Path, damage: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_damaged_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It would be an UnpicklingError, or a crash in machine code that is none."""
     cache, program = tmp_path / "cache", tmp_path / "program.py"
     monkeypatch.setattr(module, "_FOLDER", str(cache))
@@ -269,52 +260,13 @@ def test_a_damaged_cache_is_made_anew(
     assert is_compiled()
     for suffix in (".nbi", ".nbc"):
         (file,) = cache.rglob(f"*{suffix}")
-        content = bytearray(file.read_bytes())
-        content[len(content) // 2] ^= 1
-        file.write_bytes(
-            {
-                "cut": bytes(content[: len(content) // 2]),
-                "random": os.urandom(len(content)),
-                "empty": b"",
-                "one bit": bytes(content),
-            }[damage]
-        )
-        assert is_compiled()
+        for damage in ("one bit", "cut", "random", "empty"):
+            content = bytearray(file.read_bytes())
+            content[len(content) // 2] ^= 1
+            broken = {"cut": content[: len(content) // 2], "empty": b"", "one bit": content}
+            file.write_bytes(broken.get(damage, os.urandom(len(content))))
+            assert is_compiled(), damage
     assert not is_compiled()
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights here")
-@pytest.mark.parametrize("where", ["cache", "kernel"])
-def test_a_folder_that_others_can_write_to_is_not_used(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
-) -> None:
-    """Or another user could put machine code there, which this one would run."""
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    chosen = Path(module.cache_folder())
-    assert chosen.parent == tmp_path / "cache"
-    chosen.mkdir(parents=True)
-    assert Path(module.cache_folder()) == chosen
-    (chosen if where == "kernel" else chosen.parent).chmod(0o777)
-    assert Path(module.cache_folder()).parent == tmp_path / "home" / "stickslip_ros"
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights here")
-def test_where_no_folder_is_safe_nothing_is_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name).chmod(0o777)
-        monkeypatch.setenv(name, str(tmp_path / name))
-    assert module.cache_folder() == ""
-    monkeypatch.setattr(module, "_FOLDER", "")
-
-    @compiled
-    def half(x: float) -> float:
-        return 0.5 * x
-
-    assert half(4.0) == 2.0
 
 
 @pytest.mark.slow

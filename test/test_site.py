@@ -69,18 +69,6 @@ def dead_links(folder: Path) -> Iterator[str]:
                 yield f"{page.name}: {target}"
 
 
-def test_a_dead_link_is_found(tmp_path: Path) -> None:
-    (tmp_path / "a.html").write_text(
-        "<a id='x' href='b.html'></a><a href='a.html#x'></a><a href='#y'></a>", encoding="utf-8"
-    )
-    assert list(dead_links(tmp_path)) == ["a.html: b.html", "a.html: #y"]
-
-
-def test_what_a_page_loads_from_elsewhere_is_found() -> None:
-    page = Links('<a href="https://a.b/c"></a><script src="//a.b/d.js"></script><img src="e.png">')
-    assert page.loaded == ["//a.b/d.js"]
-
-
 def uncited(text: str) -> Iterator[str]:
     """Yield the displayed equations of a page that cite neither the paper nor one of its sources.
 
@@ -110,12 +98,6 @@ def test_every_displayed_equation_has_a_citation() -> None:
     assert [
         plain.findall((ROOT / "docs" / f"{name}.md").read_text("utf-8")) for name in physics
     ] == [[] for _ in physics]
-
-
-def test_an_equation_without_a_citation_is_found() -> None:
-    text = "$$ a = b $$ $$ c \\text{(Eq. 5, 16)} $$ $$ d \\text{[1]} $$ $$ e \\text{[2]} $$\n"
-    text += "$$ f \\text{(Eq. 32)} $$\n## Sources\n\n1. A book."
-    assert [one[0] for one in uncited(text)] == ["a", "e", "f"]
 
 
 @pytest.fixture(scope="module")

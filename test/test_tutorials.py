@@ -137,12 +137,6 @@ def test_a_tutorial_does_what_it_shows(
     assert (done > 0) == (page.name not in WITHOUT_BLOCKS)
 
 
-def test_a_wrong_output_is_found() -> None:
-    checker = doctest.OutputChecker()
-    assert checker.check_output("step  1...\n...\n", "step 12\nmore\n", _FLAGS)
-    assert not checker.check_output("step 13\n...\n", "step 12\nmore\n", _FLAGS)
-
-
 def test_every_tutorial_is_reached_from_the_front_page() -> None:
     front = (PAGES[0].parent.parent / "index.md").read_text(encoding="utf-8")
     assert len(PAGES) == 8

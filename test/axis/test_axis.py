@@ -158,18 +158,6 @@ def test_all_that_waits_for_a_cycle_begins_together() -> None:
     assert axis.state == Cycles().run(2).run(-6, **new).rest(1.0)
 
 
-def test_parameters_change_with_the_next_cycle() -> None:
-    axis = Axis(TABLE_1)
-    axis.command_steps(8)
-    axis.advance(3.5 * T)
-    old = axis.plant
-    axis.set_parameters({"preload": 2.0})
-    assert axis.plant == old
-    axis.advance(1.0)
-    assert axis.plant == Plant.of(table_1(preload=2.0))
-    assert axis.state == Cycles().run(4).run(4, preload=2.0).rest(1.0)
-
-
 def test_parameters_set_at_rest_hold_at_once() -> None:
     axis = Axis(TABLE_1)
     axis.advance(0.5)

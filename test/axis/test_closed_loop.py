@@ -199,16 +199,6 @@ def test_steps_lost_to_a_preload_that_has_gone_do_not_throw_it_far_beyond() -> N
     assert axis.status.target_reached
 
 
-def test_targets_count_from_the_zero() -> None:
-    axis = Axis({**TABLE_1, **FAST})
-    axis.command_steps(30)
-    axis.advance(0.1)
-    axis.zero()
-    approach = _approach(axis, -5e-7)
-    assert approach.error < 5e-9
-    assert axis.state.x == pytest.approx(axis.status.zero_offset - 5e-7, abs=5e-9)
-
-
 def test_a_stop_ends_the_loop_where_it_is() -> None:
     axis = Axis({**TABLE_1, **FAST})
     axis.command_position(1e-4)

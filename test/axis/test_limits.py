@@ -58,16 +58,6 @@ def test_at_a_soft_limit_only_the_way_back_is_open() -> None:
     assert axis.state.x < x - 5e-7
 
 
-def test_soft_limits_count_from_the_zero() -> None:
-    axis = Axis({**TABLE_1, "soft_high": 1e-6, **FAST})
-    axis.command_steps(-20)
-    axis.advance(0.1)
-    axis.zero()
-    axis.command_steps(100)
-    axis.advance(0.2)
-    assert axis.state.x == pytest.approx(axis.status.zero_offset + 0.9e-6, abs=2e-7)
-
-
 def test_a_soft_limit_set_on_the_way_holds_from_the_next_cycle() -> None:
     axis = Axis({**TABLE_1, **FAST})
     axis.command_steps(100)
@@ -185,17 +175,6 @@ def test_a_target_that_the_end_of_the_travel_keeps_it_from_is_a_fault() -> None:
     axis.advance(2.0)
     assert axis.status.state == "fault"
     assert "held by the high end of travel" in axis.status.fault
-
-
-def test_targets_up_to_the_end_of_the_travel_are_reached() -> None:
-    axis = Axis({**TABLE_1, "travel_high": 2e-6, **FAST})
-    axis.command_steps(50)
-    axis.advance(0.1)
-    axis.command_position(1.999e-6)
-    axis.advance(1.0)
-    assert axis.status.state == "holding"
-    with pytest.raises(CommandRefused, match=r"travel and soft limits allow -0\.01 to 2e-06 m"):
-        axis.command_position(2.01e-6)
 
 
 # -- velocity and following error

@@ -82,14 +82,6 @@ def test_a_scan_takes_the_runner_along_without_a_slip() -> None:
     assert abs(axis.state.z) < axis.plant.contact.z_ba
 
 
-def test_a_scan_back_takes_the_runner_back() -> None:
-    axis = Axis(TABLE_1)
-    for volts in (300.0, 0.0):
-        axis.command_scan(volts)
-        axis.advance(axis.state.t + 0.1)
-    assert axis.state.x == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_scan_is_redirected_on_the_way() -> None:
     axis = Axis({**TABLE_1, "scan_rate": 1000.0})
     axis.command_scan(300.0)
@@ -160,17 +152,6 @@ def test_a_load_within_a_cycle_takes_no_waiting_parameter_with_it() -> None:
     assert (axis.plant.mass, axis.plant.force) == (0.004, 0.01)
     axis.advance(0.0101)
     assert (axis.plant.mass, axis.plant.force) == (0.006, 0.01)
-
-
-def test_gravity_makes_steps_up_smaller_than_steps_down() -> None:
-    axis = Axis({**TABLE_1, "inclination": 1.5707963267948966, **FAST})
-    axis.command_steps(50)
-    axis.advance(0.1)
-    up = axis.status.mean_step
-    axis.command_steps(-50)
-    axis.advance(0.2)
-    down = -axis.status.mean_step
-    assert up < 0.9 * down
 
 
 @pytest.mark.parametrize("waits", [False, True], ids=["runs", "waits for the cycle before it"])

@@ -172,12 +172,6 @@ def test_an_earlier_report_is_replaced_as_a_whole(tmp_path: Path, executor: Exec
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
-def test_an_empty_folder_is_taken(tmp_path: Path, executor: Executor) -> None:
-    (tmp_path / "out").mkdir()
-    report(tmp_path / "out", [item("fig00")], executor)
-    assert (tmp_path / "out" / PAGE).is_file()
-
-
 def test_a_folder_with_anything_of_others_is_refused(tmp_path: Path, executor: Executor) -> None:
     out = tmp_path / "out"
     report(out, [item("fig00")], executor)
@@ -216,13 +210,3 @@ def test_the_mistakes_are_those_of_the_documentation(tmp_path: Path, executor: E
     text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
     for shown in ("kN/mm2", "<code>config/</code>", "see Constants of the contact"):
         assert shown in text
-
-
-def test_the_errata_are_complete() -> None:
-    """Every place where this package leaves the paper, by what it is about."""
-    places = " | ".join(row[0] for row in errata())
-    for place in (
-        "Eq. 5", "Eq. 7 and 16", "Eq. 13", "4.1.2", "after Eq. 9", "EPM_calc", "EPM_fix", "alpha",
-        "Eq. 14 against Table 1", "Eq. 16", "Fig. 13", "Table 1 with Fig. 5", "Table 4", "Table 5",
-    ):  # fmt: skip
-        assert place in places

@@ -47,8 +47,9 @@ def test_an_axis_that_vanishes_says_and_answers_nothing_and_comes_back(
 ) -> None:
     make_axis(frequency=1000.0, allow_faults=True)
     heard = Heard(ros)
-    client = AxisClient(node=ros.node("user"), timeout=4.0)
+    client = AxisClient(node=ros.node("user"))
     client.step(10).wait()
+    client.timeout = 1.0
     with client.fault("vanish"):
         seen = len(heard.joints)
         for send in (lambda: client.step(1), client.stop):
