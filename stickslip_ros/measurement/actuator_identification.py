@@ -16,7 +16,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.actuator_recording import Recording, record
+from stickslip_ros.measurement.actuator_recording import ActuatorRecording, record
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -144,7 +144,7 @@ class _Fit:
 
 
 def _fit(
-    seen: Recording, thresholds: Array, past: Array, drifts: bool, creep_start: float | None
+    seen: ActuatorRecording, thresholds: Array, past: Array, drifts: bool, creep_start: float | None
 ) -> _Fit:
     """Fit the recording, given the plays (V) before its start.
 
@@ -230,7 +230,7 @@ def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Arr
     return weight * found, weight * past
 
 
-def _check(seen: Recording, best: _Fit) -> None:
+def _check(seen: ActuatorRecording, best: _Fit) -> None:
     """Raise ParameterError if voltage and deflection cannot be those of an actuator."""
     if not best.weights.sum() > 2.0 * _STIFFEST:
         raise ParameterError(

@@ -37,7 +37,7 @@ _RIPPLE = 0.006
 
 
 @dataclass(frozen=True)
-class Recording:
+class ActuatorRecording:
     """Means of neighbouring samples, (means,), and the turning points between them, (turns,).
 
     The first and the last sample count as turning points.
@@ -85,7 +85,7 @@ class Recording:
         return np.where(rises[self.way][:, None], up, down), stands[-1]
 
 
-def record(times: Array | None, volts: Array, deflection: Array) -> Recording:
+def record(times: Array | None, volts: Array, deflection: Array) -> ActuatorRecording:
     """Cut a recording; times (s), volts (V) and deflection (m) have the shape (samples,).
 
     Raises ParameterError if the voltage has no whole loop, or the deflection does not change.
@@ -107,7 +107,7 @@ def record(times: Array | None, volts: Array, deflection: Array) -> Recording:
     counts = np.diff(np.append(starts, len(volts)))
     means = [np.add.reduceat(one, starts) / counts for one in (times, volts, deflection)]
     way = np.searchsorted(turns[1:-1], starts, side="right")
-    return Recording(
+    return ActuatorRecording(
         times=means[0],
         volts=means[1],
         deflection=means[2],

@@ -18,7 +18,7 @@ from stickslip_ros.measurement.motion_pair import Alignment, ComparisonMetric, M
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.steps import COVERAGE, Estimate
+from stickslip_ros.traces.steps import COVERAGE, MeasuredValue
 
 Array = NDArray[np.float64]
 
@@ -93,29 +93,29 @@ def step_metrics(
     return metrics
 
 
-def _estimates(motion: Motion, run: Run) -> dict[str, Estimate]:
+def _estimates(motion: Motion, run: Run) -> dict[str, MeasuredValue]:
     """Return the values of one motion by the name of the metric."""
     parts = _ringing_in_parts(motion, run)
     return {
         # The first and the last slip give the period, each to about two samples.
-        "period": Estimate(run.period, 2.0 * motion.spacing / max(1, run.steps - 1)),
+        "period": MeasuredValue(run.period, 2.0 * motion.spacing / max(1, run.steps - 1)),
         "step size": run.mean_step,
         "backstep": run.mean_backstep,
-        "ringing frequency": Estimate(
+        "ringing frequency": MeasuredValue(
             run.ringing_frequency, _error_of([part.frequency for part in parts])
         ),
-        "damping ratio": Estimate(
+        "damping ratio": MeasuredValue(
             run.damping_ratio, _error_of([part.damping_ratio for part in parts])
         ),
     }
 
 
-def _backsteps_of(run: Run, measured: Run) -> tuple[Estimate, Estimate]:
+def _backsteps_of(run: Run, measured: Run) -> tuple[MeasuredValue, MeasuredValue]:
     """Return the backsteps of both by the same method, so that its error cancels."""
     both = run.mean_backstep, measured.mean_backstep
     if both[0].method != both[1].method:
         return both
-    first, second = (Estimate(one.value, one.chance) for one in both)
+    first, second = (MeasuredValue(one.value, one.chance) for one in both)
     return first, second
 
 
@@ -191,16 +191,16 @@ def single_steps(steps: Run) -> Array:
     return np.where(single, np.abs(steps.step_sizes), math.nan)
 
 
-def zero_crossing(deflection: Array, step: Array) -> Estimate:
+def zero_crossing(deflection: Array, step: Array) -> MeasuredValue:
     clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
     deflection, step = deflection[clear], step[clear]
     if len(np.unique(np.round(deflection, 10))) < _AMPLITUDES:
-        return Estimate(math.nan, math.nan)
+        return MeasuredValue(math.nan, math.nan)
     (slope, cut), covariance = np.polyfit(deflection, step, 1, cov="unscaled")
     zero = -cut / slope
     scatter = float(np.std(step - slope * deflection - cut, ddof=2))
     gradient = np.array([cut / slope**2, -1.0 / slope])
-    return Estimate(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
+    return MeasuredValue(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
 
 
 #: Name, unit, least tolerance for the run's value, whether the gain of the sensor counts, and why

@@ -34,7 +34,7 @@ from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
 from stickslip_ros.traces.run_search import REPORTS, Report, report_nothing, search_runs
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
-from stickslip_ros.traces.steps import Estimate, settled_from, wander_of
+from stickslip_ros.traces.steps import MeasuredValue, settled_from, wander_of
 
 Array = NDArray[np.float64]
 
@@ -268,12 +268,12 @@ def _part(t: Array, even: EvenSamples, grid: SlipGrid, grids: list[SlipGrid]) ->
     return slice(*np.searchsorted(t, [grid.begin - _BEFORE * grid.period, after]))
 
 
-def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: Estimate) -> Run:
+def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: MeasuredValue) -> Run:
     """Analyse a run that was found; estimate (m) is its step as fitted to all samples."""
     run = analyse_cycles(t, x, None, Cycles.even(grid.slips, grid.period, grid.direction))
     step = run.mean_step
     if math.isfinite(estimate.value):
-        step = Estimate(grid.direction * estimate.value, estimate.error)
+        step = MeasuredValue(grid.direction * estimate.value, estimate.error)
     error = math.hypot(step.error, _change_of(run.step_sizes), wander_of(run.step_sizes))
     return replace(run, mean_step=replace(step, error=error), explained=grid.explained)
 

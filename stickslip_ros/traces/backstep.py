@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import Estimate, estimate_settled_mean, settled_from
+from stickslip_ros.traces.steps import MeasuredValue, estimate_settled_mean, settled_from
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ SETTINGS = BackstepSettings()
 
 
 @dataclass(frozen=True)
-class Backstep(Estimate):
+class Backstep(MeasuredValue):
     """The mean backstep over the settled cycles, m; nan where it cannot be determined."""
 
     chance: float  #: part of the error that noise and the scatter of cycles make, m
@@ -113,7 +113,7 @@ def _by_arc(
     cycles: Cycles,
     settled: slice,
     ringing: Ringing,
-) -> Estimate | None:
+) -> MeasuredValue | None:
     """Return the backstep by the arc of the settled falls; None where samples show no arc."""
     swing = 1.0 / ringing.frequency
     slips = cycles.slips[settled]
@@ -126,7 +126,7 @@ def _by_arc(
     arc = _fit_bottom(after, place, swing, lasts)
     if arc is None:
         return None
-    return Estimate(level.value - arc.value, math.hypot(level.error, arc.error))
+    return MeasuredValue(level.value - arc.value, math.hypot(level.error, arc.error))
 
 
 def _lay_over(t: Array, x: Array, slips: Array, begin: float, end: float) -> tuple[Array, Array]:
@@ -147,7 +147,7 @@ def _lay_over(t: Array, x: Array, slips: Array, begin: float, end: float) -> tup
     return every[order], np.concatenate(places)[order]
 
 
-def _level_at_slip(t: Array, x: Array, ringing: Ringing) -> Estimate | None:
+def _level_at_slip(t: Array, x: Array, ringing: Ringing) -> MeasuredValue | None:
     """Return where (m) the runner is when the slip begins; None if too few samples show it.
 
     The runner rises evenly, and may still ring from the slip before. From the slip on it is pulled
@@ -176,10 +176,10 @@ def _level_at_slip(t: Array, x: Array, ringing: Ringing) -> Estimate | None:
     likely /= likely.sum()
     level = float(likely @ levels)
     spread = float(likely @ (np.array(levels) - level) ** 2) + variance * float(likely @ widths)
-    return Estimate(level, math.sqrt(spread))
+    return MeasuredValue(level, math.sqrt(spread))
 
 
-def _fit_bottom(t: Array, x: Array, swing: float, lasts: float) -> Estimate | None:
+def _fit_bottom(t: Array, x: Array, swing: float, lasts: float) -> MeasuredValue | None:
     """Return the height (m) of the deepest point after a slip that lasts so long; None if unseen.
 
     swing and lasts are in s.
@@ -209,7 +209,7 @@ def _fit_bottom(t: Array, x: Array, swing: float, lasts: float) -> Estimate | No
     return _value_of_polynomial(t[near], x[near], at, 4)
 
 
-def _value_of_polynomial(t: Array, x: Array, at: float, degree: int) -> Estimate:
+def _value_of_polynomial(t: Array, x: Array, at: float, degree: int) -> MeasuredValue:
     """Return the value (m) at a time (s) of a polynomial fitted to places."""
     scale = float(np.max(np.abs(t - at))) or 1.0
     design = np.vander((t - at) / scale, degree + 1, increasing=True)
@@ -217,4 +217,4 @@ def _value_of_polynomial(t: Array, x: Array, at: float, degree: int) -> Estimate
     left = x - design @ found
     variance = float(left @ left) / max(len(x) - degree - 1, 1)
     error = math.sqrt(variance * float(np.linalg.pinv(design.T @ design)[0, 0]))
-    return Estimate(float(found[0]), error)
+    return MeasuredValue(float(found[0]), error)

@@ -222,7 +222,7 @@ def fit_cycles(
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Stretch:
     """Cycles fitted together, with their mean positions in cells of time."""
 
     number: NDArray[np.int64]  #: of the cycles
@@ -244,7 +244,7 @@ class _PartFit:
 
 def split_parts(
     even: EvenSamples, grid: SlipGrid, begin: float, end: float, most: int
-) -> list[_Part]:
+) -> list[_Stretch]:
     """Return a run in one part; of more cycles than that, the first and the last ones."""
     beyond = SETTINGS.beyond
     if grid.count <= most:
@@ -265,7 +265,7 @@ def _within(grid: SlipGrid, begin: float, end: float) -> tuple[float, float]:
     return max(begin, grid.begin), min(end, grid.end + 0.3 * grid.period)
 
 
-def _enough(parts: list[_Part]) -> bool:
+def _enough(parts: list[_Stretch]) -> bool:
     return all(
         len(part.number) > 1 and np.isfinite(part.x).sum() >= SETTINGS.least for part in parts
     )
@@ -273,23 +273,23 @@ def _enough(parts: list[_Part]) -> bool:
 
 def _part(
     even: EvenSamples, grid: SlipGrid, number: NDArray[np.int64], begin: float, end: float
-) -> _Part:
+) -> _Stretch:
     slips = grid.first + grid.period * number
     seen = (slips > begin) & (slips - grid.period < end)
     number, slips = number[seen], slips[seen]
     if not len(slips):
-        return _Part(number, np.zeros(1), np.zeros(0), 0.0, 0.0)
+        return _Stretch(number, np.zeros(1), np.zeros(0), 0.0, 0.0)
     tick = max(even.tick, grid.period / SETTINGS.cells)
     first = max(begin, float(slips[0]) - 1.5 * grid.period)
     edges = np.arange(first, min(end, float(slips[-1]) + grid.period), tick)
     chance = even.noise / math.sqrt(tick / even.tick)
     x = even.means(edges)
     spread = float(np.nanstd(x)) if np.isfinite(x).any() else 1.0
-    return _Part(number, edges, x, max(chance, SETTINGS.exact * spread), spread)
+    return _Stretch(number, edges, x, max(chance, SETTINGS.exact * spread), spread)
 
 
 def _fit_part(
-    part: _Part, grid: SlipGrid, ringing: Ringing, alike: _PartFit | None = None
+    part: _Stretch, grid: SlipGrid, ringing: Ringing, alike: _PartFit | None = None
 ) -> _PartFit:
     """Return rises and falls of the cycles of a part, by ridge regression.
 
@@ -357,7 +357,7 @@ def responses_of(
 
 def _tune(
     even: EvenSamples,
-    parts: list[_Part],
+    parts: list[_Stretch],
     grid: SlipGrid,
     ringing: Ringing,
     span: tuple[float, float],
@@ -387,7 +387,7 @@ def _tune(
     return min(found, tune(near, *_within(near, *span)), key=left)
 
 
-def shift_by_swings(parts: list[_Part], grid: SlipGrid, ringing: Ringing) -> SlipGrid:
+def shift_by_swings(parts: list[_Stretch], grid: SlipGrid, ringing: Ringing) -> SlipGrid:
     """Return the run with the clock a period of the ringing off at either end, if that leaves less.
 
     A period that is a little off adds up to one over a long run.
@@ -401,11 +401,11 @@ def shift_by_swings(parts: list[_Part], grid: SlipGrid, ringing: Ringing) -> Sli
     return replace(grid, first=grid.first + off[0], period=grid.period + apart)
 
 
-def search_clock(part: _Part, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
+def search_clock(part: _Stretch, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
     """Return the run with the clock, of some about its own, that leaves least."""
     last = grid.first + grid.period * (part.number[0] + SETTINGS.telling)
     seen = part.edges < last
-    few = _Part(
+    few = _Stretch(
         part.number[: SETTINGS.telling],
         part.edges[seen],
         part.x[seen[1:]],
@@ -424,7 +424,7 @@ def search_clock(part: _Part, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
 
 
 def _fit_clock(
-    parts: list[_Part], grid: SlipGrid, ringing: Ringing, known: bool
+    parts: list[_Stretch], grid: SlipGrid, ringing: Ringing, known: bool
 ) -> tuple[SlipGrid, Ringing]:
     """Return the run and its ringing with the clock that leaves least.
 

@@ -30,7 +30,7 @@ from stickslip_ros.traces.even_samples import (
 from stickslip_ros.traces.hum import MAINS
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.run_growth import find_shifts, fit_line
-from stickslip_ros.traces.steps import Estimate, settled_from
+from stickslip_ros.traces.steps import MeasuredValue, settled_from
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def doubts_of(
     even: EvenSamples,
     run: SlipGrid,
     others: list[SlipGrid],
-    step: Estimate,
+    step: MeasuredValue,
     shorter: float | None,
     ringing: Ringing | None = None,
     given: bool = True,

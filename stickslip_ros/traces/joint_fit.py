@@ -35,7 +35,7 @@ from stickslip_ros.traces.even_samples import (
 )
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import SETTLING, Estimate, settled_from
+from stickslip_ros.traces.steps import SETTLING, MeasuredValue, settled_from
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def without_disturbances(even: EvenSamples, found: Disturbances) -> EvenSamples:
 
 
 @dataclass(frozen=True)
-class Block:
+class FitRows:
     """Rows of a run or rest, without the unknowns of no interest that they share."""
 
     t: Array  #: s, (rows,)
@@ -142,7 +142,7 @@ class Block:
 
 def fit_steps(
     even: EvenSamples, grids: list[SlipGrid], ringings: list[Ringing | None]
-) -> tuple[list[Estimate], Disturbances]:
+) -> tuple[list[MeasuredValue], Disturbances]:
     """Fit the step of each run, and drift and hum of the whole measurement.
 
     Steps (m) are positive in the direction of the run; ringings are those of the runs. The step is
@@ -152,7 +152,7 @@ def fit_steps(
     rests = cut_rests(even, grids, ringings)
     blocks = [one for one in runs if one is not None] + rests
     if not blocks:
-        return [Estimate(math.nan, math.nan) for _ in grids], Disturbances()
+        return [MeasuredValue(math.nan, math.nan) for _ in grids], Disturbances()
     y = np.concatenate([one.weight * one.x[:, 0] for one in blocks])
     own = scipy.linalg.block_diag(*[one.weight * one.own for one in blocks])
     wide = np.concatenate([one.widths for one in blocks])
@@ -174,8 +174,8 @@ def fit_steps(
 
 
 def average_fits(
-    runs: list[Block | None], fits: list[RidgeFit], share: Array, chance: float, own: int
-) -> tuple[list[Estimate], Disturbances]:
+    runs: list[FitRows | None], fits: list[RidgeFit], share: Array, chance: float, own: int
+) -> tuple[list[MeasuredValue], Disturbances]:
     """Return steps and disturbances, averaged over the fits of `CASES` by how probable each is."""
 
     def mean(column: int) -> tuple[float, float]:
@@ -189,12 +189,12 @@ def average_fits(
     steps, column = [], 0
     for block in runs:
         if block is None:
-            steps.append(Estimate(math.nan, math.nan))
+            steps.append(MeasuredValue(math.nan, math.nan))
             continue
         size, error = mean(column)
         left = [mean(column + k)[0] for k in range(2, block.own.shape[1])]
         swing = block.unsettled + 0.5 * math.hypot(*left) / block.settled
-        steps.append(Estimate(size, math.hypot(error, swing)))
+        steps.append(MeasuredValue(size, math.hypot(error, swing)))
         column += block.own.shape[1]
     drift, drift_error = mean(own)
     best = int(np.argmax(share))
@@ -248,7 +248,7 @@ class RidgeFit:
         return width * value, width * math.sqrt(float(np.sum(share**2 / certain)))
 
 
-def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> Block | None:
+def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> FitRows | None:
     phases = phases_of(even, grid.period)
     phases = phases[phases < 0.0]
     short = settled_from(grid.count) < SETTLING
@@ -284,7 +284,7 @@ def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> Bl
     columns = without(np.stack(own, axis=1))
     off = _unsettled(cells, grid, ringing) if short else 0.0
     settled = grid.count - settled_from(grid.count)
-    return Block(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
+    return FitRows(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
 
 
 def _unsettled(cells: Array, grid: SlipGrid, ringing: Ringing | None) -> float:
@@ -301,7 +301,7 @@ def _unsettled(cells: Array, grid: SlipGrid, ringing: Ringing | None) -> float:
 
 def cut_rests(
     even: EvenSamples, grids: list[SlipGrid], ringings: list[Ringing | None]
-) -> list[Block]:
+) -> list[FitRows]:
     """Return the rests before, between and after the runs; after a run, the runner rings on."""
     ends = [one.begin for one in grids] + [even.end]
     begins = [even.begin] + [
@@ -336,14 +336,14 @@ def _rest_begin(even: EvenSamples, grid: SlipGrid, end: float) -> float:
     return later if np.fmax.reduce(np.abs(places - rest)) > SETTINGS.still * grid.step else begin
 
 
-def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> Block:
+def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> FitRows:
     basis, _ = np.linalg.qr(np.hstack(shared))
 
     def without(columns: Array) -> Array:
         return np.asarray(columns - basis @ (basis.T @ columns))
 
     weight = math.sqrt(max(samples, 1.0))
-    return Block(t, weight, without, without(x[:, None]), np.zeros((len(t), 0)), np.zeros(0))
+    return FitRows(t, weight, without, without(x[:, None]), np.zeros((len(t), 0)), np.zeros(0))
 
 
 def _common(t: Array, mains: float | None, bent: tuple[float, float] | None) -> Array:

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class SearchSettings:
+class RunSearchSettings:
     """Limits of the search for runs, and of the choice among runs that explain a motion."""
 
     candidates: int = 16  #: chains of falls that are tried, the most significant ones
@@ -58,7 +58,7 @@ class SearchSettings:
     multiples: int = 12  #: of a period at most that are tried as longer ones
 
 
-SETTINGS = SearchSettings()
+SETTINGS = RunSearchSettings()
 
 #: Called with the name of each stage of the search.
 Report = Callable[[str], object]

@@ -18,7 +18,7 @@ from stickslip_ros.reporting.terminal import format_rows, micro_prefix
 from stickslip_ros.traces.backstep import ARC, SAMPLES, Backstep
 from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import Estimate, settled_from
+from stickslip_ros.traces.steps import MeasuredValue, settled_from
 
 if TYPE_CHECKING:
     import pandas
@@ -60,7 +60,9 @@ class Run:
 
     cycles: Cycles
     step_sizes: Array  #: from just before a slip to just before the next one
-    mean_step: Estimate  #: their mean; without drift and hum where no actuator tells the cycles
+    mean_step: (
+        MeasuredValue  #: their mean; without drift and hum where no actuator tells the cycles
+    )
     backsteps: Array  #: from just before the slip to the end of the fall after it
     mean_backstep: Backstep  #: their mean, and how it was determined
     ringing: Ringing | None  #: after the slips; None where none is visible

@@ -37,7 +37,7 @@ _WALKS, _WALKING = np.append(0.0, np.geomspace(0.1, 1e3, 41)), 0.2
 
 
 @dataclass(frozen=True)
-class Estimate:
+class MeasuredValue:
     """A value with its standard error; both nan where it cannot be determined."""
 
     value: float
@@ -74,7 +74,7 @@ def settled_mean(values: NDArray[np.float64]) -> Any:
     return mean if values.ndim > 1 else float(mean)
 
 
-def estimate_settled_mean(values: NDArray[np.float64], exact: bool) -> Estimate:
+def estimate_settled_mean(values: NDArray[np.float64], exact: bool) -> MeasuredValue:
     """Return the mean of the settled values, (steps,), with the error that their scatter shows.
 
     Where few of them are settled, earlier ones show the scatter, too. Of exact values (without
@@ -83,17 +83,17 @@ def estimate_settled_mean(values: NDArray[np.float64], exact: bool) -> Estimate:
     kept, earlier = values[settled_from(len(values)) :], values[_FIRST:]
     kept, earlier = kept[np.isfinite(kept)], earlier[np.isfinite(earlier)]
     if not len(kept):
-        return Estimate(math.nan, math.nan)
+        return MeasuredValue(math.nan, math.nan)
     among = kept if exact or len(kept) >= _SHOW_SCATTER else max(kept, earlier, key=len)
     if len(among) < 2:
-        return Estimate(float(np.mean(kept)), 0.0 if exact else math.nan)
+        return MeasuredValue(float(np.mean(kept)), 0.0 if exact else math.nan)
     error = float(np.std(among, ddof=1)) / math.sqrt(len(kept))
     if not exact:
         # `COVERAGE` of the widened ones hold the mean as often as those of a normal distribution do
         # (Student, Biometrika 6 (1908) 1).
         tail = scipy.special.ndtr(COVERAGE)
         error *= float(scipy.special.stdtrit(len(among) - 1, tail)) / COVERAGE
-    return Estimate(float(np.mean(kept)), error)
+    return MeasuredValue(float(np.mean(kept)), error)
 
 
 def wander_of(steps: NDArray[np.float64]) -> float:

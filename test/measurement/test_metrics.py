@@ -10,11 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from stickslip_ros.measurement.alignment import ClockSearch, separate_ringing
+from stickslip_ros.measurement.alignment import ClockSearch
 from stickslip_ros.measurement.metrics import (
     deflections_of,
-    error_of_steps_and_shape,
-    level_of_cycles,
     single_steps,
     zero_crossing,
 )
@@ -32,7 +30,7 @@ from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.steps import Estimate, estimate_settled_mean
+from stickslip_ros.traces.steps import MeasuredValue, estimate_settled_mean
 
 Array = NDArray[np.float64]
 PERIOD = 0.01  # s
@@ -42,7 +40,7 @@ T: Array = np.arange(0.0, 0.1, 1e-4)
 def _steps(count: int = 8, **changed: Any) -> Run:
     ends = PERIOD * np.arange(1.0, count + 1.0)
     found = Run(
-        Cycles.even(ends, PERIOD, 1), np.full(count, 1e-7), Estimate(1e-7, 0.0),
+        Cycles.even(ends, PERIOD, 1), np.full(count, 1e-7), MeasuredValue(1e-7, 0.0),
         np.full(count, 2e-8), Backstep(2e-8, 0.0, 0.0, "samples"), Ringing(7e3, 600.0), {},
     )  # fmt: skip
     return replace(found, **changed)
@@ -57,25 +55,6 @@ def _wave(t: Array) -> Array:
     since = np.clip(t / PERIOD, 0.0, 8.0)
     part = since - np.floor(since)
     return 1e-7 * since + 4e-8 * np.sin(np.pi * part) ** 2 * np.exp(-3.0 * part)
-
-
-def test_means_of_cycles_are_those_between_slips() -> None:
-    random = np.random.default_rng(2)
-    t, difference = np.sort(random.random(200)), random.standard_normal(200)
-    weights = random.random(200)
-    weights[60:64] = 0.0
-    weights /= weights.sum()
-    slips = np.array([0.2, 0.45, 0.8])
-    found = level_of_cycles(t, difference, slips, weights)
-    for low, high in ((0.0, 0.2), (0.2, 0.45), (0.45, 0.8), (0.8, 1.0)):
-        inside = (t >= low) & (t < high)
-        mean = np.average(difference[inside], weights=weights[inside])
-        assert found[inside] == pytest.approx(np.full(inside.sum(), mean))
-    steps, shape = error_of_steps_and_shape(t, difference, slips, weights)
-    assert steps**2 == pytest.approx(weights @ found**2)
-    assert shape**2 == pytest.approx(weights @ (difference - found) ** 2)
-    assert np.isnan(error_of_steps_and_shape(t, difference, slips[:0], weights)).all()
-    assert len(level_of_cycles(t[:0], t[:0], slips, t[:0])) == 0
 
 
 def test_a_metric_differs_beyond_its_tolerance() -> None:
@@ -104,7 +83,7 @@ def test_few_settled_values_widen_the_error_as_students_t_does() -> None:
     error = float(stats.t.ppf(three, 7)) / 3.0 * many[7:].std(ddof=1) / math.sqrt(8.0)
     enough = estimate_settled_mean(many, exact=False)  # eight of them
     assert enough.error == pytest.approx(error)
-    assert estimate_settled_mean(np.array([4.0]), exact=True) == Estimate(4.0, 0.0)
+    assert estimate_settled_mean(np.array([4.0]), exact=True) == MeasuredValue(4.0, 0.0)
     assert math.isnan(estimate_settled_mean(np.array([4.0]), exact=False).error)
     assert math.isnan(estimate_settled_mean(np.array([math.nan]), exact=True).value)
 
@@ -150,11 +129,6 @@ def test_the_clocks_of_both_lead_to_each_other() -> None:
     t = np.array([0.0, 2.0, 3.0])
     assert clock.run_time(t) == pytest.approx([-0.28, 1.7, 2.69])
     assert clock.measurement_time(clock.run_time(t)) == pytest.approx(t)
-
-
-def test_weights_are_the_time_that_samples_stand_for() -> None:
-    t = np.array([0.0, 1.0, 3.0, 4.0])
-    assert Pairs(t, t, t, t).weights == pytest.approx(np.array([0.5, 1.5, 1.5, 0.5]) / 4.0)
 
 
 def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
@@ -252,26 +226,6 @@ def test_of_equal_steps_those_with_most_time_in_common_lie_on_each_other() -> No
         assert abs(found.other_offset) == pytest.approx(PERIOD)
     rest = Motion("run", T, _wave(T))  # the rest shows which step is which
     assert search(rest, rest).whole_periods_on(Alignment(), _steps()).other_offset is None
-
-
-def test_of_places_about_a_clock_the_best_is_taken() -> None:
-    t: Array = np.arange(0.0, 0.12, 1e-4)
-    run = Motion("run", t, _wave(t - 0.02))
-    sensor = Motion("sensor", t + 0.0033, run.x)
-    found = search(run, sensor).best_near(Alignment(offset=0.001), 0.0055, 111)
-    assert found is not None
-    assert found.offset == pytest.approx(0.0033, abs=5.1e-5)
-    assert search(run, sensor).best_near(Alignment(offset=0.5), 0.0055, 111) is None
-
-
-def test_ringing_is_seen_by_itself_where_it_fits_into_a_cycle() -> None:
-    assert separate_ringing(None) is None
-    assert separate_ringing(_steps(ringing=None)) is None
-    found = separate_ringing(_steps(ringing=Ringing(310.0, 210.0)))
-    assert found is not None
-    assert (found.frequency, found.decay) == (310.0, 210.0)
-    assert separate_ringing(_steps(ringing=Ringing(290.0, 210.0))) is None
-    assert separate_ringing(_steps(ringing=Ringing(310.0, 190.0))) is None
 
 
 def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,9 +13,6 @@ from scipy.integrate import solve_ivp
 from stickslip_ros.traces.cycle_fit import (
     fit_cycles,
     responses_of,
-    search_clock,
-    split_parts,
-    without_ringing,
 )
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 from stickslip_ros.traces.ringing import PUSH, Ringing
@@ -115,14 +111,6 @@ def test_the_clock_and_the_ringing_are_tuned(late: float) -> None:
     assert fit.explains()
 
 
-def test_a_known_period_moves_by_the_error_of_a_clock_only() -> None:
-    even, grid = _run()
-    off = SlipGrid(grid.first, 1.01 * PERIOD, 8, 1, 5e-8, 1.0)
-    fit = fit_cycles(even, off, RINGING, 0.0, even.end, known=True)
-    assert fit is not None
-    assert 1.0094 * PERIOD < fit.grid.period < 1.0106 * PERIOD
-
-
 def test_of_a_long_run_both_ends_are_looked_at() -> None:
     even, grid = _run(64)
     fit = fit_cycles(even, grid, RINGING, 0.0, even.end, tuned=True)
@@ -145,32 +133,3 @@ def test_too_little_tells_nothing() -> None:
     assert fit_cycles(even, grid, RINGING, 0.0, 2.9e-3) is None
     dark = EvenSamples(0.0, TICK, even.x, np.zeros(len(even.x), dtype=bool), even.noise)
     assert fit_cycles(dark, grid, RINGING, 0.0, even.end) is None
-
-
-def test_without_its_ringing_a_run_is_straight() -> None:
-    """What is left are straight rises and falls: the place of rest on the contact."""
-    even, _ = _run(noise=0.0)
-    plain = without_ringing(even, RINGING)
-    t = plain.begin + plain.tick * np.arange(len(plain.x))
-    since = (t - 5e-3) / PERIOD + 1.0
-    number = np.clip(np.floor(since), 0, 8).astype(int)
-    part = np.where((since > 0.0) & (since < 8.0), since - number, 0.0)
-    level = np.concatenate(([0.0], np.cumsum(RISES - FALLS)))
-    # In a slip the asperities yield: the place of rest dips, and is back after some decays.
-    rest = 1e-6 + level[number] + part * np.append(RISES, 0.0)[number]
-    clear = (since < 0.0) | ((since % 1.0 > 0.3) & (since % 1.0 < 0.9))
-    assert plain.x[clear] == pytest.approx(rest[clear], abs=3e-9)
-    noisy = 1e-9 * np.random.default_rng(8).standard_normal(20_000)
-    quiet = EvenSamples(0.0, TICK, noisy, np.ones(20_000, dtype=bool), 1e-9)
-    smooth = without_ringing(quiet, RINGING)
-    assert smooth.noise == pytest.approx(np.std(smooth.x), rel=0.05)
-
-
-@pytest.mark.parametrize("late", [0.3, -0.3])
-def test_where_ringing_does_not_blur_the_clock_is_looked_for_over_two_swings(late: float) -> None:
-    """At 41 swings to a cycle, two of them are a twentieth of it."""
-    even, grid = _run()
-    fast = Ringing(10.0 * RINGING.frequency, RINGING.decay)
-    off = replace(grid, first=grid.first + late * PERIOD)
-    near = search_clock(split_parts(even, off, 0.0, even.end, 40)[0], off, fast)
-    assert 0.0 < abs(near.first - off.first) < 2.001 / fast.frequency

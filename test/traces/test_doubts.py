@@ -14,7 +14,7 @@ from stickslip_ros.traces.doubts import doubts_of, find_clipping
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import Estimate
+from stickslip_ros.traces.steps import MeasuredValue
 
 FREQUENCY, COUNT = 200.0, 18
 
@@ -40,7 +40,7 @@ def _even(bench: Bench, every: int = 1, first: float = -1.0, last: float = 9.0) 
 def _doubts(
     even: EvenSamples, grid: SlipGrid, others: list[SlipGrid], step: float, *more: Any
 ) -> tuple[str, ...]:
-    return doubts_of(even, grid, others, Estimate(step, 0.0), *more)
+    return doubts_of(even, grid, others, MeasuredValue(step, 0.0), *more)
 
 
 def test_a_run_between_two_rests_is_determined(bench: Bench) -> None:

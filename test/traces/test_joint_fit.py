@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimate, drift and hum of bench traces, within their own standard errors."""
+"""MeasuredValue, drift and hum of bench traces, within their own standard errors."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,19 +16,18 @@ from scipy.stats import multivariate_normal
 from stickslip_ros.traces import joint_fit
 from stickslip_ros.traces.analysis import find_steps
 from stickslip_ros.traces.even_samples import (
-    EvenSamples,
     SlipGrid,
     correlation_time,
     resample_evenly,
 )
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import Estimate
+from stickslip_ros.traces.steps import MeasuredValue
 
 Array = NDArray[np.float64]
 
 
-def fitted(bench: Bench) -> tuple[list[Estimate], Disturbances]:
+def fitted(bench: Bench) -> tuple[list[MeasuredValue], Disturbances]:
     """The fit of a trace whose runs and ringing are known."""
     mass, stiffness, damping, *_ = bench.axis.constants
     decay = 0.5 * damping / mass
@@ -142,46 +140,6 @@ def test_a_fit_with_widths_beforehand_is_that_of_normal_distributions() -> None:
     assert odds == pytest.approx(density(widths) - density(np.array([0.1, 0.1, 3.0])), rel=1e-6)
 
 
-def test_samples_far_off_are_left_out_of_a_fit() -> None:
-    """Six standard deviations off is too far, four is not."""
-    random = np.random.default_rng(18)
-    columns = np.column_stack([np.ones(20_000), np.linspace(-1.0, 1.0, 20_000)])
-    y = columns @ [3.0, 2.0] + random.uniform(-1.0, 1.0, 20_000)
-    sigma = 1.4826 * 0.5  # by the median of such numbers
-    off = random.choice(20_000, 400, replace=False)
-    for far, left_out in ((5.5, True), (4.5, False)):
-        moved = y.copy()
-        moved[off] = columns[off] @ [3.0, 2.0] + far * sigma
-        value, _ = joint_fit.RidgeFit(columns, moved, np.ones(2)).value(0, 1e-12)
-        assert (value - 3.0 < 0.3 * far * sigma * 0.02) is left_out
-
-
-def test_a_rest_too_short_to_look_at_hides_no_other_one() -> None:
-    """A measurement that begins with its first run rests only after it."""
-    x = 1e-9 * np.random.default_rng(21).standard_normal(3000)
-    even = EvenSamples(0.0, 1e-5, x, np.ones(3000, dtype=bool), 1e-9)
-    grid = SlipGrid(1e-3, 1e-3, 8, 1, 1e-7, 1.0)
-    (rest,) = joint_fit.cut_rests(even, [grid], [None])
-    assert rest.t[0] == pytest.approx(grid.end + 0.05e-3, abs=0.1e-3)
-    assert rest.t[-1] == pytest.approx(even.end, abs=0.1e-3)
-    later = replace(grid, first=2e-3)
-    before, after = joint_fit.cut_rests(even, [later], [None])
-    assert before.t[-1] == pytest.approx(1e-3, abs=0.05e-3)
-    assert after.t[0] > later.end
-
-
-def test_unknowns_leave_fewer_rows_to_chance() -> None:
-    """Of 40 rows, 15 unknowns leave 25: the variance by chance is 1, correlation counted above."""
-    random = np.random.default_rng(20)
-    found = [
-        joint_fit.RidgeFit(
-            random.standard_normal((40, 15)), random.standard_normal(40), np.ones(15)
-        ).chance
-        for _ in range(100)
-    ]
-    assert 0.85 < np.mean(found) < 1.4
-
-
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_neighbours_that_go_together_count_less(rho: float) -> None:
     """Of x_n = rho x_(n-1) + noise, (1 + rho) / (1 - rho) samples are worth one."""
@@ -232,35 +190,3 @@ def test_drift_and_hum_are_told_from_so_many_standard_errors_on() -> None:
     assert set(Disturbances().as_json().values()) == {None}
     assert not Disturbances().drifts
     assert not Disturbances().hums
-
-
-class _Known:
-    """A fit of which value and standard error are known."""
-
-    def __init__(self, value: float, error: float, cosine: float = 0.0, sine: float = 0.0) -> None:
-        self._found = [(value, error), (0.0, 0.0), (cosine, 0.0), (sine, 0.0), (0.0, 0.0)]
-
-    def value(self, column: int, chance: float) -> tuple[float, float]:
-        return self._found[column]
-
-
-def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() -> None:
-    """What the fits differ by counts as well: with and without hum, steps are not the same."""
-    share = np.array([0.6, 0.3, 0.1])
-    values, errors = np.array([1.0, 3.0, -2.0]), np.array([0.5, 0.2, 1.0])
-    one = np.ones((1, 1))
-    block = joint_fit.Block(
-        np.zeros(1), 1.0, lambda columns: columns, one, np.ones((1, 2)), np.ones(2), 3, 0.0
-    )
-    fits: list[Any] = [_Known(*pair) for pair in zip(values, errors, strict=True)]
-    (step,), _ = joint_fit.average_fits([block], fits, share, 1.0, 2)
-    random = np.random.default_rng(4)
-    drawn = random.choice(3, 400_000, p=share)
-    numbers = values[drawn] + errors[drawn] * random.standard_normal(len(drawn))
-    assert step.value == pytest.approx(numbers.mean(), abs=0.02)
-    assert step.error == pytest.approx(numbers.std(), rel=0.01)
-    # What the ringing may leave of the start, and cycles that have not settled, widen the error.
-    short = replace(block, own=np.ones((1, 4)), unsettled=0.5)
-    fits = [_Known(1.0, 0.2, 0.6, 0.8)] * 3
-    (step,), _ = joint_fit.average_fits([short], fits, share, 1.0, 4)
-    assert step.error == pytest.approx(math.hypot(0.2, 0.5 + 0.5 * 1.0 / 3))

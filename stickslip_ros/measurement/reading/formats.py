@@ -11,7 +11,7 @@ from pathlib import Path
 
 from stickslip_ros.measurement.reading import arrays, instruments, paired_files
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
-from stickslip_ros.measurement.reading.text import UNPACKING, read_text
+from stickslip_ros.measurement.reading.text import UNPACKING, read_text_table
 from stickslip_ros.measurement.reading.variables import is_octave, read_mat, read_octave
 from stickslip_ros.measurement.reading.waveform import read_waveform
 from stickslip_ros.opening import open_regular
@@ -70,7 +70,7 @@ def open_table(path: Path, decimal: str | None = None) -> Table:
     if reader is not None:
         return reader(path)
     try:
-        table = read_text(path, decimal)
+        table = read_text_table(path, decimal)
     except UNPACKING as error:
         raise MeasurementError(f"it cannot be unpacked: {error}") from None
     if table is None:

@@ -66,7 +66,7 @@ def asking(kind: str) -> Iterator[None]:
             ) from None
 
 
-def clock_of(times: Any) -> Clock:
+def even_clock(times: Any) -> Clock:
     """Return the clock of even times. Raises MeasurementError."""
     steps = np.diff(times)
     step = float((times[-1] - times[0]) / (len(times) - 1))
@@ -143,7 +143,7 @@ def _function(data: Any) -> Iterator[Named]:
     name = text("id1") or f"set {data.get('rsp_node', 0)}"
     seconds = unit_t is None or unit_t.upper() in ("S", "SEC", "SECONDS")
     if seconds and int(data.get("abscissa_spacing", 1)) == 1:
-        yield name, unit, values, clock_of(times)
+        yield name, unit, values, even_clock(times)
     else:
         yield f"{name} time", "s" if seconds else unit_t, times, None
         yield name, unit, values, None

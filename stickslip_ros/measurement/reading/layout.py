@@ -52,7 +52,7 @@ def splitter(delimiter: str | None, quoted: bool) -> Callable[[str], list[str]]:
     return lambda line: [cell.strip() for cell in line.split(delimiter)]
 
 
-def plain(cell: str, decimal: str, grouped: bool = False) -> str:
+def with_point(cell: str, decimal: str, grouped: bool = False) -> str:
     """Return a cell with a decimal point and without signs of thousands."""
     if grouped:
         cell = cell.replace("," if decimal == "." else ".", "")
@@ -90,7 +90,7 @@ def value_of(cell: str, decimal: str, grouped: bool) -> float:
         if is_gap(cell):
             return math.nan
         raise ValueError(cell)
-    return float(plain(cell, decimal, grouped).replace("d", "e").replace("D", "e"))
+    return float(with_point(cell, decimal, grouped).replace("d", "e").replace("D", "e"))
 
 
 class Stamps:

@@ -42,7 +42,7 @@ def numbers_of(path: Path) -> Path:
     return path
 
 
-def describe(path: Path, layout: Layout, preamble: Preamble) -> None:
+def add_description(path: Path, layout: Layout, preamble: Preamble) -> None:
     """Add the information of the description beside the numbers, if there is one."""
     if not path.name.lower().endswith(_SUFFIX) or any(preamble.names):
         return
@@ -93,7 +93,7 @@ def description_of(path: Path) -> Path:
     return partner
 
 
-def unit_of(path: Path) -> str:
+def sample_unit(path: Path) -> str:
     """Return the unit of the samples that a binary export describes. Raises MeasurementError."""
     facts = {one.get("Name"): one.attrib for one in ElementTree.parse(path).iter("Prop")}
     names = {facts.get("BaseUnit", {}).get("Value", "")}

@@ -21,8 +21,8 @@ from stickslip_ros.measurement.reading.layout import (
     is_comment,
     is_number,
     lines_text,
-    plain,
     value_of,
+    with_point,
 )
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError
 
@@ -190,7 +190,7 @@ class Rows:
                 if column.stamped:
                     values.append(stamps.seconds(cell))
                 elif origin is not None and is_number(cell, layout.decimal):
-                    exact = np.longdouble(plain(cell, layout.decimal))
+                    exact = np.longdouble(with_point(cell, layout.decimal))
                     values.append(float(exact - np.longdouble(origin)))
                 else:
                     values.append(value_of(cell, layout.decimal, layout.grouped))
@@ -207,7 +207,7 @@ class Rows:
             row = layout.split(lines_text(line, layout.delimiter))
             cell = row[column.number - 1] if len(row) >= column.number else ""
             if is_number(cell, layout.decimal):
-                text = plain(cell, layout.decimal).lower()
+                text = with_point(cell, layout.decimal).lower()
                 digits = sum(character.isdigit() for character in text)
                 long = digits > _DIGITS and not set("ed") & set(text) and abs(float(text)) > _LONG
                 return text.split(".")[0] if long else None

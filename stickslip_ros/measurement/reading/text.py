@@ -143,7 +143,7 @@ def blocks_of(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
         yield ([rest] if rest else []), True
 
 
-def read_text(path: Path, decimal: str | None = None) -> Table | None:
+def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
     """Return a text table, None if the file is no text. Raises MeasurementError and OSError."""
     begun = text_start(path)
     if begun is None:
@@ -155,7 +155,7 @@ def read_text(path: Path, decimal: str | None = None) -> Table | None:
         shown = preview_of(lines, 0)
         raise MeasurementError(f"{error}{shown and f'; it begins:{chr(10)}{shown}'}") from None
     preamble = Preamble.of(lines, layout)
-    paired_files.describe(path, layout, preamble)
+    paired_files.add_description(path, layout, preamble)
     _check_units(lines, layout)
     _check_commas(lines, layout, decimal)
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.measurement.reading import paired_files
-from stickslip_ros.measurement.reading.instruments import asking, clock_of, library
+from stickslip_ros.measurement.reading.instruments import asking, even_clock, library
 from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
 from stickslip_ros.opening import open_regular
 
@@ -67,7 +67,7 @@ def read_waveform(path: Path) -> Table:
             times, volts = np.asarray(channel.times), np.asarray(channel.volts)
             if volts.ndim == 1 and len(volts) > 1 and len(times) == len(volts):
                 unit = {"v": "V", "a": "A", "w": "W"}.get(str(channel.unit.name).lower())
-                clock = _clock(clock_of(times), float(channel.seconds_per_point), len(times))
+                clock = _clock(even_clock(times), float(channel.seconds_per_point), len(times))
                 found.append((channel.name, axes.value or unit, volts, clock))
     return Table.of(found)
 
@@ -104,7 +104,7 @@ def _axes(path: Path, head: bytes) -> _Axes:
             return _rigol(head, size)
     except struct.error:
         raise MeasurementError("its waveform ends within a header: it is damaged") from None
-    return _Axes(value=paired_files.unit_of(path) if head.startswith(b"<?xml") else None)
+    return _Axes(value=paired_files.sample_unit(path) if head.startswith(b"<?xml") else None)
 
 
 def _check_size(expected: int, size: int) -> None:
