@@ -30,60 +30,50 @@ if sys.platform != "win32":
 
 #: Set to "wait" to compile in the process itself, as tests and CI do.
 CHOICE = "STICKSLIP_COMPILE"
-_PACKAGE = Path(__file__).parent
-_NOTE = "compiling"
-#: Seconds after which a note is taken for left behind on Windows, where it cannot be locked so.
-_LOST = 600.0
+#: What the background process runs: the user's own command that compiles everything.
+COMMAND = (sys.executable, "-m", __package__, "warm-up")
+_ROOT = Path(__file__).parent.parent
 _LOOK = 0.05  # s, between looks for what is waited for
 REPORT_EVERY = 2.0  # s, between words on how far it is
-_COMPILE = (
-    "import sys\n"
-    "from stickslip_ros.library.compile_ahead import compile_all\n"
-    "compile_all(sys.argv[1])\n"
-)
 
 _asked = threading.local()
+_child: subprocess.Popen[bytes] | None = None
+_announced = False
 _plain_functions: dict[Any, Any] = {}
 _plain_globals: dict[str, dict[str, Any]] = {}
 
 
 @contextlib.contextmanager
-def run_plain_meanwhile(folder: str) -> Iterator[None]:
-    """Run functions that this thread calls in the block as plain Python until they are compiled.
-
-    folder is that of the cache; without one everything is compiled as it is called.
-    """
-    outer = getattr(_asked, "background", None)
-    _asked.background = outer or (Background(folder) if folder else None)
+def run_plain_meanwhile() -> Iterator[None]:
+    """Run functions that this thread calls in the block as plain Python until they are compiled."""
+    outer = getattr(_asked, "plain", False)
+    _asked.plain = True
     try:
         yield
     finally:
-        _asked.background = outer
+        _asked.plain = outer
 
 
 def compile_in_background(dispatcher: Any) -> None:
     """Make a cached function of numba obey `run_plain_meanwhile`."""
     compile_it = dispatcher._compile_for_args
-    index = dispatcher._cache._cache_file._index_path
-    folder = str(Path(index).parents[1])
+    index = Path(dispatcher._cache._cache_file._index_path)
+    note = index.parents[1] / "compiling"
     own = dispatcher.py_func.__module__.startswith(f"{__package__}.")
 
-    def chosen(*args: Any, **options: Any) -> Any:
-        background = getattr(_asked, "background", None)
-        if not os.path.exists(index):
-            if background is None:
-                if own:
-                    Background(folder).is_at_work()
-                Background.wait_for(index)
-            elif not options and background.is_at_work():
-                background.announce()
+    def chosen(*args: Any) -> Any:
+        if not index.exists() and os.environ.get(CHOICE, "") != "wait":
+            plain = getattr(_asked, "plain", False)
+            if (plain or own) and _is_compiling(note) and plain:
+                _announce()
                 return _without_warnings(as_plain_python(dispatcher))
-        return compile_it(*args, **options)
+            _wait_for(index, note)
+        return compile_it(*args)
 
     dispatcher._compile_for_args = chosen
 
 
-def _without_warnings(function: Callable[..., Any]) -> Callable[..., Any]:
+def _without_warnings(function: Any) -> Callable[..., Any]:
     """Let divisions by zero pass without a word, as in compiled code."""
     import numpy as np
 
@@ -114,95 +104,71 @@ def as_plain_python(function: Any) -> Any:
     return _plain_functions[source]
 
 
-class Background:
-    """The background process that compiles; there is at most one on this machine."""
-
-    _child: subprocess.Popen[bytes] | None = None
-    _seen = False  # one of another process
-    _announced = False
-
-    def __init__(self, folder: str) -> None:
-        self._note = Path(folder) / _NOTE
-
-    def is_at_work(self) -> bool:
-        """Start the process if none runs; return whether one runs."""
-        kind = type(self)
-        if os.environ.get(CHOICE, "") == "wait":
-            return False
-        if kind._child is not None:
-            return kind._child.poll() is None
-        if _is_held(self._note):
-            kind._seen = True
-            return True
-        if kind._seen:  # one of another process has ended, and what is wanted is not there
-            return False
-        try:
-            self._note.parent.mkdir(parents=True, exist_ok=True)
-            with self._note.open("ab") as note:
-                if _lock(note):
-                    note.truncate(0)
-                    kind._child = self._started(note)
-        except OSError:  # nothing can be written, or started
-            return False
-        return True
-
-    @classmethod
-    def wait_for(cls, index: str) -> None:
-        """Wait until the background process has compiled a function, or has ended."""
-        if os.path.exists(index) or os.environ.get(CHOICE, "") == "wait":
-            return
-        note, said = Path(index).parents[1] / _NOTE, 0.0
-        while not os.path.exists(index):
-            if not (cls._child.poll() is None if cls._child else _is_held(note)):
-                return
-            if not said or time.monotonic() - said > REPORT_EVERY:
-                said = time.monotonic()
-                sys.stderr.write(
-                    f"waiting for the solver to be compiled in the background{_share(note)}\n"
+def _is_compiling(note: Path) -> bool:
+    """Start the background process unless one has run; return whether one runs."""
+    global _child
+    if _child is not None:
+        return _child.poll() is None
+    paths = os.pathsep.join(filter(None, (str(_ROOT), os.environ.get("PYTHONPATH"))))
+    try:
+        note.parent.mkdir(parents=True, exist_ok=True)
+        with note.open("ab") as file:
+            if _lock(file):
+                file.truncate(0)
+                _child = subprocess.Popen(
+                    COMMAND,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=file,  # how far it is; and with this file it holds the lock
+                    cwd=note.anchor,
+                    start_new_session=True,  # Ctrl-C is for the program that asked
+                    env={**os.environ, "PYTHONPATH": paths, CHOICE: "wait"},
                 )
-                sys.stderr.flush()
-            time.sleep(_LOOK)
+    except OSError:  # nothing can be written, or started
+        return False
+    return True
 
-    def _started(self, note: IO[bytes]) -> subprocess.Popen[bytes]:
-        paths = os.pathsep.join(filter(None, (str(_PACKAGE.parent), os.environ.get("PYTHONPATH"))))
-        return subprocess.Popen(
-            [sys.executable, "-c", _COMPILE, str(self._note)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=note,  # how far it is; and with this file it holds the lock
-            cwd=self._note.anchor,
-            start_new_session=True,  # Ctrl-C is for the program that asked
-            env={**os.environ, "PYTHONPATH": paths, CHOICE: "wait"},
+
+def _wait_for(index: Path, note: Path) -> None:
+    """Wait until the background process has compiled a function, or has ended."""
+    said = 0.0
+    while not index.exists() and (_child.poll() is None if _child else _is_held(note)):
+        if not said or time.monotonic() - said > REPORT_EVERY:
+            said = time.monotonic()
+            _say(f"waiting for the solver to be compiled in the background{_share(note)}")
+        time.sleep(_LOOK)
+
+
+def _announce() -> None:
+    """Print once that plain Python is used meanwhile."""
+    global _announced
+    if not _announced:
+        _announced = True
+        _say(
+            "the solver runs as plain Python until it is compiled: that goes on in the "
+            "background, once for this version, for half a minute"
         )
 
-    def announce(self) -> None:
-        """Print once that plain Python is used meanwhile."""
-        if not type(self)._announced:
-            type(self)._announced = True
-            sys.stderr.write(
-                "the solver runs as plain Python until it is compiled: that goes on in the "
-                "background, once for this version, for half a minute\n"
-            )
-            sys.stderr.flush()
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"{text}\n")
+    sys.stderr.flush()
 
 
 def _lock(note: IO[bytes]) -> bool:
     """Lock an open file until all that have it from this process have closed it, or ended."""
-    if sys.platform == "win32":
-        return True
-    try:
-        fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+    if sys.platform != "win32":
+        try:
+            fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+    return True  # on Windows two programs may both compile
 
 
 def _is_held(path: Path) -> bool:
     """Return whether a process that compiles has a note."""
     try:
         with path.open("rb") as note:
-            if sys.platform == "win32":
-                return time.time() - os.fstat(note.fileno()).st_mtime < _LOST
             return not _lock(note)
     except OSError:
         return False
@@ -210,8 +176,5 @@ def _is_held(path: Path) -> bool:
 
 def _share(path: Path) -> str:
     """Return the progress in a note, such as ": 35 %", if there is any."""
-    try:
-        last = path.read_text(encoding="utf-8", errors="replace").rstrip().rpartition(": ")[2]
-    except OSError:
-        return ""
+    last = path.read_text(encoding="utf-8", errors="replace").rstrip().rpartition(": ")[2]
     return f": {last}" if last.endswith("%") else ""

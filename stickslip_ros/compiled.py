@@ -140,7 +140,7 @@ def plain_until_compiled() -> Iterator[None]:
 
     For results that need not repeat to the last bit, and come from a few drive cycles.
     """
-    with report_compilation(), run_plain_meanwhile(_FOLDER):
+    with report_compilation(), run_plain_meanwhile():
         yield
 
 

@@ -3,9 +3,7 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
-from pathlib import Path
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import report_compilation
@@ -72,12 +70,3 @@ def warm_up() -> None:
         _runs()
         _sweeps()
         _contacts()  # last, for few have several
-
-
-def compile_all(note: str) -> None:
-    """Compile everything into the cache; then remove the note of the background process."""
-    try:
-        warm_up()
-    finally:
-        with contextlib.suppress(OSError):
-            Path(note).unlink()
