@@ -4,28 +4,23 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.measurement_options import (
-    add_measurement_options,
-    measurement_of,
-    steps_in,
-)
+from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of, steps_in
 from stickslip_ros.cli.options import (
     add_outputs,
     check_outputs,
     flag,
     option,
+    print_result,
     quantity,
     write_outputs,
 )
 from stickslip_ros.errors import UsageError
-from stickslip_ros.reporting import to_json
 
 if TYPE_CHECKING:
     from stickslip_ros.traces.analysis import Findings
@@ -74,16 +69,13 @@ def run(args: argparse.Namespace) -> int:
         _write(args, motion, seen)
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
-    if args.json:
-        content = {
-            **found.cycles_as_json(),
-            "steps": sum(run.steps for run in seen.runs),
-            "runs": [run.as_json() for run in seen.runs],
-            "disturbances": seen.disturbances.as_json(),
-        }
-        print(json.dumps(to_json(content), allow_nan=False))
-    else:
-        print(analysis_text(seen.runs, found))
+    content = {
+        **found.cycles_as_json(),
+        "steps": sum(run.steps for run in seen.runs),
+        "runs": [run.as_json() for run in seen.runs],
+        "disturbances": seen.disturbances.as_json(),
+    }
+    print_result(args, content, lambda: analysis_text(seen.runs, found))
     return 0 if _as_given(args, seen) and _all_determined(args, seen) else 1
 
 
@@ -123,7 +115,7 @@ def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
     found = [run.as_json() for run in seen.runs]
     rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(found, 1)]
     heading = ["run", *_COLUMNS.values()]
-    write_outputs(args, motion.source, heading, rows, lambda: measurement_page(motion, seen))
+    write_outputs(args, motion.source, heading, rows, measurement_page, motion, seen)
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:

@@ -4,18 +4,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.measurement_options import (
-    add_measurement_options,
-    measurement_of,
-    steps_in,
-)
+from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of, steps_in
 from stickslip_ros.cli.options import (
     Renamed,
     add_assignments,
@@ -23,19 +18,19 @@ from stickslip_ros.cli.options import (
     check_outputs,
     option,
     parameters_from,
+    print_result,
     quantity,
     write_outputs,
 )
 from stickslip_ros.errors import UsageError
 from stickslip_ros.measurement.verdict import LIMITS
-from stickslip_ros.reporting import format_si, to_json
+from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.terminal import style_text
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement
     from stickslip_ros.measurement.load_motion import LoadedMotion
-    from stickslip_ros.reporting.page import ResultPage
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
 
@@ -70,6 +65,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.measurement import Fits, compare, judge
+    from stickslip_ros.pages.compared import comparison_page
     from stickslip_ros.pages.texts import comparison_text
 
     allowed = _allowed(args)
@@ -82,8 +78,9 @@ def run(args: argparse.Namespace) -> int:
     heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
     names = ("name", *heading[1:])
     rows = [[getattr(metric, name) for name in names] for metric in found.metrics]
-    write_outputs(args, title, heading, rows, lambda: _page(found, judgements, simulation))
-    print(_json(found, judgements, simulation) if args.json else comparison_text(found, judgements))
+    shown = found, judgements, simulation
+    write_outputs(args, title, heading, rows, comparison_page, *shown)
+    print_result(args, _content(*shown), lambda: comparison_text(found, judgements))
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
         who = style_text("stickslip compare:", "bold red", sys.stderr)
@@ -141,23 +138,16 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
     return run, measurement, seen.runs if measurement.u is None else None
 
 
-def _page(
+def _content(
     found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
-) -> ResultPage:
-    from stickslip_ros.pages.compared import comparison_page
-
-    return comparison_page(found, judgements, simulation)
-
-
-def _json(found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion) -> str:
+) -> dict[str, Any]:
     names = ("what", "found", "allowed", "kept")
-    content = {
+    return {
         "run": found.run.source,
         "measurement": found.measurement.source,
         **found.as_json(),
-        "limits": [{name: to_json(getattr(one, name)) for name in names} for one in judgements],
+        "limits": [{name: getattr(one, name) for name in names} for one in judgements],
         "passed": all(judgement.kept for judgement in judgements),
         "parameters": simulation.parameters,
         "version": simulation.version,
     }
-    return json.dumps(content, allow_nan=False)

@@ -11,12 +11,7 @@ import webbrowser
 from pathlib import Path
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
-from stickslip_ros.cli.options import (
-    add_parameters,
-    flag,
-    option,
-    parameters_from,
-)
+from stickslip_ros.cli.options import add_parameters, flag, option, parameters_from
 from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import Parameters
 

@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from dataclasses import asdict
 
-from stickslip_ros.cli.options import add_outputs, option, quantity
+from stickslip_ros.cli.options import add_outputs, option, print_result, quantity
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,11 +35,9 @@ def run(args: argparse.Namespace) -> int:
     forces = forces_by_preload(geometry, args.mass, math.radians(args.inclination), args.preload)
     ratio = preload_ratio(forces, args.preload)
     named = {name.upper(): force for name, force in asdict(forces).items()}
-    if args.json:
-        print(json.dumps({"forces": named, "sum": forces.total, "ratio": ratio}))
-        return 0
     rows = [(name, f"{1e3 * force:8.1f} mN") for name, force in named.items()]
     rows += [("sum", f"{forces.total:8.3f} N"), ("preload", f"{args.preload:8.3f} N")]
     rows += [("ratio", f"{ratio:8.2f}")]
-    print("\n".join(f"{name:<8}{value}" for name, value in rows))
+    content = {"forces": named, "sum": forces.total, "ratio": ratio}
+    print_result(args, content, lambda: "\n".join(f"{name:<8}{value}" for name, value in rows))
     return 0

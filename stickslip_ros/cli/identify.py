@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ from stickslip_ros.cli.options import (
     check_outputs,
     flag,
     option,
+    print_result,
     progress_bar,
     repeated,
     report_left_out,
@@ -34,8 +34,6 @@ from stickslip_ros.shared_files import config_file
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-    from stickslip_ros.identification import Fit
-    from stickslip_ros.reporting.page import ResultPage
 
 #: Steps of the bar of one stage.
 _PARTS = 100
@@ -80,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.identification import Prior, identify, read_curve
     from stickslip_ros.measurement.load_motion import is_parameter_file
+    from stickslip_ros.pages.fitted import fit_page
     from stickslip_ros.pages.texts import fit_remarks, fit_sources
 
     check_outputs(args, args.out)
@@ -119,8 +118,8 @@ def run(args: argparse.Namespace) -> int:
         write_text(args.out, fit_remarks(found) + yaml_text(found.base, given))
     heading = ("parameter", "unit", "value", "low 95 %", "high 95 %")
     rows = [(name, p.unit, p.value, p.low, p.high) for name, p in found.parameters.items()]
-    write_outputs(args, ", ".join(fit_sources(found)), heading, rows, lambda: _page(found))
-    print(json.dumps(found.as_json(), allow_nan=False) if args.json else found.report())
+    write_outputs(args, ", ".join(fit_sources(found)), heading, rows, fit_page, found)
+    print_result(args, found.as_json(), found.report)
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
         return INTERRUPTED
@@ -128,12 +127,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"stickslip identify: misfit: {found.misfit.text}", file=sys.stderr)
         return 1
     return 0
-
-
-def _page(found: Fit) -> ResultPage:
-    from stickslip_ros.pages.fitted import fit_page
-
-    return fit_page(found)
 
 
 def _laws(text: str | None) -> list[str]:

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
@@ -15,6 +14,7 @@ from stickslip_ros.cli.options import (
     add_parameters,
     option,
     parameters_from,
+    print_result,
     yaml_lines,
 )
 from stickslip_ros.errors import UsageError
@@ -73,19 +73,18 @@ def run(args: argparse.Namespace) -> int:
     }
     if found.creep is not None:
         wanted |= {"creep": found.creep, "creep_start": known.creep_start}
-    print(_json(found, wanted) if args.json else f"{_table(found)}\n\n{yaml_lines(wanted)}")
+    print_result(args, _content(found, wanted), lambda: f"{_table(found)}\n\n{yaml_lines(wanted)}")
     return 0
 
 
-def _json(found: IdentifiedActuator, wanted: dict[str, Value]) -> str:
+def _content(found: IdentifiedActuator, wanted: dict[str, Value]) -> dict[str, Any]:
     names = ("width", "error", "rms_error", "span", "loops", "drift", "creep")
-    content = {name: getattr(found, name) for name in names} | {
+    return {name: getattr(found, name) for name in names} | {
         "elastic": found.actuator.elastic,
-        "thresholds": found.actuator.thresholds.tolist(),
-        "weights": found.actuator.weights.tolist(),
+        "thresholds": found.actuator.thresholds,
+        "weights": found.actuator.weights,
         "parameters": wanted,
     }
-    return json.dumps(content, allow_nan=False)
 
 
 def _table(found: IdentifiedActuator) -> str:

@@ -10,13 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import (
-    flag,
-    option,
-    progress_bar,
-    quantity,
-    repeated,
-)
+from stickslip_ros.cli.options import flag, option, progress_bar, quantity, repeated
 from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.terminal import SEARCH

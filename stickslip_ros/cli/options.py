@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import shlex
 import sys
 import tempfile
@@ -20,6 +21,7 @@ from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.reporting import to_json
 from stickslip_ros.reporting.tables import Cell, check_table, write_table
 from stickslip_ros.reporting.terminal import announce_if_slow
 
@@ -116,16 +118,17 @@ def write_outputs(
     title: str,
     heading: Sequence[str],
     rows: Sequence[Sequence[Cell]],
-    page_of: Callable[[], ResultPage],
+    page_of: Callable[..., ResultPage],
+    *shown: Any,
 ) -> None:
     """Write what --table, --plot (under a title) and --report ask for, all of it or nothing.
 
-    page_of makes the page, the plots of which are those of the picture, when one is asked for.
+    page_of makes the page of what is shown, with the plots of the picture, if one is asked for.
     """
     if args.table:
         write_table(args.table, heading, rows)
     if args.plot or args.report:
-        found = page_of()
+        found = page_of(*shown)
         if args.plot:
             from stickslip_ros.reporting.picture import write_picture
 
@@ -133,6 +136,11 @@ def write_outputs(
         if args.report:
             command = shlex.join(["stickslip", *sys.argv[1:]])
             write_text(args.report, found.html(command))
+
+
+def print_result(args: argparse.Namespace, content: Any, text: Callable[[], str]) -> None:
+    """Print a result: with --json its content as one object, nan as null; else as a text."""
+    print(json.dumps(to_json(content), allow_nan=False) if args.json else text())
 
 
 def show_picture(path: Path) -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from stickslip_ros.cli.options import (
     check_outputs,
     option,
     parameters_from,
+    print_result,
     quantity,
     report_left_out,
 )
@@ -54,16 +54,13 @@ def run(args: argparse.Namespace) -> int:
         from stickslip_ros.reporting.picture import draw_picture
 
         draw_picture(args.plot, lambda axes: _draw(p, found, axes))
-    if args.json:
-        print(json.dumps(asdict(found), allow_nan=False))
-        return 0
     rows = [
         ("amplitude", f"{found.amplitude:.5g} V"),
         ("stroke", format_si(found.stroke, "m", 5)),
         ("a0", format_si(found.zero_offset, "m", 4)),
         ("step", f"{format_si(found.step, 'm', 5)}, within {format_si(found.error, 'm', 2)}"),
     ]
-    print(format_rows(rows))
+    print_result(args, asdict(found), lambda: format_rows(rows))
     return 0
 
 

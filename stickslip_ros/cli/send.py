@@ -10,13 +10,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.options import (
-    add_axis,
-    option,
-    progress_bar,
-    quantity,
-    require_ros,
-)
+from stickslip_ros.cli.options import add_axis, option, progress_bar, quantity, require_ros
 from stickslip_ros.cli.watch import place_of
 from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.parameters import PARAMETERS, parse_assignment

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -18,6 +17,7 @@ from stickslip_ros.cli.options import (
     add_parameters,
     option,
     parameters_from,
+    print_result,
     report_left_out,
     yaml_lines,
 )
@@ -72,8 +72,6 @@ def write_search_result(
     whole = p.replace(**wanted)
     if args.yaml:
         write_text(args.yaml, yaml_text(whole))
-    if args.json:
-        print(json.dumps({**asdict(found), "parameters": whole.flat()}, allow_nan=False))
-        return
     lines = [f"{name:<14}{before:<16}{after}".rstrip() for name, before, after in rows]
-    print("\n".join([*lines, "", yaml_lines(wanted)]))
+    content = {**asdict(found), "parameters": whole.flat()}
+    print_result(args, content, lambda: "\n".join([*lines, "", yaml_lines(wanted)]))

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from pathlib import Path
@@ -19,12 +18,12 @@ from stickslip_ros.cli.options import (
     flag,
     option,
     parameters_from,
+    print_result,
     progress_bar,
 )
 from stickslip_ros.errors import UsageError
 from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import PARAMETERS, ParameterError
-from stickslip_ros.reporting import to_json
 from stickslip_ros.reporting.terminal import format_rows, micro_prefix
 from stickslip_ros.waveforms import WAVEFORMS
 
@@ -85,8 +84,7 @@ def run(args: argparse.Namespace) -> int:
 
         with report_compilation():
             band = Band.of(p, ensemble, args.steps, args.draws)
-    text = _json if args.json else _table
-    print(text(result, zero, band))
+    print_result(args, _content(result, zero, band), lambda: _table(result, zero, band))
     if unknown:
         print(f"stickslip simulate: no 0-amplitude: {unknown}", file=sys.stderr)
     return 0
@@ -111,20 +109,17 @@ def _zero_amplitude(run: SimulatedRun) -> tuple[float | None, str]:
         return math.nan, str(error)
 
 
-def _json(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
-    return json.dumps(
-        {
-            "steps": run.count,
-            "position": run.position.tolist(),
-            "step_size": run.step_size,
-            "backstep": None if math.isnan(run.backstep) else run.backstep,
-            "mean_speed": run.mean_speed,
-            "zero_amplitude": None if zero is None or math.isnan(zero) else zero,
-            "parameters": run.parameters.flat(),
-            **({"ensemble": _band_as_json(band)} if band else {}),
-        },
-        allow_nan=False,
-    )
+def _content(run: SimulatedRun, zero: float | None, band: Band | None) -> dict[str, object]:
+    return {
+        "steps": run.count,
+        "position": run.position,
+        "step_size": run.step_size,
+        "backstep": run.backstep,
+        "mean_speed": run.mean_speed,
+        "zero_amplitude": zero,
+        "parameters": run.parameters.flat(),
+        **({"ensemble": _band_as_json(band)} if band else {}),
+    }
 
 
 def _table(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
@@ -169,7 +164,5 @@ def _band_as_json(band: Band) -> dict[str, object]:
         "backstep": band.backstep,
         "position": (band.low, band.high),
     }
-    ends = {
-        name: {"low": to_json(low), "high": to_json(high)} for name, (low, high) in found.items()
-    }
+    ends = {name: {"low": low, "high": high} for name, (low, high) in found.items()}
     return {"draws": band.draws, "impossible": band.impossible, **ends}

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +14,16 @@ from stickslip_ros.cli.options import (
     check_outputs,
     option,
     parameters_from,
+    print_result,
     progress_bar,
     quantity,
     write_outputs,
 )
 from stickslip_ros.errors import UsageError
-from stickslip_ros.reporting import format_si, to_json
+from stickslip_ros.reporting import format_si
 from stickslip_ros.twin.settings import ASKED, TwinSettings
 
 if TYPE_CHECKING:
-    from stickslip_ros.reporting.page import ResultPage
     from stickslip_ros.twin import Forecast, Twin, Update
 
 
@@ -53,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.library.ensemble import find_ensemble
+    from stickslip_ros.pages.twin import twin_page
     from stickslip_ros.twin import Twin, TwinCommand
     from stickslip_ros.twin.recording import read_log
 
@@ -78,18 +78,9 @@ def run(args: argparse.Namespace) -> int:
     forecasts = _forecasts(args, twin)
     heading, name = ("time", "measured", "expected", "deviation"), args.recording.name
     rows = [update[:4] for update in updates]
-    write_outputs(args, name, heading, rows, lambda: _page(twin, updates, name))
-    if args.json:
-        print(json.dumps(to_json(_content(twin, forecasts)), allow_nan=False))
-    else:
-        print("\n".join(_lines(twin, forecasts)))
+    write_outputs(args, name, heading, rows, twin_page, twin, updates, name)
+    print_result(args, _content(twin, forecasts), lambda: "\n".join(_lines(twin, forecasts)))
     return 0 if twin.level[0] in ("ok", "blind") and not twin.changes else 1
-
-
-def _page(twin: Twin, updates: list[Update], source: str) -> ResultPage:
-    from stickslip_ros.pages.twin import twin_page
-
-    return twin_page(twin, updates, source)
 
 
 def _forecasts(args: argparse.Namespace, twin: Twin) -> list[Forecast]:

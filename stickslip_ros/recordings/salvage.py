@@ -22,12 +22,7 @@ from stickslip_ros.recordings.damage_scanner import DamageScanner
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_file import Block
 from stickslip_ros.recordings.mcap_reader import BagMessage
-from stickslip_ros.recordings.mcap_records import (
-    BROKEN,
-    MESSAGE_HEAD,
-    metadata_text,
-    records_in,
-)
+from stickslip_ros.recordings.mcap_records import BROKEN, MESSAGE_HEAD, metadata_text, records_in
 from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.unpacking import UnpackError, unpack_message
 

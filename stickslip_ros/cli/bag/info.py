@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.cli.options import add_outputs, check_outputs, option
+from stickslip_ros.cli.options import add_outputs, check_outputs, option, print_result
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,10 +29,7 @@ def run(args: argparse.Namespace) -> int:
         draw_picture(args.plot, load_motion(args.bag).motion.plot)
     with open_bag(args.bag) as bag:
         found = describe(bag)
-    if args.json:
-        print(json.dumps(found))
-    else:
-        print("\n".join(_lines(found)))
+    print_result(args, found, lambda: "\n".join(_lines(found)))
     return 0
 
 

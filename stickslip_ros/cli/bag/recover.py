@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from stickslip_ros.cli.options import add_outputs, option, progress_bar
+from stickslip_ros.cli.options import add_outputs, option, print_result, progress_bar
 
 #: The old bag was not whole: something is missing or cannot be vouched for.
 _DOUBTFUL = 3
@@ -32,11 +31,11 @@ def run(args: argparse.Namespace) -> int:
 
     with progress_bar(bytes_of(args.bag), "bytes") as bar:
         done = recover(args.bag, args.out, bar.update)
-    if args.json:
-        found = asdict(done)
-        print(json.dumps({"bag": str(found.pop("folder")), **found}))
-    else:
-        print(f"{done.folder}: {done.messages} messages kept, {done.dropped_bytes} bytes dropped")
+    found = asdict(done)
+    kept = f"{done.messages} messages kept, {done.dropped_bytes} bytes dropped"
+    content = {"bag": str(found.pop("folder")), **found}
+    print_result(args, content, lambda: f"{done.folder}: {kept}")
+    if not args.json:
         for finding in done.findings:
             print(f"stickslip bag recover: {finding}", file=sys.stderr)
     return _DOUBTFUL if done.findings else 0

@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.cli.options import add_outputs, option, progress_bar, repeated
+from stickslip_ros.cli.options import add_outputs, option, print_result, progress_bar, repeated
 from stickslip_ros.parameters import parse_assignment
 from stickslip_ros.reporting.terminal import announce_if_slow
 
@@ -43,12 +42,10 @@ def run(args: argparse.Namespace) -> int:
         with announce_if_slow(motion, in_pipes=True), progress_bar(states, "states") as bar:
             runs = resimulate(bag, changes, args.out, bar.update)
     reports = [one.as_dict() for one in runs]
-    if args.json:
-        print(json.dumps({"bag": str(args.bag), "changes": changes, "runs": reports}))
-    else:
-        print("\n\n".join(_text(report, bool(changes)) for report in reports))
-        if args.out:
-            print(f"\nwritten to {args.out}")
+    texts = [_text(report, bool(changes)) for report in reports]
+    texts += [f"written to {args.out}"] if args.out else []
+    content = {"bag": str(args.bag), "changes": changes, "runs": reports}
+    print_result(args, content, lambda: "\n\n".join(texts))
     return 0 if changes or all(one.bit_for_bit for one in runs) else _DIFFERENT
 
 
