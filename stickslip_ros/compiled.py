@@ -31,13 +31,11 @@ from stickslip_ros.background_compile import (
 
 try:
     import numba
-    from numba import literal_unroll as literal_unroll
     from numba.core.event import Listener, install_listener
 
     from stickslip_ros import numba_internals
 except ImportError:  # all of it runs as plain Python too, a hundred times slower
     numba = install_listener = None
-    literal_unroll = tuple
     Listener = object
 
 _PACKAGE = Path(__file__).parent

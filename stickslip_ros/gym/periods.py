@@ -131,7 +131,7 @@ def run_periods(
     lines, row = np.empty((2, 2)), np.empty((1, ROW_SIZE))
     for k in range(part[0], part[1]):
         plant, axis = buffers.plants[k], buffers.axes[k]
-        contacts, s = own_contacts(buffers.contacts, k), axis_in(axis)
+        contacts, s = own_contacts(buffers.contacts, k), axis_in(axis).state
         t, slid = states.t[k], s.slid
         states.level[k], sign = lay_period(actions[k], states.level[k], drive, lines)
         shift = lines[0, 0] * lines[1, 0] + lines[0, 1] * lines[1, 1]

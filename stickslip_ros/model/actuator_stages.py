@@ -48,18 +48,45 @@ def settled(chain: Chain, command: DriveCycle) -> DriveCycle:
             "amplifier and actuator do not settle within a cycle that can be run: raise "
             "amplifier_bandwidth, amplifier_slew or actuator_damping, or lower the frequency"
         )
-    t, u = lines_of(nodes[:, :count])
-    u[-1] = u[0]
-    ends = np.concatenate([[0.0], np.cumsum(command.durations)])
-    slip, slip_end = np.searchsorted(t, ends[[command.slip, command.slip_end]]).tolist()
-    durations = np.diff(t)
-    return DriveCycle(durations, np.diff(u) / durations, slip, command.sign, slip_end - slip)
+    closing = nodes[0, :count] == nodes[0, count - 1]
+    nodes[1, :count][closing] = nodes[1, 0]
+    ends = [0.0, *np.cumsum(command.durations).tolist()]
+    slips = ends[command.slip], ends[command.slip_end]
+    lines, _, slip, slip_end = write_lines(nodes, count, (0.0, nodes[1, 0]), slips, spare)
+    durations, rates = spare[:, :lines].copy()
+    return DriveCycle(durations, rates, slip, command.sign, slip_end - slip)
 
 
-def lines_of(nodes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return times (s) and deflections (m) of the ends of lines, without lines of no length."""
-    t, u = nodes[:, np.append(True, np.diff(nodes[0]) > 0.0)]
-    return t, u
+@compiled
+def write_lines(
+    nodes: NDArray,
+    count: int,
+    offsets: tuple[float, float],
+    slips: tuple[float, float],
+    drive: NDArray,
+) -> tuple[int, float, int, int]:
+    """Write the lines between nodes into drive: durations (s) and rates (m/s).
+
+    offsets (m): that of all nodes, and the level of the first node. Lines of no length are left
+    out. Returns the number of lines, their total change (m), and the indices of the lines that
+    begin at the times slips (s), or -1.
+    """
+    (offset, u), (slip_at, slip_end_at) = offsets, slips
+    t, lines, shift = nodes[0, 0], 0, 0.0
+    slip = 0 if t >= slip_at else -1
+    slip_end = 0 if t >= slip_end_at else -1
+    for k in range(1, count):
+        duration = nodes[0, k] - t
+        if not duration > 0.0:
+            continue
+        drive[0, lines], drive[1, lines] = duration, (nodes[1, k] + offset - u) / duration
+        shift += drive[0, lines] * drive[1, lines]
+        t, u, lines = nodes[0, k], nodes[1, k] + offset, lines + 1
+        if slip < 0 and t >= slip_at:
+            slip = lines
+        if slip_end < 0 and t >= slip_end_at:
+            slip_end = lines
+    return lines, shift, slip, slip_end
 
 
 @compiled

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,11 +86,11 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArr
     """
     amplitude, frequency = np.full(points, p.drive.amplitude), np.full(points, p.drive.frequency)
     columns: dict[str, Any] = {"amplitude": amplitude, "frequency": frequency}
-    rows = _rows_of(shape_of(replace(p.drive, **columns)), points)
-    possible = rows.possible & (amplitude <= p.actuator.max_voltage)
-    possible &= frequency <= p.drive.max_frequency
+    d = replace(p.drive, **columns)
+    cycles, possible = _cycles_of(shape_of(d), sign * p.actuator.gain_in_force * amplitude, sign)
+    possible &= (amplitude <= p.actuator.max_voltage) & (frequency <= d.max_frequency)
     if p.actuator.actuator == "linear" and not has_dynamics(p.actuator):
-        return _drive_cycles(rows, sign * p.actuator.gain_in_force * amplitude, sign), possible
+        return cycles, possible
     one_by_one = (drive_of(p.point(k), sign) if possible[k] else None for k in range(points))
     return stack_cycles(list(one_by_one), sign), possible
 
@@ -116,32 +116,20 @@ def largest_slip(d: DriveParameters) -> Any:
 
 
 def _drive_cycle(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveCycle:
-    rows = _rows_of(shape, 1)
-    if not rows.possible[0]:
+    cycles, possible = _cycles_of(shape, np.array([sign * gain * d.amplitude]), sign)
+    if not possible[0]:
         raise ParameterError(no_time(d, shape))
-    return _drive_cycles(rows, sign * gain * d.amplitude, sign).row(0)
+    return cycles.row(0)
 
 
-def _drive_cycles(rows: _Rows, stroke: Any, sign: int) -> DriveCycles:
-    """Return the drive cycles of rows; stroke is the full deflection (m), a number or (points,)."""
-    ways = rows.changes * np.reshape(stroke, (-1, 1))
-    used = rows.durations != 0.0
-    rates = np.divide(ways, rows.durations, out=np.zeros_like(ways), where=used)
-    return DriveCycles(rows.durations, rates, rows.slip, sign, rows.slip_parts)
+def _cycles_of(
+    shape: Shape, strokes: NDArray[np.float64], sign: int
+) -> tuple[DriveCycles, NDArray[np.bool_]]:
+    """Return the shape as drive cycles of strokes (m), (points,), and which are possible.
 
-
-class _Rows(NamedTuple):
-    """Shapes of many points without the segments that take no time, one row a point."""
-
-    durations: NDArray[np.float64]  #: (points, segments), s; rows are filled with 0 at the end
-    changes: NDArray[np.float64]  #: (points, segments), shares of the amplitude
-    slip: NDArray[np.int64]  #: (points,), segment in which the level begins to fall
-    slip_parts: NDArray[np.int64]  #: (points,), segments up to the one in which it last falls
-    possible: NDArray[np.bool_]  #: (points,)
-
-
-def _rows_of(shape: Shape, points: int) -> _Rows:
-    """Return the shape as rows, segments of no time left out."""
+    Segments of no time are left out: rows are filled with durations of 0 at the end.
+    """
+    points = len(strokes)
     durations, changes = _columns(shape.durations, points), _columns(shape.changes, points)
     possible = ~((durations < 0.0) | ((durations == 0.0) & (changes != 0.0))).any(axis=1)
     first, stop = shape.slip
@@ -149,13 +137,16 @@ def _rows_of(shape: Shape, points: int) -> _Rows:
     falls = lasts & (changes < 0.0)
     falls[:, :first] = falls[:, stop:] = False
     index = np.cumsum(lasts, axis=1) - 1  # where each segment comes to stand
+    # The slip goes from the segment in which the level begins to fall to that where it last falls.
     slip = np.take_along_axis(index, np.argmax(falls, axis=1)[:, None], axis=1)[:, 0]
     end = np.where(falls, index, -1).max(axis=1)
     if not lasts.all():
         order = np.argsort(~lasts, axis=1, kind="stable")
         durations = np.take_along_axis(np.where(lasts, durations, 0.0), order, axis=1)
         changes = np.take_along_axis(np.where(lasts, changes, 0.0), order, axis=1)
-    return _Rows(durations, changes, slip, end - slip + 1, possible)
+    ways = changes * strokes[:, None]
+    rates = np.divide(ways, durations, out=np.zeros_like(ways), where=durations != 0.0)
+    return DriveCycles(durations, rates, slip, sign, end - slip + 1), possible
 
 
 def _columns(values: tuple[Any, ...], points: int) -> NDArray[np.float64]:

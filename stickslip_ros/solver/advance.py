@@ -13,24 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.any_arc import friction_now
 from stickslip_ros.solver.cycles import period_of, repeat, stays_clear, write_row
 from stickslip_ros.solver.event_loop import heat_since, open_account, solve_cycles
-from stickslip_ros.solver.layout import (
-    ROW_SIZE,
-    arc_in,
-    axis_in,
-    contacts_in,
-    copy_for_preview,
-    held_in,
-    plant_in,
-    preview_in,
-    several_in,
-)
+from stickslip_ros.solver.layout import ROW_SIZE, axis_in, contacts_in, plant_in, several_in
 from stickslip_ros.solver.within_arc import turns_within
 
-#: Numbers of each sample: x (m), v (m/s), z (m), u' (m/s), u (m); for several contacts followed by
-#: z (m) of each, and by the second state of each
-SAMPLE_SIZE = 5
+#: Numbers of each sample: x (m), v (m/s), z (m), u' (m/s), u (m), F (N); for several contacts
+#: followed by z (m) of each
+SAMPLE_SIZE = 6
 #: Largest number of events of one arc
 _LEAST_ROOM = 64
 #: More cycles than any run can have
@@ -49,10 +40,11 @@ def advance(
     With ``replay``, a cycle that begins as the last one did is not solved again. With ``cut``,
     t_end becomes an event; call `anchor` afterwards.
     """
-    s, each = axis_in(axis), contacts_in(contacts, False)
+    kernel, moved, each = axis_in(axis), plant_in(plant), contacts_in(contacts, False)
+    s = kernel.state
     s.unfinished = 0
     if s.cut or not s.replay:
-        return solve_cycles(plant, s, axis, each, drive, rows)
+        return solve_cycles(moved, s, kernel, each, drive, rows)
     stop_cycle, period = s.stop_cycle, period_of(drive)
     ended = 0
     while s.done < min(s.count, stop_cycle):
@@ -61,8 +53,11 @@ def advance(
         if s.steady:
             if (s.t_end - s.start) - s.done * period < period:
                 if not s.previewing:
-                    copy_for_preview(axis, contacts)
-                _preview(plant, axis, contacts, drive)
+                    kernel.preview = s
+                    if contacts is not None:
+                        half = len(contacts) // 2
+                        contacts[half:] = contacts[:half]
+                _preview(moved, kernel, contacts, drive)
                 return ended
             if s.spent >= s.allowance:
                 s.unfinished = 1
@@ -73,40 +68,32 @@ def advance(
             ended += 1
             continue
         s.stop_cycle = s.done + 1
-        if not solve_cycles(plant, s, axis, each, drive, rows[ended:]):
+        if not solve_cycles(moved, s, kernel, each, drive, rows[ended:]):
             return ended
         ended += 1
     s.stop_cycle = stop_cycle
-    return ended + solve_cycles(plant, s, axis, each, drive, rows[ended:])
+    return ended + solve_cycles(moved, s, kernel, each, drive, rows[ended:])
 
 
 @compiled
-def _preview(plant: NDArray, axis: NDArray, contacts: NDArray | None, drive: NDArray) -> None:
+def _preview(plant: np.record, kernel: np.record, contacts: NDArray | None, drive: NDArray) -> None:
     """Find the state at t_end within a repeated cycle, on a copy of the state.
 
-    So the next cycle will begin as this one did. The copy continues from `copy_for_preview`, or
-    from the last preview of the cycle, which was for an earlier time.
+    So the next cycle will begin as this one did. The copy is fresh, or continues from the last
+    preview of the cycle, which was for an earlier time.
     """
-    s, copy = axis_in(axis), preview_in(axis)
+    s, copy, ahead = kernel.state, kernel.preview, contacts_in(contacts, True)
     copy.t_end, copy.stop_cycle = s.t_end, s.done + 1
     copy.spent, copy.unfinished = s.spent, 0
-    ahead, rows = contacts_in(contacts, True), np.empty((0, ROW_SIZE))
-    solve_cycles(plant, copy, axis, ahead, drive, rows)
+    solve_cycles(plant, copy, kernel, ahead, drive, np.empty((0, ROW_SIZE)))
     s.now_tau, s.now_x, s.now_v, s.now_z = copy.now_tau, copy.now_x, copy.now_v, copy.now_z
     s.now_rate, s.now_u = copy.now_rate, copy.now_u
     s.now_segment, s.now_tracking = copy.now_segment, copy.now_tracking
     s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished
     if contacts is not None:
-        _take_preview(several_in(contacts, False), several_in(contacts, True))
-
-
-@compiled
-def _take_preview(each: NDArray, ahead: NDArray) -> None:
-    """Copy the states of the contacts at t_end from those of a preview."""
-    for i in range(len(each)):
-        each[i].now_z = ahead[i].now_z
-        for k in range(len(each[i].inner)):
-            each[i].now_inner[k] = ahead[i].now_inner[k]
+        each = several_in(contacts, False)
+        for i in range(len(each)):
+            each[i].now_z, each[i].now_inner = ahead[i].now_z, ahead[i].now_inner
 
 
 @compiled
@@ -122,14 +109,13 @@ def sample(
 
     Returns how many samples are filled: fewer if the allowance of arcs ran out.
     """
-    s = axis_in(axis)
-    rows = np.empty((0, ROW_SIZE))
-    period = period_of(drive)
+    kernel, rows, period = axis_in(axis), np.empty((0, ROW_SIZE)), period_of(drive)
+    s = kernel.state
     previewing = False  # within a repeated cycle, whose preview continues
     for k in range(len(times)):
         s.t_end, s.stop_cycle = times[k], ENDLESS
         if previewing and (times[k] - s.start) - s.done * period < period:
-            _preview(plant, axis, contacts, drive)
+            _preview(plant_in(plant), kernel, contacts, drive)
         else:
             advance(plant, axis, contacts, drive, rows)
             previewing = s.steady != 0 and s.done < s.count
@@ -137,18 +123,18 @@ def sample(
             return k
         kept = samples[k]
         kept[0], kept[1], kept[2] = s.now_x, s.now_v, s.now_z
-        kept[3], kept[4] = s.now_rate, s.now_u
+        kept[3], kept[4], kept[5] = s.now_rate, s.now_u, friction(plant, axis, contacts)
         if contacts is not None:
-            _keep_deflections(several_in(contacts, False), kept)
+            each = several_in(contacts, False)
+            for i in range(len(each)):
+                kept[SAMPLE_SIZE + i] = each[i].now_z
     return len(times)
 
 
 @compiled
-def _keep_deflections(contacts: NDArray, kept: NDArray) -> None:
-    """Append deflections and second states of the contacts to a sample."""
-    for i in range(len(contacts)):
-        kept[SAMPLE_SIZE + i] = contacts[i].now_z
-        kept[SAMPLE_SIZE + len(contacts) + i] = contacts[i].now_inner[0]
+def friction(plant: NDArray, axis: NDArray, contacts: NDArray | None) -> float:
+    """Return F (N) of Eq. 1 at the time advanced to."""
+    return friction_now(axis_in(axis).state, plant_in(plant), contacts_in(contacts, False))
 
 
 @compiled
@@ -160,19 +146,20 @@ def find_events(
     Returns the number of times written; unfinished if times is full. Tables are not used, because
     they would skip events.
     """
-    s, each, arc = axis_in(axis), contacts_in(contacts, False), arc_in(axis)
+    kernel, moved, each = axis_in(axis), plant_in(plant), contacts_in(contacts, False)
+    s, arc = kernel.state, kernel.arc
     period, rows, found = period_of(drive), np.empty((0, ROW_SIZE)), 0
-    plant_in(plant).precomputed = -1
+    moved.precomputed = -1
     while True:
         if found > len(times) - _LEAST_ROOM:
             s.unfinished = 1
             return found
         begun = s.start + s.done * period + s.since + s.tau
         s.spent, s.allowance, s.unfinished = 0, 1, 0
-        solve_cycles(plant, s, axis, each, drive, rows)
+        solve_cycles(moved, s, kernel, each, drive, rows)
         h = min(arc.length, s.t_end - begun)
-        moving = held_in(axis) if s.stopped != 0 else plant_in(plant)
         if s.spent > 0 and 0.0 < h < math.inf:
+            moving = kernel.held if s.stopped != 0 else moved
             turns = turns_within(arc, moving, h, times[found:-1])
             times[found : found + turns] += begun
             found += turns
@@ -189,10 +176,10 @@ def anchor(plant: NDArray, axis: NDArray, x: float, v: float, z: float) -> None:
     x (m), v (m/s), z (m) is the state at that time. It stays the same to the last bit; extremes,
     backstep and energy balance are updated.
     """
-    s, p = axis_in(axis), plant_in(plant)
+    s = axis_in(axis).state
     s.cut, s.steady = 0, 0
     s.cycle_z = math.nan  # a cycle with two plants is not repeated
     s.x, s.v, s.z = s.now_x, s.now_v, s.now_z = x, v, z
     s.rate = s.now_rate
-    s.dissipated += heat_since(s, p, s.tau - s.open_tau)
+    s.dissipated += heat_since(s, plant_in(plant), s.tau - s.open_tau)
     open_account(s)

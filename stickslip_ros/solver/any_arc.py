@@ -1,17 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The next arc, its deflections and its friction, on one contact or on several."""
+"""The next arc, its friction, and samples within it, on one contact or on several.
+
+A sample is the state at the time asked for; it moves nothing.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import friction_force
+from stickslip_ros.model.friction import FOREIGN, friction_force
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
-from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after, is_general
-from stickslip_ros.solver.within_arc import within_arc
+from stickslip_ros.solver.cycles import ArcLimits
+from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after
+from stickslip_ros.solver.layout import TABULATED
+from stickslip_ros.solver.within_arc import begin_arc, turning_point, within_arc
 
 
 @compiled
@@ -25,7 +32,7 @@ def find_arc(
     """
     if contacts is None:
         next_arc(arc, plant, limit, tables)
-    elif is_general(contacts):
+    elif contacts[0].kind >= FOREIGN:
         general_arc(arc, plant, contacts, limit)
     else:
         contacts_arc(arc, plant, contacts, limit)
@@ -38,7 +45,19 @@ def friction_at_anchor(s: np.record, plant: np.record, contacts: NDArray | None)
         return friction_force(s.z, -s.rate, plant)
     force = 0.0
     for c in contacts:
-        force += force_of(c, c.z, c.inner[0], -s.rate)
+        force += force_of(c, c.z, c.inner, -s.rate)
+    return force
+
+
+@compiled
+def friction_now(s: np.record, plant: np.record, contacts: NDArray | None) -> float:
+    """Return F (N) of Eq. 1 at the time asked for."""
+    w = s.now_v - s.now_rate
+    if contacts is None:
+        return friction_force(s.now_z, w, plant)
+    force = 0.0
+    for c in contacts:
+        force += force_of(c, c.now_z, c.now_inner, w)
     return force
 
 
@@ -58,3 +77,96 @@ def friction_after(
         z = deflection_after(arc, c, dr, t)
         force += force_of(c, z, inner_after(arc, c, t), -arc.rate)
     return force
+
+
+@compiled
+def sample_anchor(s: np.record, contacts: NDArray | None, drive: NDArray, tracking: int) -> None:
+    """Store the state at the anchor as the result."""
+    s.now_segment, s.now_tracking = s.segment, tracking
+    s.now_x, s.now_v, s.now_z, s.now_rate = s.x, s.v, s.z, s.rate
+    _place_sample(s, drive, s.tau)
+    if contacts is not None:
+        for c in contacts:
+            c.now_z, c.now_inner = c.z, c.inner
+
+
+@compiled
+def sample_within(
+    s: np.record,
+    arc: np.record,
+    plant: np.record,
+    contacts: NDArray | None,
+    drive: NDArray,
+    outlook: ArcLimits,
+) -> None:
+    """Store the state at t_end, which lies within the arc; a backstep may be complete by then.
+
+    plant is that of the arc: for a runner held by a stop, that of `stops.make_held_plant`. At rest
+    the last arc never ends.
+    """
+    ahead, tracking = outlook.ahead, s.tracking
+    if tracking and outlook.resting:
+        t, dr = turning_point(arc, plant, s.sign)
+        if t <= ahead:
+            s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + dr))
+            tracking = 0
+    sample_anchor(s, contacts, drive, tracking)
+    if not 0.0 < ahead < math.inf:
+        return
+    moved, z, w = _after(arc, plant, contacts, outlook.limit, ahead)
+    if s.stopped == 0:
+        s.now_x = min(max(moved, s.low), s.high)
+    s.now_v, s.now_z = w + s.rate, z
+    _place_sample(s, drive, s.tau + ahead)
+
+
+@compiled
+def _after(
+    arc: np.record, plant: np.record, contacts: NDArray | None, limit: float, ahead: float
+) -> tuple[float, float, float]:
+    """Return x, z (m), w (m/s) at ``ahead`` (s) after the start of the present arc."""
+    if contacts is None:
+        ahead = _skip_tables(arc, plant, limit, ahead)
+    dr, z, w = within_arc(arc, plant, ahead)
+    if contacts is not None:
+        z = _sample_contacts(arc, contacts, dr, ahead)
+    return arc.x + dr + arc.rate * ahead, z, w
+
+
+@compiled
+def _skip_tables(arc: np.record, plant: np.record, limit: float, ahead: float) -> float:
+    """Go through a tabulated arc, which has nothing within, arc by arc up to ahead (s).
+
+    Returns how far ahead (s) that is within the last of them.
+    """
+    if arc.kind == TABULATED:
+        next_arc(arc, plant, limit, False)
+        while arc.length <= ahead:
+            h = arc.length
+            begin_arc(arc, arc.x + arc.path + arc.rate * h, arc.z_end, arc.w_end, arc.rate)
+            ahead -= h
+            limit -= h
+            next_arc(arc, plant, limit, False)
+    return ahead
+
+
+@compiled
+def _sample_contacts(arc: np.record, contacts: NDArray, dr: float, t: float) -> float:
+    """Keep the deflections after t (s) and the path dr (m); return their mean by stiffness."""
+    force = stiffness = 0.0
+    for c in contacts:
+        c.now_z = deflection_after(arc, c, dr, t)
+        c.now_inner = inner_after(arc, c, t)
+        force += c.sigma_0 * c.now_z
+        stiffness += c.sigma_0
+    return force / stiffness
+
+
+@compiled
+def _place_sample(s: np.record, drive: NDArray, tau: float) -> None:
+    """Set time and deflection of the actuator at tau (s) into the segment."""
+    s.now_tau, s.now_u = tau, s.rate * tau
+    for k in range(s.segment):
+        s.now_tau += drive[0, k]
+        s.now_u += drive[0, k] * drive[1, k]
+    s.now_u += s.level

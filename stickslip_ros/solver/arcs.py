@@ -63,61 +63,59 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
     if beyond and is_at_rest(arc, plant, net):
         end_at(arc, limit, z, 0.0, 0.0)
         arc.kind = REST
-    elif not plastic and not (abs(z) >= plant.z_ba and outward > 0.0):
-        _elastic_arc(arc, plant, limit, tables)
+        return
+    inward = not plastic and not (abs(z) >= plant.z_ba and outward > 0.0)
+    arc.mirror = 1.0 if z > 0.0 else -1.0
+    if plastic:
+        arc.mirror = 1.0 if w > 0.0 or (w == 0.0 and net > 0.0) else -1.0
+    if tables and _tabulated_arc(arc, plant, inward, limit):
+        return
+    if inward:
+        _elastic_arc(arc, plant, limit)
     else:
-        arc.mirror = 1.0 if z > 0.0 else -1.0
-        if plastic:
-            arc.mirror = 1.0 if w > 0.0 or (w == 0.0 and net > 0.0) else -1.0
-        if not (tables and _tabulated_arc(arc, plant, limit)):
-            _plastic_arc(arc, plant, limit, tables and not plastic)
+        _plastic_arc(arc, plant, limit, tables and not plastic)
 
 
 @compiled
-def _elastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> None:
-    """Fill an arc with alpha = 0, or the whole swing from its start if that is tabulated."""
-    z, w = arc.z, arc.w
-    if tables and w == 0.0:
-        mirror, side = (1.0, 0) if z > 0.0 else (-1.0, 1)
-        z_end, t, dr = swing(plant, side, mirror * z)
-        if t <= limit:
-            arc.kind = TABULATED
-            end_at(arc, t, -mirror * z_end, 0.0, mirror * dr)
-            return
-    damping = plant.sigma_1 + plant.sigma_2
-    contact = (plant.sigma_0, damping)
-    line = rest_line(arc.x, z, arc.rate, plant.force, plant.spring, contact)
+def _elastic_arc(arc: np.record, plant: np.record, limit: float) -> None:
+    """Fill an arc with alpha = 0."""
+    line = rest_line(arc, plant)
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
-    end = elastic_end(z, w, line, o, plant.z_ba, limit)
+    end = elastic_end(arc.z, arc.w, line, o, plant.z_ba, limit)
     arc.kind = ELASTIC
     arc.line, arc.line_rate = line
     arc.z_max, arc.z_min = end.z_max, end.z_min
-    end_at(arc, end.t, end.z, end.w, end.z - z)
+    end_at(arc, end.t, end.z, end.w, end.z - arc.z)
 
 
 @compiled
-def _tabulated_arc(arc: np.record, plant: np.record, limit: float) -> bool:
-    """Fill an arc with alpha > 0 from the tables, if they contain it. arc.mirror is set."""
-    mirror = arc.mirror
+def _tabulated_arc(arc: np.record, plant: np.record, inward: bool, limit: float) -> bool:
+    """Fill an arc from the tables, if they contain it; arc.mirror is set.
+
+    inward: alpha is 0 at its start, and it is a whole swing.
+    """
+    mirror, side = arc.mirror, 0 if arc.mirror > 0.0 else 1
     z, w = mirror * arc.z, mirror * arc.w
-    arc.kind = TABULATED
-    if plant.kind == ALWAYS_PLASTIC:
-        rest = mirror * plant.force / plant.sigma_0
-        left, t, dr = reversal(plant, 0 if mirror < 0.0 else 1, rest - z)
-        if w == 0.0 and t <= limit:
-            end_at(arc, t, mirror * (rest + left), 0.0, mirror * dr)
-            return True
+    z_end, w_end, t, dr = z, 0.0, math.nan, 0.0
+    if inward:
+        if w == 0.0:
+            over_there, t, dr = swing(plant, side, z)
+            z_end = -over_there
+    elif plant.kind == ALWAYS_PLASTIC:
+        if w == 0.0:
+            rest = mirror * plant.force / plant.sigma_0
+            left, t, dr = reversal(plant, 1 - side, rest - z)
+            z_end = rest + left
     elif z == plant.z_ba and w <= plant.burst_top:
-        z_end, t, dr = burst(plant, 0 if mirror > 0.0 else 1, w)
-        if t <= limit:
-            end_at(arc, t, mirror * z_end, 0.0, mirror * dr)
-            return True
+        z_end, t, dr = burst(plant, side, w)
     elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide - plant.settled:
-        known = slide(plant, z, w, mirror * plant.force, limit)
-        if known.t <= limit:
-            end_at(arc, known.t, mirror * known.z, mirror * known.w, mirror * known.path)
-            return True
-    return False
+        t, dr, z_end, w_slide = slide(plant, z, w, mirror * plant.force, limit)
+        w_end = mirror * w_slide
+    if not t <= limit:
+        return False
+    arc.kind = TABULATED
+    end_at(arc, t, mirror * z_end, w_end, mirror * dr)
+    return True
 
 
 @compiled
@@ -136,9 +134,9 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
     else:
         branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
         if branch.along:
-            expand_along(arc.work, branch, w)
+            expand_along(arc.work, plant, branch, w)
         else:
-            expand(arc.work, branch, z, w)
+            expand(arc.work, plant, branch, z, w)
         share = _share(plant, branch) * plant.tolerance
         h = step_length(arc.work, share, arc.weight, branch.stribeck)
         if implicit_arc(arc, plant, branch, min(h, limit), limit):
@@ -159,8 +157,7 @@ def _series_end(
 ) -> TaylorEnd:
     """Return where a step of a series, at most h (s) long, has its first event."""
     z, w = arc.work[Z, 0], arc.work[W, 0]
-    floor = 0.0 if branch.stribeck else plant.v_edge
-    end = taylor_end(arc.work, branch, h, floor, plant.kind != ALWAYS_PLASTIC)
+    end = taylor_end(arc.work, plant, branch, h)
     if branch.along:
         w_end = polynomial(arc.work, W, end.t)
         return TaylorEnd(end.t, end.event, z_limit(w_end, plant.z_k, plant.z_s, plant.v_s))
@@ -208,7 +205,7 @@ def _steady(arc: np.record, plant: np.record, pull: float) -> float:
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
     branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
-    rate, by_z, _ = rates(branch, z, w)
+    rate, by_z, _ = rates(plant, branch, z, w)
     return z - rate / by_z if by_z < 0.0 else math.nan
 
 

@@ -13,12 +13,11 @@ from stickslip_ros.model.friction import (
     ELASTOPLASTIC,
     ELASTOPLASTIC_CALC,
     FOREIGN,
-    Contact,
     alpha_at,
     z_limit,
 )
 from stickslip_ros.solver.roots import newton
-from stickslip_ros.solver.taylor import BAND, Branch, alpha_deficit, limit_slope
+from stickslip_ros.solver.taylor import BAND, Branch, alpha_deficit, limit_and_slope
 
 #: Share of the tolerance below which the Stribeck curve counts as flat
 _FLAT = 1e-4
@@ -31,23 +30,6 @@ _EDGE = 1.0 + 1e-9
 #: z nears that of steady sliding as an exponential within this share of the tolerance, and alpha is
 #: linear within this share of z - z_ba
 _SETTLED, _LINEAR = 0.03, 1e-4
-
-
-@compiled
-def _contact_in(plant: np.record) -> Contact:
-    """Return the contact of a prepared plant; a record can be no part of what is returned."""
-    return Contact(
-        sigma_0=plant.sigma_0,
-        sigma_1=plant.sigma_1,
-        sigma_2=plant.sigma_2,
-        z_ba=plant.z_ba,
-        z_ss=plant.z_ss,
-        z_k=plant.z_k,
-        z_s=plant.z_s,
-        v_s=plant.v_s,
-        kind=plant.kind,
-        printed=plant.printed,
-    )
 
 
 @compiled
@@ -86,50 +68,38 @@ def branch_at(
     else:
         plastic = z > z_ss or (z == z_ss and limit >= z_ss)
     shifted = plant.printed != 0 and mirror < 0.0
-    branch = Branch(
-        contact=_contact_in(plant),
+    along = False
+    jumps = shifted and calc and not flat and w > 0.0
+    if jumps and abs(z - limit) <= _ON_LIMIT * plant.z_k:
+        plastic, along = _leave_limit(plant, limit, w, pull)
+    return Branch(
         z_ss=z_ss,
         plastic=plastic,
         calc=calc and not flat,
         stribeck=not flat,
-        along=False,
+        along=along,
         sine_start=-plant.z_ba if shifted else plant.z_ba,
         mass=plant.mass,
         pull=pull,
         spring=plant.spring,
         rate=rate,
     )
-    if shifted and branch.calc and w > 0.0 and abs(z - limit) <= _ON_LIMIT * plant.z_k:
-        return _at_limit(branch, limit, w)
-    return branch
 
 
 @compiled
-def _at_limit(branch: Branch, limit: float, w: float) -> Branch:
-    """Return the branch that continues from z = z_lim(w) = limit (m), where alpha jumps to 1.
+def _leave_limit(plant: np.record, limit: float, w: float, pull: float) -> tuple[bool, bool]:
+    """Return whether alpha is 1, and whether z follows z_lim(w) = limit (m), where it jumps to 1.
 
     Above the limit alpha is 1 and z stays; below the limit z grows by the rest of alpha to 1. If
     the limit rises at a rate between the two, both sides lead back to it, and z follows it
     (Filippov's sliding mode). If it rises faster, z stays below.
     """
-    c = branch.contact
-    net = branch.pull - c.sigma_0 * limit - c.sigma_2 * w
-    slope = limit_slope(w, c)
-    rising, gained = slope * net / branch.mass, w * alpha_deficit(limit, branch)
-    along = 0.0 < rising < gained * (1.0 + c.sigma_1 * slope / branch.mass)
-    return Branch(
-        contact=c,
-        z_ss=branch.z_ss,
-        plastic=not rising > 0.0,
-        calc=True,
-        stribeck=True,
-        along=along,
-        sine_start=branch.sine_start,
-        mass=branch.mass,
-        pull=branch.pull,
-        spring=branch.spring,
-        rate=branch.rate,
-    )
+    net = pull - plant.sigma_0 * limit - plant.sigma_2 * w
+    _, slope = limit_and_slope(w, plant)
+    gained = w * alpha_deficit(limit, plant.z_ba, -plant.z_ba)
+    rising = slope * net / plant.mass
+    along = 0.0 < rising < gained * (1.0 + plant.sigma_1 * slope / plant.mass)
+    return not rising > 0.0, along
 
 
 @compiled
@@ -153,7 +123,6 @@ def held_at_jump(plant: np.record, z: float, w: float, mirror: float) -> bool:
 def path_branch(plant: np.record) -> Branch:
     """Return the branch from z_ba on whose time is the path: an infinite mass keeps w at 1 m/s."""
     return Branch(
-        contact=_contact_in(plant),
         z_ss=plant.z_ss,
         plastic=False,
         calc=False,
@@ -184,14 +153,14 @@ def sliding_deflection(plant: np.record) -> float:
 
 
 @compiled
-def _beyond_steady(z: float, args: tuple[float, float, float]) -> tuple[float, float]:
+def beyond_steady(z: float, args: tuple[float, float, float]) -> tuple[float, float]:
     """Return alpha z - z_k (m) at z (m), and its derivative."""
     z_ba, scale, z_k = args
     alpha, by_angle = alpha_at(scale * (z - z_ba))
     return alpha * z - z_k, alpha + by_angle * scale * z
 
 
-_steady_root = newton(_beyond_steady)
+_steady_root = newton(beyond_steady)
 
 
 @compiled

@@ -8,6 +8,7 @@ other signals get through, whatever the kernel does.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,33 +52,23 @@ def run(
 
     Raises SolverError if a cycle, or the time from the last cycle to t_end, exceeds the budget.
     """
-    left = budget
     state["previewing"] = 0
-    while True:
-        state["spent"], state["allowance"] = 0, SLICE
+    for _ in _slices(buffers, state, budget):
         state["t_end"], state["stop_cycle"] = until
-        ended = advance(*buffers, rows)
-        if not state["unfinished"]:
-            return
-        rows = rows[ended:]
-        left = budget if ended else left - SLICE
-        if left <= 0:
-            raise SolverError(_over_budget(open_record(buffers.plant, PLANT), budget))
+        rows = rows[advance(*buffers, rows) :]
 
 
 def run_samples(
     buffers: KernelBuffers, state: np.void, times: NDArray[np.float64], samples: NDArray[np.float64]
 ) -> None:
     """Call `advance.sample` in slices. Raises SolverError like `run`."""
-    left = PER_CYCLE
     state["previewing"] = 0
     while len(times):
-        state["spent"], state["allowance"] = 0, SLICE
-        filled = sample(*buffers, times[:SAMPLES], samples)
-        left = PER_CYCLE if filled else left - SLICE
-        times, samples = times[filled:], samples[filled:]
-        if left <= 0:
-            raise SolverError(_over_budget(open_record(buffers.plant, PLANT), PER_CYCLE))
+        for _ in _slices(buffers, state, PER_CYCLE):
+            filled = sample(*buffers, times[:SAMPLES], samples)
+            times, samples = times[filled:], samples[filled:]
+            if filled:
+                break
 
 
 def run_events(
@@ -87,16 +78,29 @@ def run_events(
 
     until is t_end (s) and stop_cycle. Raises SolverError like `run`.
     """
-    parts, left, done = [], PER_CYCLE, int(state["done"])
+    parts: list[NDArray[np.float64]] = []
     state["t_end"], state["stop_cycle"] = until
-    while True:
+    for _ in _slices(buffers, state, PER_CYCLE):
         times = np.empty(SLICE)
         parts.append(times[: find_events(*buffers, times)])
+    return parts
+
+
+def _slices(buffers: KernelBuffers, state: np.void, budget: int) -> Iterator[None]:
+    """Yield with an allowance for each slice until one finishes the work.
+
+    Raises SolverError if a cycle, or the time after the last one, exceeds the budget (arcs).
+    """
+    left, done = budget, int(state["done"])
+    while left > 0:
+        state["spent"], state["allowance"] = 0, SLICE
+        yield
         if not state["unfinished"]:
-            return parts
-        left, done = PER_CYCLE if state["done"] > done else left - SLICE, int(state["done"])
-        if left <= 0:
-            raise SolverError(_over_budget(open_record(buffers.plant, PLANT), PER_CYCLE))
+            return
+        left, before, done = left - SLICE, done, int(state["done"])
+        if done > before:
+            left = budget
+    raise SolverError(_over_budget(open_record(buffers.plant, PLANT), budget))
 
 
 def _over_budget(plant: Any, budget: int) -> str:

@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, alpha_at
+from stickslip_ros.model.friction import ALWAYS_PLASTIC
+from stickslip_ros.solver.branches import beyond_steady
 from stickslip_ros.solver.elastic import rest_line
 from stickslip_ros.solver.glide import glide, glide_end
 from stickslip_ros.solver.layout import (
@@ -50,8 +51,8 @@ from stickslip_ros.solver.taylor import (
     P,
     W,
     Z,
+    integral,
     loading_coefficient,
-    path,
     polynomial,
     time_at_level,
     turn_end,
@@ -71,9 +72,7 @@ def contacts_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: flo
     arc.cost = len(contacts)
     net = plant.force - plant.spring * arc.x - plant.sigma_0 * z
     if is_at_rest(arc, plant, net):
-        arc.kind = REST
-        end_at(arc, limit, z, 0.0, 0.0)
-        keep_deflections(contacts)
+        stay(arc, contacts, limit, 0.0)
         return
     arc.mirror = 1.0 if w > 0.0 or (w == 0.0 and net > 0.0) else -1.0
     slide, room = _choose_branches(contacts, arc.mirror)
@@ -86,10 +85,12 @@ def contacts_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: flo
 
 
 @compiled
-def keep_deflections(contacts: NDArray) -> None:
-    """Let each contact end the arc as it began it."""
+def stay(arc: np.record, contacts: NDArray, t: float, w: float) -> None:
+    """Let each contact end the arc as it began it, after t (s), at w (m/s)."""
+    arc.kind = REST
+    end_at(arc, t, arc.z, w, 0.0)
     for c in contacts:
-        c.z_end = c.z
+        c.z_end, c.inner_end = c.z, c.inner
 
 
 @compiled
@@ -120,8 +121,7 @@ def _elastic_arc(
 ) -> None:
     """Fill an arc on which no contact slides: until w turns, or a contact breaks away."""
     z, w, mirror = arc.z, arc.w, arc.mirror
-    damping = plant.sigma_1 + plant.sigma_2
-    line = rest_line(arc.x, z, arc.rate, plant.force, plant.spring, (plant.sigma_0, damping))
+    line = rest_line(arc, plant)
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
     y, wy = z - line.a, w - line.b
     arc.kind = ELASTIC
@@ -158,17 +158,15 @@ def _is_settled(arc: np.record, plant: np.record, contacts: NDArray) -> bool:
     There alpha z = z_lim; one step of Newton's method leaves a rounding.
     """
     for c in contacts:
-        z, share, slope = arc.mirror * c.z, 1.0, 1.0
         if c.branch == STICKS:
             return False
+        z = arc.mirror * c.z
+        beyond, slope = z - c.z_k, 1.0
         if c.branch == GRADED:
-            scale = math.pi / (c.z_ss - c.z_ba)
-            share, by_angle = alpha_at(scale * (z - c.z_ba))
-            slope = share + by_angle * scale * z
-        lacking = c.z_k - share * z
-        if not abs(lacking) <= _SETTLED * plant.tolerance:
+            beyond, slope = beyond_steady(z, (c.z_ba, math.pi / (c.z_ss - c.z_ba), c.z_k))
+        if not abs(beyond) <= _SETTLED * plant.tolerance:
             return False
-        c.z_end = arc.mirror * (z + lacking / slope)
+        c.z_end = arc.mirror * (z - beyond / slope)
     return True
 
 
@@ -197,40 +195,26 @@ def _series_arc(
     work, mirror = arc.work, arc.mirror
     _expand(arc, plant, contacts)
     whole, event = turn_end(work, min(_step_length(arc, plant, contacts), limit), 0.0)
-    dr = path(work, whole)
+    dr = integral(work, W, whole)
     opened = math.inf
     if dr > room:
         guess = whole * within(room / dr)
         opened = _path_root((work, room), (0.0, whole), True, guess, CLOSE * whole)
     t = min(whole, opened)
     for c in contacts:
-        z_end = c.z + mirror * dr
-        if c.branch != STICKS:
-            z_end = mirror * polynomial(c.series, Z, whole)
-            t = min(t, _border_at(c, whole, mirror * z_end))
-        c.z_end = z_end
-    if t < whole:
-        dr = path(work, t)
-        _end_early(arc, contacts, t, whole, room if opened == t else math.inf)
-    w_end = 0.0 if event == TURN and t == whole else mirror * polynomial(work, W, t)
-    end_at(arc, t, mean_at_end(contacts), w_end, mirror * dr)
-
-
-@compiled
-def _end_early(arc: np.record, contacts: NDArray, t: float, whole: float, room: float) -> None:
-    """Set each z_end at t (s), where contacts get to a border within a step of whole (s).
-
-    Contacts with the path room (m) before them break away there.
-    """
-    mirror, dr = arc.mirror, path(arc.work, t)
+        t = min(t, _border_at(c, whole))
+    early = t < whole
+    dr = integral(work, W, t)
     for c in contacts:
         if c.branch != STICKS:
-            passed = _border_at(c, whole, mirror * c.z_end) == t
+            passed = early and _border_at(c, whole) == t
             c.z_end = mirror * (c.z_ss if passed else polynomial(c.series, Z, t))
-        elif c.z_ba - mirror * c.z == room:
+        elif early and opened == t and c.z_ba - mirror * c.z == room:
             c.z_end = mirror * c.z_ba
         else:
             c.z_end = c.z + mirror * dr
+    w_end = 0.0 if event == TURN and not early else mirror * polynomial(work, W, t)
+    end_at(arc, t, mean_at_end(contacts), w_end, mirror * dr)
 
 
 @compiled
@@ -299,14 +283,11 @@ def _step_length(arc: np.record, plant: np.record, contacts: NDArray) -> float:
 
 
 @compiled
-def _border_at(c: np.record, h: float, z_end: float) -> float:
-    """Return when (s) a contact that slides to z_end (m, mirrored) in h (s) passes its z_ss.
-
-    inf if it does not.
-    """
-    if c.kind == ALWAYS_PLASTIC:
+def _border_at(c: np.record, h: float) -> float:
+    """Return when (s) a contact that slides for h (s) passes its z_ss; inf if it does not."""
+    if c.branch == STICKS or c.kind == ALWAYS_PLASTIC:
         return math.inf
-    z = c.series[Z, 0]
+    z, z_end = c.series[Z, 0], polynomial(c.series, Z, h)
     crossed = z < c.z_ss < z_end if c.branch == GRADED else z_end < c.z_ss < z
     return time_at_level(c.series, Z, c.z_ss, h) if crossed else math.inf
 
@@ -315,7 +296,7 @@ def _border_at(c: np.record, h: float, z_end: float) -> float:
 def _beyond_path(t: float, args: tuple[NDArray, float]) -> tuple[float, float]:
     """Return how far the path is above a length (m) at t (s), and its derivative."""
     work, length = args
-    return path(work, t) - length, polynomial(work, W, t)
+    return integral(work, W, t) - length, polynomial(work, W, t)
 
 
 _path_root = newton(_beyond_path)

@@ -74,11 +74,9 @@ def _end_cycle_of_contacts(s: np.record, plant: np.record, contacts: NDArray) ->
     for c in contacts:
         if not abs(c.z - c.cycle_z) <= close:
             s.steady = 0
-        c.cycle_z = c.z
-        for k in range(len(c.inner)):
-            if not abs(c.inner[k] - c.cycle_inner[k]) <= REPEATED * abs(c.inner[k]):
-                s.steady = 0
-            c.cycle_inner[k] = c.inner[k]
+        if not abs(c.inner - c.cycle_inner) <= REPEATED * abs(c.inner):
+            s.steady = 0
+        c.cycle_z, c.cycle_inner = c.z, c.inner
 
 
 @compiled
@@ -105,7 +103,7 @@ def repeat(s: np.record) -> None:
 
 @compiled
 def write_row(s: np.record, rows: NDArray, at: int) -> None:
-    """Write the last whole cycle into a row, if there is one, as `layout.CYCLE_ROW` names it."""
+    """Write the last whole cycle, as `simulation.CycleResults` names it, if there is a row left."""
     if at < len(rows):
         row = rows[at]
         row[0], row[1] = s.x, s.backstep

@@ -15,7 +15,6 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator_chain import (
     CAPACITY,
@@ -30,7 +29,7 @@ from stickslip_ros.model.actuator_chain import (
     same_chain,
     static_deflection,
 )
-from stickslip_ros.model.actuator_stages import follow
+from stickslip_ros.model.actuator_stages import follow, write_lines
 from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.parameters import Parameters
@@ -48,6 +47,8 @@ _FIRST_REST = 1e-3
 _NEARLY_AS_FAST = 0.7
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])
+#: What the kernel knows of a cycle that has ended
+_OF_LAST_CYCLE = ("cycle_x", "last_step", "last_dissipated")
 #: Begin and end of the slip of a drive cycle that has none, s
 _NO_SLIP = (math.inf, math.inf)
 
@@ -96,7 +97,7 @@ class DrivenSimulation(Simulation):
         self._rest_span = _FIRST_REST
         self._offset = 0.0  # deflection less that of the chain, m
         self._begun, self._count, self._done = 0.0, 0, 0  # of the move, up to the window
-        self._last_cycle = (0.0, math.nan, math.nan)  # position, step (m), energy lost (J)
+        self._last_cycle: dict[str, float] = {}  # results of the last cycle of the command
         super().__init__(plant, tolerance, replay, budget)
 
     # -- the command
@@ -106,7 +107,7 @@ class DrivenSimulation(Simulation):
         """The commanded deflection, m."""
         # Not of the state that the chain has now: a chain of too many lines has none.
         value = float(self._before[COMMAND])
-        for duration, rate in zip(*self._command_until(self._t), strict=True):
+        for duration, rate in zip(*self._split_command(self._t)[0], strict=True):
             value += float(duration * rate)
         return value
 
@@ -120,7 +121,7 @@ class DrivenSimulation(Simulation):
         before, self._offset = self._offset, self._offset + static_deflection(old, state)
         self._offset -= static_deflection(chain, taken)
         taken[DEFLECTION] += before - self._offset
-        remainder = self._command_from(self._t - self._origin)
+        remainder = self._split_command(self._t)[1]
         self._chain = self._given = chain
         self._done = self.cycles_done
         self._after, self._until = taken, self._t
@@ -138,7 +139,7 @@ class DrivenSimulation(Simulation):
         self._store_slip()
         self._begin(drive_cycle, 0)
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
-        self._last_cycle = (float(self._s["now_x"]), *self._last_cycle[1:])
+        self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
         self._rest_span = _FIRST_REST
         self._next()
 
@@ -204,27 +205,6 @@ class DrivenSimulation(Simulation):
         """Cycles of the command that have not ended, the running one included."""
         return self._count - self.cycles_done
 
-    @property
-    def slipping(self) -> bool:
-        """True in the part of the command in which it slips."""
-        s = self._s
-        return self._cycles > 0 and bool(s["slip"] <= s["now_segment"] < s["slip_end"])
-
-    @property
-    def last_step(self) -> float:
-        """Displacement (m) over the last whole cycle; nan before the first."""
-        return super().last_step if self._cycles else self._last_cycle[1]
-
-    @property
-    def last_lost(self) -> float:
-        """Energy (J) lost in the contact over the last whole cycle; nan before the first."""
-        return super().last_lost if self._cycles else self._last_cycle[2]
-
-    @property
-    def position_of_cycle(self) -> float:
-        """Position (m) at the start of the running cycle, or at the end of the last one."""
-        return super().position_of_cycle if self._cycles else self._last_cycle[0]
-
     def _end_of(self, cycles: int) -> float:
         return self._begun + cycles * self._period
 
@@ -277,11 +257,11 @@ class DrivenSimulation(Simulation):
         """Open the window that follows the present one."""
         self._check_speed()
         self._done += self._cycles
-        if self._cycles and self._done == self._count:
-            s = self._s
-            self._last_cycle = tuple(
-                float(s[k]) for k in ("cycle_x", "last_step", "last_dissipated")
-            )  # type: ignore[assignment]
+        if self._cycles:
+            self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
+        else:  # a rest is no cycle
+            for name, value in self._last_cycle.items():
+                self._s[name] = value
         if self._done < self._count:
             if self._surface:
                 self._begin_next(self._surface)
@@ -340,39 +320,33 @@ class DrivenSimulation(Simulation):
         """Pass the lines between the first count nodes to the kernel."""
         s, slips = self._s, self._slips if cycles else _NO_SLIP
         level = float(s["level"])  # end of the previous lines
-        found = _lines(self._nodes, count, (self._offset, level), slips, self._spare)
+        found = write_lines(self._nodes, count, (self._offset, level), slips, self._spare)
         lines, s["shift"], s["slip"], s["slip_end"] = found
         self._drive = np.ascontiguousarray(self._spare[:, :lines])
 
-    def _command_from(self, since: float) -> NDArray[np.float64]:
-        """Return the rest of the window's command after a time (s)."""
+    def _split_command(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return durations (s) and rates (m/s) of the window's command before and after t (s)."""
         durations, rates = self._segments
         if math.isinf(self._until):
-            return self._segments  # the actuator rests, however long it has
-        left = np.minimum(durations, np.cumsum(durations) - self._within(since))
+            return self._segments[:, :0], self._segments  # the actuator rests, however long it has
+        since, ends = t - self._origin, np.cumsum(durations)
+        if self._cycles:
+            since -= int(self._s["done"]) * self._period
+        used = np.minimum(durations, since - (ends - durations))
+        left = np.minimum(durations, ends - since)
         # In the order of C: for any other, `follow` would compile anew while the axis runs.
-        return np.ascontiguousarray(np.stack([left, rates])[:, left > 0.0])
-
-    def _within(self, since: float) -> float:
-        """Convert a time (s) since the start of the window to one since the start of its cycle."""
-        return since - int(self._s["done"]) * self._period if self._cycles else since
+        before, after = (
+            np.ascontiguousarray(np.stack([part, rates])[:, part > 0.0]) for part in (used, left)
+        )
+        return before, after
 
     def _state_at(self, t: float) -> NDArray[np.float64]:
         """Return the chain at a time (s) within the window."""
         state = self._before.copy()
-        durations, rates = self._command_until(t)
+        durations, rates = self._split_command(t)[0]
         if len(durations):
             self._follow(state, durations, rates)
         return state
-
-    def _command_until(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return durations (s) and rates (m/s) of the command from the window's begin to t (s)."""
-        durations, rates = self._segments
-        used = np.minimum(
-            durations, self._within(t - self._origin) - (np.cumsum(durations) - durations)
-        )
-        moved = used > 0.0 if math.isfinite(self._until) else np.zeros(len(used), dtype=bool)
-        return used[moved], rates[moved]
 
     def _follow(
         self, state: NDArray[np.float64], durations: NDArray[np.float64], rates: NDArray[np.float64]
@@ -384,34 +358,3 @@ class DrivenSimulation(Simulation):
                 "raise actuator_damping or the frequency of the drive"
             )
         return count
-
-
-@compiled
-def _lines(
-    nodes: NDArray,
-    count: int,
-    offsets: tuple[float, float],
-    slips: tuple[float, float],
-    drive: NDArray,
-) -> tuple[int, float, int, int]:
-    """Write the lines between nodes into drive: durations (s) and rates (m/s).
-
-    offsets (m): that of all nodes, and the level of the first node. Returns the number of lines,
-    their total change (m), and the indices of the lines that begin at the times slips (s), or -1.
-    """
-    (offset, u), (slip_at, slip_end_at) = offsets, slips
-    t, lines, shift = nodes[0, 0], 0, 0.0
-    slip = 0 if t >= slip_at else -1
-    slip_end = 0 if t >= slip_end_at else -1
-    for k in range(1, count):
-        duration = nodes[0, k] - t
-        if not duration > 0.0:
-            continue
-        drive[0, lines], drive[1, lines] = duration, (nodes[1, k] + offset - u) / duration
-        shift += drive[0, lines] * drive[1, lines]
-        t, u, lines = nodes[0, k], nodes[1, k] + offset, lines + 1
-        if slip < 0 and t >= slip_at:
-            slip = lines
-        if slip_end < 0 and t >= slip_end_at:
-            slip_end = lines
-    return lines, shift, slip, slip_end

@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.layout import BREAKAWAY, FREE, TURN
 from stickslip_ros.solver.oscillator import (
@@ -45,19 +47,14 @@ class ElasticEnd(NamedTuple):
 
 
 @compiled
-def rest_line(
-    x: float, z: float, rate: float, force: float, spring: float, contact: tuple[float, float]
-) -> Line:
-    """Return the line around which the arc swings that starts at x, z (m); rate is u' (m/s).
-
-    contact is stiffness (N/m) and damping (N s/m).
-    """
-    stiffness, damping = contact
-    if spring == 0.0:
-        return Line(force / stiffness, 0.0)
-    total = stiffness + spring
-    b = -spring * rate / total
-    return Line((force - spring * (x - z) - damping * b) / total, b)
+def rest_line(arc: np.record, plant: np.record) -> Line:
+    """Return the line around which an elastic arc swings."""
+    if plant.spring == 0.0:
+        return Line(plant.force / plant.sigma_0, 0.0)
+    total = plant.sigma_0 + plant.spring
+    b = -plant.spring * arc.rate / total
+    damped = (plant.sigma_1 + plant.sigma_2) * b
+    return Line((plant.force - plant.spring * (arc.x - arc.z) - damped) / total, b)
 
 
 @compiled

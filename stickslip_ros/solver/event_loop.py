@@ -18,11 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.any_arc import find_arc
+from stickslip_ros.solver.any_arc import find_arc, sample_anchor, sample_within
 from stickslip_ros.solver.contact_arcs import mean_at_end
 from stickslip_ros.solver.cycles import ArcLimits, arc_limits, end_cycle, period_of, write_row
-from stickslip_ros.solver.layout import arc_in, held_in, plant_in
-from stickslip_ros.solver.sampling import sample_anchor, sample_within
 from stickslip_ros.solver.stops import (
     arc_to_stop,
     held_arc,
@@ -42,19 +40,19 @@ CARRIED = 10.0
 
 @compiled
 def solve_cycles(
-    plant_buffer: NDArray,
+    plant: np.record,
     s: np.record,
-    axis: NDArray,
+    kernel: np.record,
     contacts: NDArray | None,
     drive: NDArray,
     rows: NDArray,
 ) -> int:
     """Advance to s.t_end (s) or to the end of cycle s.stop_cycle, solving every cycle.
 
-    s is the state to advance, axis the buffer with the scratch; rows (cycles, row) take the results
-    of cycles. Returns how many ended. With s.cut, t_end becomes an event itself.
+    s is the state to advance, kernel has the scratch; rows (cycles, row) take the results of
+    cycles. Returns how many ended. With s.cut, t_end becomes an event itself.
     """
-    plant, arc, held = plant_in(plant_buffer), arc_in(axis), held_in(axis)
+    arc = kernel.arc
     period = period_of(drive)
     # The contact holds back a sticking runner; a runner that never sticks keeps the error.
     carried = CARRIED * period if plant.slides != 0 else 0.0
@@ -69,13 +67,13 @@ def solve_cycles(
         if s.spent >= s.allowance:
             s.unfinished = 1
             break
-        hit = _next_arc(plant, s, arc, held, contacts, outlook)
+        hit = _next_arc(plant, s, kernel, contacts, outlook)
         if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` raises an error
             sample_anchor(s, contacts, drive, 0)
             s.now_x = math.nan
             break
         if arc.length > outlook.ahead or arc.length == math.inf:
-            moving = held if s.stopped != 0 else plant
+            moving = kernel.held if s.stopped != 0 else plant
             sample_within(s, arc, moving, contacts, drive, outlook)
             break
         _track_backstep(plant, s, arc, outlook.resting)
@@ -96,12 +94,12 @@ def solve_cycles(
 def _next_arc(
     plant: np.record,
     s: np.record,
-    arc: np.record,
-    held: np.record,
+    kernel: np.record,
     contacts: NDArray | None,
     outlook: ArcLimits,
 ) -> int:
-    """Fill the arc with the way from the anchor to the next event; return the stop that it hits."""
+    """Fill kernel.arc with the way from the anchor to the next event; return the stop it hits."""
+    arc = kernel.arc
     begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
     arc.trial = s.trial
     near, hit = not s.near_low <= s.x <= s.near_high, 0
@@ -111,8 +109,8 @@ def _next_arc(
         if s.tracking and (s.segment != s.slip or outlook.resting):
             s.backstep = s.x_top - s.x_low
             s.tracking = 0
-        make_held_plant(plant, held)
-        held_arc(arc, plant, held, contacts, s.stopped, outlook.limit)
+        make_held_plant(plant, kernel)
+        held_arc(arc, plant, kernel.held, contacts, s.stopped, outlook.limit)
     else:
         find_arc(arc, plant, contacts, outlook.limit, True)
         x_end = s.x + arc.path + s.rate * arc.length
@@ -197,9 +195,7 @@ def _take_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDA
     for c in contacts:
         stored += 0.5 * c.sigma_0 * (c.z_end * c.z_end - c.z * c.z)
         damped += c.sigma_1 * (c.z_end - c.z)
-        c.z = c.z_end
-        for k in range(len(c.inner)):
-            c.inner[k] = c.inner_end[k]
+        c.z, c.inner = c.z_end, c.inner_end
     s.dissipated -= stored
     if s.stopped != 0:
         s.dissipated -= s.rate * damped

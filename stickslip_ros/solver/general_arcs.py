@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import FOREIGN, friction_force, has_two_states, rates_of_law
-from stickslip_ros.solver.contact_arcs import keep_deflections
+from stickslip_ros.solver.contact_arcs import mean_at_end, stay
 from stickslip_ros.solver.dop853 import DEGREES, ERRORS, OUTPUT, POWERS, STAGES, STEP, TIMES, A
-from stickslip_ros.solver.layout import ORDER, PLASTIC, REST, TAYLOR, TURN
-from stickslip_ros.solver.taylor import W, Z, path, polynomial, turn_end
+from stickslip_ros.solver.layout import ORDER, PLASTIC, TAYLOR, TURN
+from stickslip_ros.solver.taylor import W, Z, integral, polynomial, turn_end
 from stickslip_ros.solver.within_arc import AT_REST, end_at, is_at_rest
 
 #: Error allowed in a step, as a share of the tolerance per cycle. The estimate is that of the
@@ -53,12 +53,6 @@ INNER = 1
 
 
 @compiled
-def is_general(contacts: NDArray) -> bool:
-    """Return whether the contacts need arcs of this kind."""
-    return contacts[0].kind >= FOREIGN  # type: ignore[no-any-return]
-
-
-@compiled
 def force_of(c: np.record, z: float, inner: float, w: float) -> float:
     """Return F (N) of Eq. 1 of one of the contacts, whatever its law."""
     if c.kind < FOREIGN:
@@ -72,7 +66,7 @@ def inner_after(arc: np.record, c: np.record, t: float) -> float:
     """Return the second state of a contact after t (s) within the arc."""
     if arc.kind == TAYLOR and c.kind >= FOREIGN:
         return polynomial(c.series, INNER, t)
-    return c.inner[0]  # type: ignore[no-any-return]
+    return c.inner  # type: ignore[no-any-return]
 
 
 @compiled
@@ -85,9 +79,7 @@ def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: floa
     still = is_at_rest(arc, plant, net)
     two = has_two_states(contacts[0].kind)
     if still and not two:
-        arc.kind = REST
-        end_at(arc, limit, arc.z, 0.0, 0.0)
-        keep_deflections(contacts)
+        stay(arc, contacts, limit, 0.0)
         return
     size = _FIRST_Z + (2 if two else 1) * len(contacts) + (1 if plant.spring != 0.0 else 0)
     rates = np.zeros((STAGES + 2, size))  # at the stages; the state there, and that at the start
@@ -96,40 +88,21 @@ def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: floa
     for i in range(len(contacts)):
         y[_FIRST_Z + i] = arc.mirror * contacts[i].z
         if two:
-            y[_FIRST_Z + len(contacts) + i] = contacts[i].inner[0]
+            y[_FIRST_Z + len(contacts) + i] = contacts[i].inner
     h = _accepted_step(arc, plant, contacts, rates, limit, math.inf if still else plant.mass)
     if h == 0.0:
-        _stay(arc, contacts)
+        stay(arc, contacts, 0.0, arc.w)
         return
     _write_series(arc, plant, contacts, rates, h, two)
     t = h
     if not still:
         t, event = turn_end(arc.work, h, 0.0)
-    _end_contacts(arc, plant, contacts, t)
-    if not still and event == TURN:
-        arc.w_end = 0.0
-
-
-@compiled
-def _stay(arc: np.record, contacts: NDArray) -> None:
-    """Let an arc without a length end as it began."""
-    arc.kind = REST
-    end_at(arc, 0.0, arc.z, arc.w, 0.0)
-    keep_deflections(contacts)
     for c in contacts:
-        c.inner_end[0] = c.inner[0]
-
-
-@compiled
-def _end_contacts(arc: np.record, plant: np.record, contacts: NDArray, t: float) -> None:
-    """End the arc after t (s), with the values of the series."""
-    mean = 0.0
-    for c in contacts:
-        c.z_end = arc.mirror * polynomial(c.series, 0, t)
-        c.inner_end[0] = polynomial(c.series, INNER, t)
-        mean += c.sigma_0 * c.z_end
-    w_end = arc.mirror * polynomial(arc.work, W, t)
-    end_at(arc, t, mean / plant.sigma_0, w_end, arc.mirror * path(arc.work, t))
+        c.z_end = arc.mirror * polynomial(c.series, Z, t)
+        c.inner_end = polynomial(c.series, INNER, t)
+    turned = not still and event == TURN
+    w_end = 0.0 if turned else arc.mirror * polynomial(arc.work, W, t)
+    end_at(arc, t, mean_at_end(contacts), w_end, arc.mirror * integral(arc.work, W, t))
 
 
 @compiled

@@ -12,9 +12,9 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, z_limit
 from stickslip_ros.solver.layout import STIFF
 from stickslip_ros.solver.roots import bisection
-from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
+from stickslip_ros.solver.stiff import Moved, stiff_step
 from stickslip_ros.solver.taylor import BAND, Branch, W, Z
-from stickslip_ros.solver.within_arc import end_at
+from stickslip_ros.solver.within_arc import end_at, resolve
 
 #: Error allowed in a step, as a share of the tolerance per cycle
 _PER_STEP = 1e-4
@@ -62,7 +62,7 @@ def implicit_arc(
     allowed = _PER_STEP * plant.tolerance
     for _ in range(_TRIES):
         arc.cost += _COST
-        end, off = stiff_step(branch, z, w, h, arc.weight, allowed)
+        end, off = stiff_step(plant, branch, (z, w), h, arc.weight, allowed)
         longer = _SHRINKS
         if off <= math.inf:
             longer = min(
@@ -96,7 +96,7 @@ def _end_step(arc: np.record, plant: np.record, branch: Branch, end: Moved, h: f
     event = _crossed(plant, branch, z, end, w)
     if event != 0:
         h = _first_event((arc, plant, branch), 0.0, h)
-        end, _ = stiff_step(branch, z, w, h, plant.inv_omega, EXACT * plant.tolerance)
+        end = resolve(arc, plant, branch, h)
         event = _crossed(plant, branch, z, end, w)
     z_end = branch.z_ss if event == _AT_Z_SS else end.z
     z_end = plant.z_ba if event == _AT_Z_BA else z_end
@@ -111,7 +111,7 @@ def _is_before_event(h: float, args: tuple[np.record, np.record, Branch]) -> boo
     arc, plant, branch = args
     arc.cost += _COST
     z, w = arc.mirror * arc.z, arc.mirror * arc.w
-    there, _ = stiff_step(branch, z, w, h, plant.inv_omega, EXACT * plant.tolerance)
+    there = resolve(arc, plant, branch, h)
     return _crossed(plant, branch, z, there, w) == 0
 
 

@@ -133,15 +133,8 @@ AXIS = _record(
     ("previewing", "i8"),  # 1 while the copy of the state is on its way to t_end
 )
 
-#: One row of results for each cycle
-CYCLE_ROW = (
-    "position",  # at the end of the cycle, m
-    "backstep",  # of the last slip with a complete backstep, m (nan before the first)
-    "z_max",  # largest deflection within the cycle, m
-    "z_min",  # smallest deflection within the cycle, m
-    "dissipated",  # energy turned into heat in the contact during the cycle, J
-)
-ROW_SIZE = len(CYCLE_ROW)
+#: Numbers in the row of results of a cycle, see `cycles.write_row`
+ROW_SIZE = 5
 
 #: One arc: the motion from the anchor to the next event
 ARC = _record(
@@ -166,8 +159,6 @@ ELASTIC, TAYLOR, GLIDE, REST, TABULATED, STIFF = range(6)
 #: FREE: inside a branch; TURN: w = 0 is exact there; BREAKAWAY: |z| = z_ba is exact there
 FREE, TURN, BREAKAWAY = range(3)
 
-#: Largest number of states of a law besides z
-INNER_STATES = 1
 #: Functions of time that a series keeps for a contact: z, cosine and sine of alpha, z'/w
 CONTACT_SERIES = 4
 
@@ -176,24 +167,20 @@ CONTACT = _record(
     *_CONTACT,
     *_numbers("f8", " ".join(OWN_CONSTANTS)),  # that laws have alone
     # its deflection, m: at the anchor, at the end of the arc, at the time asked for, and at the
-    # start of the cycle
+    # start of the cycle; the same of the second state of its law
     *_numbers("f8", "z z_end now_z cycle_z"),
-    # the same of further states of its law
-    *((name, "f8", (INNER_STATES,)) for name in ["inner", "inner_end", "now_inner", "cycle_inner"]),
+    *_numbers("f8", "inner inner_end now_inner cycle_inner"),
     ("branch", "i8"),  # within the arc: STICKS, GRADED or PLASTIC
     ("series", "f8", (CONTACT_SERIES, ORDER + 1)),  # coefficients within the arc, mirrored
 )
 
 STICKS, GRADED, PLASTIC = range(3)
 
+#: An axis's buffer: its state, the present arc, the plant of a runner that a stop holds, and a copy
+#: of the state for a preview
+KERNEL = _record(("state", AXIS), ("arc", ARC), ("held", PLANT), ("preview", AXIS))
 
-PLANT_SIZE, _AXIS_SIZE, _ARC_SIZE = (d.itemsize // 8 for d in (PLANT, AXIS, ARC))
-CONTACT_SIZE = CONTACT.itemsize // 8
-# An axis's buffer: its state, the present arc, the plant of a runner that a stop holds, and a copy
-# of the state for a preview
-_HELD = _AXIS_SIZE + _ARC_SIZE
-_PREVIEW = _HELD + PLANT_SIZE
-AXIS_BUFFER = _PREVIEW + _AXIS_SIZE
+PLANT_SIZE, CONTACT_SIZE, AXIS_BUFFER = (d.itemsize // 8 for d in (PLANT, CONTACT, KERNEL))
 
 
 @compiled
@@ -204,26 +191,8 @@ def plant_in(buffer: NDArray) -> np.record:
 
 @compiled
 def axis_in(buffer: NDArray) -> np.record:
-    """Return the state in an axis's buffer (AXIS_BUFFER,)."""
-    return buffer[:_AXIS_SIZE].view(AXIS)[0]  # type: ignore[no-any-return]
-
-
-@compiled
-def arc_in(buffer: NDArray) -> np.record:
-    """Return the present arc in an axis's buffer."""
-    return buffer[_AXIS_SIZE:_HELD].view(ARC)[0]  # type: ignore[no-any-return]
-
-
-@compiled
-def held_in(buffer: NDArray) -> np.record:
-    """Return the plant of a runner that a stop holds."""
-    return buffer[_HELD:_PREVIEW].view(PLANT)[0]  # type: ignore[no-any-return]
-
-
-@compiled
-def preview_in(buffer: NDArray) -> np.record:
-    """Return the copy of the state made by `copy_for_preview`."""
-    return buffer[_PREVIEW:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
+    """Return what a KERNEL record says of an axis, in its buffer (AXIS_BUFFER,)."""
+    return buffer[:AXIS_BUFFER].view(KERNEL)[0]  # type: ignore[no-any-return]
 
 
 @compiled
@@ -240,13 +209,3 @@ def contacts_in(buffer: NDArray | None, preview: bool) -> NDArray | None:
     if buffer is None:
         return None
     return several_in(buffer, preview)  # type: ignore[no-any-return]
-
-
-@compiled
-def copy_for_preview(axis: NDArray, contacts: NDArray | None) -> None:
-    """Copy state and contacts for a preview, which may change the copies."""
-    for k in range(_AXIS_SIZE):
-        axis[_PREVIEW + k] = axis[k]
-    if contacts is not None:
-        half = len(contacts) // 2
-        contacts[half:] = contacts[:half]

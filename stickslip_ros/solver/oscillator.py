@@ -180,7 +180,8 @@ def next_turn(y: float, w: float, o: Oscillator, b: float, after: float, limit: 
             speed_left = b + propagate(y, w, left, o)[1]
             speed_right = b + propagate(y, w, end, o)[1]
             if speed_left * speed_right < 0.0:
-                return _turn_between(y, w, o, b, left, end)
+                guess, close = 0.5 * (left + end), CLOSE * (end - left)
+                return _turn_root((y, w, o, b), (left, end), speed_right > 0.0, guess, close)
             if speed_right == 0.0:
                 return end
         if right >= limit:
@@ -190,13 +191,6 @@ def next_turn(y: float, w: float, o: Oscillator, b: float, after: float, limit: 
             return math.inf  # the swing has become slower than the line
         fresh = True
         left, right = right, right + half
-
-
-@compiled
-def _turn_between(y: float, w: float, o: Oscillator, b: float, left: float, right: float) -> float:
-    rising = b + propagate(y, w, right, o)[1] > 0.0
-    t = 0.5 * (left + right)
-    return _turn_root((y, w, o, b), (left, right), rising, t, CLOSE * (right - left))
 
 
 @compiled_inline

@@ -84,21 +84,14 @@ def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:
         records[name] = value
 
 
-def _never_moved() -> NDArray[np.float64]:
-    """Return the buffer of an axis that never moved."""
-    axis = np.zeros(AXIS_BUFFER)
-    s = open_record(axis, AXIS)
-    for name in ("backstep", "last_step", "last_dissipated"):
-        s[name] = math.nan
-    for name in ("low", "near_low"):
-        s[name] = -math.inf
-    for name in ("high", "near_high"):
-        s[name] = math.inf
-    s["replay"] = 1
-    return axis
-
-
-_NEVER_MOVED = _never_moved()
+_NEVER_MOVED = np.zeros(AXIS_BUFFER)
+for _name, _value in {
+    **dict.fromkeys(("backstep", "last_step", "last_dissipated"), math.nan),
+    **dict.fromkeys(("low", "near_low"), -math.inf),
+    **dict.fromkeys(("high", "near_high"), math.inf),
+    "replay": 1,
+}.items():
+    open_record(_NEVER_MOVED, AXIS)[_name] = _value
 
 
 def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> None:
@@ -139,7 +132,7 @@ def begin_cycles(
     cycle is how far it shifts u (m), the segments in which its slip begins and that follows it, and
     the sign of its step.
     """
-    s = axis_in(axis)
+    s = axis_in(axis).state
     s.start, s.level, s.count = t, s.now_u, count
     s.shift, s.slip, s.slip_end, s.sign = cycle
     s.tau = s.since = s.dissipated = 0.0
@@ -151,13 +144,5 @@ def begin_cycles(
     s.tracking = s.now_tracking = s.now_segment = 0
     s.done = s.segment = s.steady = 0
     if contacts is not None:
-        _begin_contacts(several_in(contacts, False))
-
-
-@compiled
-def _begin_contacts(each: NDArray) -> None:
-    """Let several contacts begin in their present state."""
-    for c in each:
-        c.z = c.now_z
-        for k in range(len(c.inner)):
-            c.inner[k] = c.now_inner[k]
+        for c in several_in(contacts, False):
+            c.z, c.inner = c.now_z, c.now_inner

@@ -39,19 +39,17 @@ def precompute(plant: np.record, work: NDArray) -> None:
     plant.burst_top = w_top
     if not learn_slide(plant, work):
         return
-    loaded = plant.force != 0.0
-    if not learn_bursts(plant, work, 0):
-        return
-    if loaded and not learn_bursts(plant, work, 1):
-        return
-    if not loaded:
-        _copy(plant.burst)
-    learn_swings(plant, 0)
-    if loaded:
-        learn_swings(plant, 1)
-    else:
+    sides = 1 if plant.force == 0.0 else 2
+    for side in range(sides):
+        if not learn_bursts(plant, work, side):
+            return
+    if sides == 1:
+        plant.burst[1] = plant.burst[0]
+    for side in range(sides):
+        learn_swings(plant, side)
+    if sides == 1:
         plant.swing_from[1], plant.swing_top[1] = plant.swing_from[0], plant.swing_top[0]
-        _copy(plant.swing)
+        plant.swing[1] = plant.swing[0]
     plant.precomputed = 1
 
 
@@ -81,11 +79,3 @@ def take_tables(buffer: NDArray, factor: float, plant_buffer: NDArray) -> None:
             for k in range(NODES):
                 plant.swing[side, row, k] = scale * nominal.swing[side, row, k]
                 plant.burst[side, row, k] = scale * nominal.burst[side, row, k]
-
-
-@compiled
-def _copy(tables: NDArray) -> None:
-    """Let the tables (2, 3, NODES) of the second side be those of the first."""
-    for row in range(tables.shape[1]):
-        for k in range(tables.shape[2]):
-            tables[1, row, k] = tables[0, row, k]

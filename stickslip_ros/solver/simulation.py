@@ -4,17 +4,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
-from stickslip_ros.model import DriveCycle, Plant, alpha_of, friction_force
-from stickslip_ros.model.friction import Contact
-from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor
+from stickslip_ros.model import DriveCycle, Plant, alpha_of
+from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor, friction
 from stickslip_ros.solver.budget import (
     PER_CYCLE,
     KernelBuffers,
@@ -23,8 +20,7 @@ from stickslip_ros.solver.budget import (
     run_events,
     run_samples,
 )
-from stickslip_ros.solver.general_arcs import force_of
-from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, open_record, several_in
+from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, open_record
 from stickslip_ros.solver.plants import (
     at_rest,
     begin_cycles,
@@ -229,8 +225,8 @@ class Simulation:
     @property
     def slipping(self) -> bool:
         """True during the slip of the drive cycle."""
-        segment = int(self._s["now_segment"])
-        return self.cycles_left > 0 and self.drive_cycle.slip <= segment < self.drive_cycle.slip_end
+        s = self._s
+        return self.cycles_left > 0 and bool(s["slip"] <= s["now_segment"] < s["slip_end"])
 
     @property
     def stepping_back(self) -> bool:
@@ -282,17 +278,14 @@ class Simulation:
         times = np.ascontiguousarray(times, dtype=np.float64)
         if len(times) and not (times[0] >= self._t and (np.diff(times) >= 0.0).all()):
             raise ValueError(f"times to sample at must not fall, from {self._t} s on")
-        samples = np.empty((len(times), SAMPLE_SIZE + 2 * len(self.plant.contacts)))
+        samples = np.empty((len(times), SAMPLE_SIZE + len(self.plant.contacts)))
         if len(times):
             run_samples(self._buffers(), self._s, times, samples)
             self._t = float(times[-1])
             self._check()
-        x, v, z, rate, u, *each = np.ascontiguousarray(samples.T)
-        if self._each is None:
-            return Samples(x, v, z, rate, u, forces(z, v - rate, self.plant.contact), z[None])
-        deflections, inner = np.split(np.stack(each), 2)
-        force = forces_of(self._each, deflections, inner, v - rate)
-        return Samples(x, v, z, rate, u, force, deflections)
+        x, v, z, *others = np.ascontiguousarray(samples.T[:SAMPLE_SIZE])
+        each = np.ascontiguousarray(samples.T[SAMPLE_SIZE:]) if self.plant.contacts else z[None]
+        return Samples(x, v, z, *others, each)
 
     def run_cycles(self, count: int) -> CycleResults:
         """Advance to the end of ``count`` further drive cycles."""
@@ -335,18 +328,8 @@ class Simulation:
         """The state at the time advanced to."""
         s = self._s
         x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
-        if self._each is None:
-            force = friction_force(z, v - rate, self.plant.contact)
-        else:
-            now = contact_records(self._each)
-            inner = now["now_inner"][:, :1].copy()
-            force = forces_of(self._each, self.deflections[:, None], inner, np.array([v - rate]))[0]
-        return State(self._t, x, v, z, float(s["now_u"]), rate, float(force))
-
-    def _contacts(self) -> Iterator[tuple[Contact, float]]:
-        """Yield each contact with its deflection (m) at the time advanced to."""
-        contacts = self.plant.contacts or (self.plant.contact,)
-        return zip(contacts, self.deflections.tolist(), strict=True)
+        force = friction(*self._buffers()[:-1])
+        return State(self._t, x, v, z, float(s["now_u"]), rate, force)
 
     @property
     def deflections(self) -> NDArray[np.float64]:
@@ -362,27 +345,6 @@ class Simulation:
         w = float(s["now_v"]) - float(s["now_rate"])
         if self._each is None:
             return float(alpha_of(float(s["now_z"]), w, self.plant.contact))
-        found = [(c.sigma_0, alpha_of(own, w, c)) for c, own in self._contacts()]
+        each = zip(self.plant.contacts, self.deflections.tolist(), strict=True)
+        found = [(c.sigma_0, alpha_of(own, w, c)) for c, own in each]
         return float(sum(k * alpha for k, alpha in found) / sum(k for k, _ in found))
-
-
-@compiled
-def forces_of(contacts: NDArray, z: NDArray, inner: NDArray, w: NDArray) -> NDArray:
-    """Return the friction forces (N), (times,), of several contacts in their buffer.
-
-    z (m) and inner, the second state of each, have shape (contacts, times); w (m/s) is (times,).
-    """
-    each, force = several_in(contacts, False), np.zeros(len(w))
-    for i in range(len(each)):
-        for k in range(len(w)):
-            force[k] += force_of(each[i], z[i, k], inner[i, k], w[k])
-    return force
-
-
-@compiled
-def forces(z: NDArray, w: NDArray, contact: Contact) -> NDArray:
-    """Return F (N) of Eq. 1 at deflections z (m) and differential velocities w (m/s), (times,)."""
-    force = np.empty(len(z))
-    for k in range(len(z)):
-        force[k] = friction_force(z[k], w[k], contact)
-    return force

@@ -161,7 +161,7 @@ def learn_slide(plant: np.record, work: NDArray) -> bool:
         plant.slide[0, k] = z if k == 1 else 0.0
     branch = path_branch(plant)
     for piece in range(1, SLIDE_POINTS):
-        expand(work, branch, z, 1.0)
+        expand(work, plant, branch, z, 1.0)
         h = step_length(work, _PER_STEP * plant.tolerance, 0.0, False)
         for k in range(len(_GAUSS)):
             t = h * _GAUSS[k]

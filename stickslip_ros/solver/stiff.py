@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import alpha_at
-from stickslip_ros.solver.taylor import Branch
+from stickslip_ros.solver.taylor import Branch, limit_and_slope
 
 _ROOT = math.sqrt(6.0)
 _A = np.array(
@@ -39,6 +39,7 @@ EXACT = 1e-4
 class Moved(NamedTuple):
     """The state after a step, mirrored; z is nan if Newton's method did not converge."""
 
+    t: float  #: since the start of the arc, s
     z: float  #: m
     w: float  #: m/s
     path: float  #: integral of w, m
@@ -46,17 +47,12 @@ class Moved(NamedTuple):
 
 
 @compiled
-def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
+def rates(plant: np.record, branch: Branch, z: float, w: float) -> tuple[float, float, float]:
     """Return z' (m/s) on a branch at z (m), w (m/s), and its derivatives by z and w."""
-    c = branch.contact
-    limit, bend = c.z_k, 0.0
-    if branch.stribeck:
-        ratio = w / c.v_s
-        height = (c.z_s - limit) * math.exp(-ratio * ratio)
-        limit, bend = limit + height, -2.0 * ratio / c.v_s * height
+    limit, bend = limit_and_slope(w, plant) if branch.stribeck else (plant.z_k, 0.0)
     alpha, alpha_z, alpha_w = 1.0, 0.0, 0.0
     if not branch.plastic:
-        width = (limit if branch.calc else branch.z_ss) - c.z_ba
+        width = (limit if branch.calc else branch.z_ss) - plant.z_ba
         angle = math.pi * (z - branch.sine_start) / width
         alpha, by_angle = alpha_at(angle)
         alpha_z = by_angle * math.pi / width
@@ -69,25 +65,30 @@ def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
 
 @compiled
 def stiff_step(
-    branch: Branch, z: float, w: float, h: float, inv_omega: float, error: float
+    plant: np.record,
+    branch: Branch,
+    state: tuple[float, float],
+    h: float,
+    weight: float,
+    error: float,
 ) -> tuple[Moved, float]:
     """Return the state after h (s) from two half steps, and its difference to a whole step (m).
 
-    inv_omega (s) weighs w; error (m) is the allowed difference.
+    state is z (m) and w (m/s) before; weight (s) is that of w; error (m) the allowed difference.
     """
-    values = np.empty((3, 2))
-    whole = _radau(branch, Moved(z, w, 0.0, 0.0), 0.0, h, values, error)
-    first = _radau(branch, Moved(z, w, 0.0, 0.0), 0.0, 0.5 * h, values, error)
-    end = _radau(branch, first, 0.5 * h, 0.5 * h, values, error)
-    off = max(abs(end.z - whole.z), inv_omega * abs(end.w - whole.w), abs(end.path - whole.path))
+    values, start = np.empty((3, 2)), Moved(0.0, state[0], state[1], 0.0, 0.0)
+    whole = _radau(plant, branch, start, h, values, error)
+    first = _radau(plant, branch, start, 0.5 * h, values, error)
+    end = _radau(plant, branch, first, 0.5 * h, values, error)
+    off = max(abs(end.z - whole.z), weight * abs(end.w - whole.w), abs(end.path - whole.path))
     return end, off / _BETTER
 
 
 @compiled
 def _radau(
-    branch: Branch, start: Moved, since: float, h: float, stages: NDArray, error: float
+    plant: np.record, branch: Branch, start: Moved, h: float, stages: NDArray, error: float
 ) -> Moved:
-    """Return the state one step of h (s) after start, which is ``since`` (s) into the arc.
+    """Return the state one step of h (s) after start.
 
     stages (3, 2) is scratch: z and h w of each.
     """
@@ -96,7 +97,7 @@ def _radau(
     for i in range(3):
         stages[i, 0], stages[i, 1] = start.z, h * start.w
     for _ in range(_ITERATIONS):
-        _slopes(branch, start, since, h, stages, slopes)
+        _slopes(plant, branch, start, h, stages, slopes)
         for i in range(3):
             z_sum, w_sum = 0.0, 0.0
             for j in range(3):
@@ -104,7 +105,7 @@ def _radau(
                 w_sum += _A[i, j] * slopes[j, 3]
             residual[i] = start.z + h * z_sum - stages[i, 0]
             residual[3 + i] = h * start.w + h * h * w_sum - stages[i, 1]
-        _fill_matrix(branch, h, slopes, matrix)
+        _fill_matrix(plant, branch, h, slopes, matrix)
         _solve(matrix, residual)
         largest = 0.0
         for i in range(3):
@@ -118,36 +119,37 @@ def _radau(
             for j in range(3):
                 path += _A[2, j] * stages[j, 1]
                 moment += h * _A_A[2, j] * stages[j, 1]
-            return Moved(stages[2, 0], stages[2, 1] / h, path, moment)
-    return Moved(math.nan, math.nan, math.nan, math.nan)
+            return Moved(start.t + h, stages[2, 0], stages[2, 1] / h, path, moment)
+    return Moved(math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 @compiled
 def _slopes(
-    branch: Branch, start: Moved, since: float, h: float, stages: NDArray, slopes: NDArray
+    plant: np.record, branch: Branch, start: Moved, h: float, stages: NDArray, slopes: NDArray
 ) -> None:
     """Fill slopes (3, 4) with z', its derivatives by z and w, and w' at each stage."""
-    c = branch.contact
     for i in range(3):
         z, w = stages[i, 0], stages[i, 1] / h
-        x = start.path + branch.rate * (since + _C[i] * h)
+        x = start.path + branch.rate * (start.t + _C[i] * h)
         for j in range(3):
             x += _A[i, j] * stages[j, 1]
-        z_rate, by_z, by_w = rates(branch, z, w)
-        net = branch.pull - c.sigma_0 * z - c.sigma_1 * z_rate - c.sigma_2 * w
+        z_rate, by_z, by_w = rates(plant, branch, z, w)
+        net = branch.pull - plant.sigma_0 * z - plant.sigma_1 * z_rate - plant.sigma_2 * w
         slopes[i, 0], slopes[i, 1], slopes[i, 2] = z_rate, by_z, by_w
         slopes[i, 3] = (net - branch.spring * x) / branch.mass
 
 
 @compiled
-def _fill_matrix(branch: Branch, h: float, slopes: NDArray, matrix: NDArray) -> None:
+def _fill_matrix(
+    plant: np.record, branch: Branch, h: float, slopes: NDArray, matrix: NDArray
+) -> None:
     """Fill the matrix (6, 6) of Newton's method for z and h w of the three stages."""
-    c, per_mass = branch.contact, 1.0 / branch.mass
+    per_mass = 1.0 / branch.mass
     for i in range(3):
         for j in range(3):
             a, by_z, by_w = _A[i, j], slopes[j, 1], slopes[j, 2]
-            w_by_z = -(c.sigma_0 + c.sigma_1 * by_z) * per_mass
-            w_by_w = -(c.sigma_1 * by_w + c.sigma_2) * per_mass
+            w_by_z = -(plant.sigma_0 + plant.sigma_1 * by_z) * per_mass
+            w_by_w = -(plant.sigma_1 * by_w + plant.sigma_2) * per_mass
             one = 1.0 if i == j else 0.0
             matrix[i, j] = one - h * a * by_z
             matrix[i, 3 + j] = -a * by_w

@@ -17,10 +17,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled, literal_unroll
-from stickslip_ros.laws.contact import Contact
+from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.any_arc import find_arc, friction_after, friction_at_anchor
-from stickslip_ros.solver.contact_arcs import keep_deflections
+from stickslip_ros.solver.contact_arcs import stay
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
@@ -36,8 +35,6 @@ _PROBES = 8
 _NEVER_STILL = 1e300
 #: Position counts as beyond a stop above this share of it: a few roundings
 _ROUNDING = 1e-15
-#: Fields that the plant of a held runner takes from that of the free one
-_OF_CONTACT = (*Contact._fields, "tolerance", "z_slide", "v_edge", "settling", "settled")
 
 
 @compiled
@@ -54,16 +51,16 @@ def holding_stop(plant: np.record, s: np.record, contacts: NDArray | None) -> in
 
 
 @compiled
-def make_held_plant(plant: np.record, held: np.record) -> None:
-    """Fill held with the plant of an infinitely heavy runner on the same contact."""
-    for name in literal_unroll(_OF_CONTACT):
-        held[name] = plant[name]
+def make_held_plant(plant: np.record, kernel: np.record) -> None:
+    """Let kernel.held be the plant of an infinitely heavy runner on the same contact."""
+    kernel.held = plant
+    held = kernel.held
     held.sigma_2 = 0.0  # viscous friction moves nothing here
     held.mass = math.inf
     held.force = held.spring = 0.0
     held.delta = held.kappa = held.omega = 0.0
     held.inv_omega = _NEVER_STILL
-    held.precomputed = -1
+    held.precomputed, held.burst_top, held.slides = -1, 0.0, 0  # without tables or a load
 
 
 @compiled
@@ -83,7 +80,7 @@ def held_arc(
         arc.kind = REST
         end_at(arc, limit, arc.z, 0.0, 0.0)
         if contacts is not None:
-            keep_deflections(contacts)
+            stay(arc, contacts, limit, 0.0)
         return
     find_arc(arc, held, contacts, limit, False)
     h, left = arc.length, 0.0
@@ -181,7 +178,7 @@ def _touch(arc: np.record, plant: np.record, side: int, stop: float) -> float:
     if _over(arc, plant, side, stop, h) <= beyond:
         if not side * (arc.w + rate) > 0.0 > side * (arc.w_end + rate):
             return math.nan
-        h = turn_from((arc, plant, side), 0.0, h)
+        h = turn_from((arc, plant, side, False), 0.0, h)
         if _over(arc, plant, side, stop, h) <= beyond:
             return math.nan
     return _hit((arc, plant, side, stop), 0.0, h)

@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ELASTOPLASTIC
-from stickslip_ros.solver.branches import branch_at, is_flat
+from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.elastic import elastic_end
 from stickslip_ros.solver.layout import BREAKAWAY, NODES, TURN
 from stickslip_ros.solver.oscillator import Line, Oscillator
-from stickslip_ros.solver.taylor import W, Z, expand, path, polynomial, step_length, taylor_end
+from stickslip_ros.solver.taylor import W, Z, expand, integral, polynomial, step_length, taylor_end
 
 _ANGLES = (np.arange(NODES) + 0.5) * math.pi / NODES
 #: Chebyshev points in (-1, 1), and the matrix from values there to coefficients
@@ -80,17 +79,22 @@ def _lookup(table: NDArray, t: float) -> tuple[float, float, float]:
 
 
 @compiled
-def _fit(table: NDArray, values: NDArray) -> NDArray:
-    """Store the coefficients of three functions, values (3, NODES); return their tails."""
-    tails = np.empty(3)
+def _fit(plant: np.record, table: NDArray, values: NDArray, scales: tuple[float, float]) -> bool:
+    """Store the coefficients of three functions, values (3, NODES); return whether they suffice.
+
+    scales turn what the tails leave out into m: of the first and last function, and of the time.
+    """
+    length, speed = scales
+    allowed, enough = _TAIL * plant.tolerance, True
     for row in range(3):
         for k in range(NODES):
             total = 0.0
             for j in range(NODES):
                 total += _TO_COEFFICIENTS[k, j] * values[row, j]
             table[row, k] = total
-        tails[row] = abs(table[row, NODES - 1]) + abs(table[row, NODES - 2])
-    return tails
+        tail = abs(table[row, NODES - 1]) + abs(table[row, NODES - 2])
+        enough = enough and tail * (speed if row == 1 else length) <= allowed
+    return enough
 
 
 @compiled
@@ -106,7 +110,7 @@ def learn_bursts(plant: np.record, work: NDArray, side: int) -> bool:
         if math.isnan(z):
             return False
         values[0, j], values[1, j], values[2, j] = z, time, dr
-    return _fine(plant, _fit(plant.burst[side], values), plant.burst_top)
+    return _fit(plant, plant.burst[side], values, (1.0, plant.burst_top))
 
 
 @compiled
@@ -131,7 +135,7 @@ def learn_swings(plant: np.record, side: int) -> None:
         z_turn, t_burst, r_burst = burst(plant, 1 - side, -end.w)
         values[0, j], values[1, j] = z_turn, end.t + t_burst
         values[2, j] = -(z + z_ba) - r_burst
-    if _fine(plant, _fit(plant.swing[side], values), plant.burst_top):
+    if _fit(plant, plant.swing[side], values, (1.0, plant.burst_top)):
         plant.swing_top[side] = top
 
 
@@ -167,13 +171,9 @@ def learn_reversals(plant: np.record, work: NDArray, side: int) -> None:
             whole = whole and z == z
             values[0, j], values[1, j] = (z - rest) / distance, time
             values[2, j] = dr / distance
-        if whole:
-            tails = _fit(plant.swing[side], values)
-            tails[0] *= top
-            tails[2] *= top
-            if _fine(plant, tails, top / plant.inv_omega):
-                plant.swing_top[side] = top
-                return
+        if whole and _fit(plant, plant.swing[side], values, (top, top / plant.inv_omega)):
+            plant.swing_top[side] = top
+            return
         top *= 0.5
 
 
@@ -182,22 +182,15 @@ def _to_turn(
     plant: np.record, work: NDArray, z: float, w: float, pull: float
 ) -> tuple[float, float, float]:
     """Return z at the next turn after z (m), w (m/s), mirrored, and time and path up to there."""
-    elastic, time, dr = plant.kind == ELASTOPLASTIC, 0.0, 0.0
+    time = dr = 0.0
     for _ in range(_MOST_STEPS):
-        flat = is_flat(plant, w)
         branch = branch_at(plant, z, w, pull, 0.0, 1.0)
-        expand(work, branch, z, w)
+        expand(work, plant, branch, z, w)
         h = step_length(work, _PER_STEP * plant.tolerance, plant.inv_omega, branch.stribeck)
-        end = taylor_end(work, branch, h, plant.v_edge if flat else 0.0, elastic)
+        end = taylor_end(work, plant, branch, h)
         z, w = polynomial(work, Z, end.t), polynomial(work, W, end.t)
         time += end.t
-        dr += path(work, end.t)
+        dr += integral(work, W, end.t)
         if end.event == TURN:
             return z, time, dr
     return math.nan, 0.0, 0.0
-
-
-@compiled
-def _fine(plant: np.record, tails: NDArray, speed: float) -> bool:
-    allowed = _TAIL * plant.tolerance
-    return tails[0] <= allowed and tails[1] * speed <= allowed and tails[2] <= allowed

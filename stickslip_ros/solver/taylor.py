@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.model.friction import Contact, alpha_at
+from stickslip_ros.model.friction import ALWAYS_PLASTIC, alpha_at
 from stickslip_ros.solver.layout import FREE, ORDER, TURN
 from stickslip_ros.solver.roots import CLOSE, bisection, newton, within
 
@@ -44,9 +44,8 @@ _MARGIN = 1e-9
 
 
 class Branch(NamedTuple):
-    """One smooth branch of the equations on the way of one arc, mirrored; see `Contact`."""
+    """One smooth branch of a plant's equations on the way of one arc, mirrored."""
 
-    contact: Contact
     z_ss: float  #: steady-state deflection of alpha in force, m
     plastic: bool  #: alpha = 1
     calc: bool  #: z_ss follows z_lim(w)
@@ -60,25 +59,24 @@ class Branch(NamedTuple):
 
 
 @compiled
-def expand(work: NDArray, branch: Branch, z: float, w: float) -> None:
+def expand(work: NDArray, plant: np.record, branch: Branch, z: float, w: float) -> None:
     """Fill rows Z (m) and W (m/s) of work with the coefficients of z(t), w(t); w >= 0."""
-    c = branch.contact
-    sigma_0, sigma_1, sigma_2 = c.sigma_0, c.sigma_1, c.sigma_2
+    sigma_0, sigma_1, sigma_2 = plant.sigma_0, plant.sigma_1, plant.sigma_2
     spring, rate = branch.spring, branch.rate
     work[Z, 0] = z
     work[W, 0] = w
     graded = not branch.plastic and not branch.calc
-    scale = math.pi / (branch.z_ss - c.z_ba) if graded else 0.0
-    per_limit = 1.0 / c.z_k
+    scale = math.pi / (branch.z_ss - plant.z_ba) if graded else 0.0
+    per_limit = 1.0 / plant.z_k
     per_mass = 1.0 / branch.mass
     for n in range(ORDER):
         if branch.stribeck:
-            _limit_coefficient(work, n, c)
+            _limit_coefficient(work, n, plant)
         if branch.plastic:
             q = work[Z, n]
         else:
             if branch.calc:
-                _fraction_coefficient(work, n, branch)
+                _fraction_coefficient(work, n, plant, branch)
             else:
                 work[D, n] = scale * (z - branch.sine_start if n == 0 else work[Z, n])
             q = loading_coefficient(work, D, work[D, 0], 1.0, n)
@@ -130,13 +128,13 @@ def loading_coefficient(work: NDArray, row: int, start: float, scale: float, n: 
 
 
 @compiled
-def expand_along(work: NDArray, branch: Branch, w: float) -> None:
+def expand_along(work: NDArray, plant: np.record, branch: Branch, w: float) -> None:
     """Fill rows Z (m) and W (m/s) of work where z = z_lim(w): (m + sigma_1 z_lim'(w)) w' = net."""
-    c = branch.contact
-    sigma_1, per_square = c.sigma_1, -2.0 * (c.z_s - c.z_k) / (c.v_s * c.v_s)
+    sigma_1 = plant.sigma_1
+    per_square = -2.0 * (plant.z_s - plant.z_k) / (plant.v_s * plant.v_s)
     work[W, 0] = w
     for n in range(ORDER + 1):
-        _limit_coefficient(work, n, c)
+        _limit_coefficient(work, n, plant)
         work[Z, n] = work[G, n]
         if n == ORDER:
             break
@@ -144,7 +142,7 @@ def expand_along(work: NDArray, branch: Branch, w: float) -> None:
         for j in range(n + 1):
             slope += work[E, j] * work[W, n - j]
         work[P, n] = per_square * slope
-        net = -c.sigma_0 * work[Z, n] - c.sigma_2 * work[W, n]
+        net = -plant.sigma_0 * work[Z, n] - plant.sigma_2 * work[W, n]
         for j in range(1, n + 1):
             net -= sigma_1 * work[P, j] * (n - j + 1) * work[W, n - j + 1]
         if n == 0:
@@ -155,48 +153,47 @@ def expand_along(work: NDArray, branch: Branch, w: float) -> None:
 
 
 @compiled
-def limit_slope(w: float, contact: Contact) -> float:
-    """Return the derivative (s) of z_lim by w at w (m/s)."""
-    ratio = w / contact.v_s
-    return -2.0 * ratio / contact.v_s * (contact.z_s - contact.z_k) * math.exp(-ratio * ratio)
+def limit_and_slope(w: float, plant: np.record) -> tuple[float, float]:
+    """Return z_lim (m) at w (m/s), and its derivative (s)."""
+    ratio = w / plant.v_s
+    height = (plant.z_s - plant.z_k) * math.exp(-ratio * ratio)
+    return plant.z_k + height, -2.0 * ratio / plant.v_s * height
 
 
 @compiled
-def alpha_deficit(z: float, branch: Branch) -> float:
+def alpha_deficit(z: float, z_ba: float, sine_start: float) -> float:
     """Return 1 - alpha just below a z_ss of z (m)."""
-    z_ba = branch.contact.z_ba
-    return 1.0 - alpha_at(math.pi * (z - branch.sine_start) / (z - z_ba))[0]
+    return 1.0 - alpha_at(math.pi * (z - sine_start) / (z - z_ba))[0]
 
 
 @compiled
-def _limit_coefficient(work: NDArray, n: int, contact: Contact) -> None:
+def _limit_coefficient(work: NDArray, n: int, plant: np.record) -> None:
     """Coefficient n of z_lim(w) = z_k + (z_s - z_k) exp(-(w / v_s)^2) into row G."""
     square = 0.0
     for j in range(n + 1):
-        square += (work[W, j] / contact.v_s) * (work[W, n - j] / contact.v_s)
+        square += (work[W, j] / plant.v_s) * (work[W, n - j] / plant.v_s)
     work[Y, n] = -square
     if n == 0:
         work[E, 0] = math.exp(work[Y, 0])
-        work[G, 0] = contact.z_k + (contact.z_s - contact.z_k) * work[E, 0]
+        work[G, 0] = plant.z_k + (plant.z_s - plant.z_k) * work[E, 0]
     else:
         e = 0.0
         for j in range(1, n + 1):
             e += j * work[Y, j] * work[E, n - j]
         work[E, n] = e / n
-        work[G, n] = (contact.z_s - contact.z_k) * work[E, n]
+        work[G, n] = (plant.z_s - plant.z_k) * work[E, n]
 
 
 @compiled
-def _fraction_coefficient(work: NDArray, n: int, branch: Branch) -> None:
+def _fraction_coefficient(work: NDArray, n: int, plant: np.record, branch: Branch) -> None:
     """Coefficient n of pi (z - z_ba) / (z_lim - z_ba) into row D, Eq. 8."""
     if n == 0:
-        start, z_ba = branch.sine_start, branch.contact.z_ba
-        work[D, 0] = math.pi * (work[Z, 0] - start) / (work[G, 0] - z_ba)
+        work[D, 0] = math.pi * (work[Z, 0] - branch.sine_start) / (work[G, 0] - plant.z_ba)
         return
     d = math.pi * work[Z, n]
     for j in range(1, n + 1):
         d -= work[G, j] * work[D, n - j]
-    work[D, n] = d / (work[G, 0] - branch.contact.z_ba)
+    work[D, n] = d / (work[G, 0] - plant.z_ba)
 
 
 @compiled
@@ -249,14 +246,8 @@ def integral(work: NDArray, row: int, t: float) -> float:
 
 
 @compiled
-def path(work: NDArray, t: float) -> float:
-    """Return the integral of w (m) from 0 to t (s)."""
-    return integral(work, W, t)
-
-
-@compiled
 def moment(work: NDArray, t: float) -> float:
-    """Return the integral of `path` (m s) from 0 to t (s)."""
+    """Return the integral (m s) of the path, which is that of w, from 0 to t (s)."""
     value = work[W, ORDER] / ((ORDER + 1) * (ORDER + 2))
     for n in range(ORDER - 1, -1, -1):
         value = value * t + work[W, n] / ((n + 1) * (n + 2))
@@ -304,7 +295,7 @@ def turn_end(work: NDArray, h: float, floor: float) -> tuple[float, int]:
             event = TURN
             h = _first_at(work, floor, h)
     elif work[W, 1] < 0.0 and slope(work, W, h) > 0.0:
-        lowest = _lowest(work, h)
+        lowest = _end_of_fall(work, 0.0, h)
         if polynomial(work, W, lowest) < floor:
             event = TURN
             h = _first_at(work, floor, lowest)
@@ -312,25 +303,23 @@ def turn_end(work: NDArray, h: float, floor: float) -> tuple[float, int]:
 
 
 @compiled
-def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: bool) -> TaylorEnd:
-    """Return where a step of length h (s) has its first event.
-
-    floor is the speed (m/s) at which the branch ends; elastic says whether alpha depends on z.
-    """
+def taylor_end(work: NDArray, plant: np.record, branch: Branch, h: float) -> TaylorEnd:
+    """Return where a step of length h (s) has its first event."""
+    floor = 0.0 if branch.stribeck else plant.v_edge
     h, event = turn_end(work, h, floor)
     if floor > 0.0:
         event = FREE
-    if not elastic:
+    if plant.kind == ALWAYS_PLASTIC:
         return TaylorEnd(h, event, math.nan)
-    if branch.along:
-        return _while_along(work, branch, h, event)
     if branch.calc:
-        return _within_branch(work, branch, TaylorEnd(h, event, math.nan))
+        if _holds(h, (work, plant, branch)):
+            return TaylorEnd(h, event, math.nan)
+        return TaylorEnd(_end_of_branch((work, plant, branch), 0.0, h), FREE, math.nan)
     z_end, z_ss = polynomial(work, Z, h), branch.z_ss
     crossed = z_end < z_ss < work[Z, 0] if branch.plastic else z_end > z_ss > work[Z, 0]
     if crossed:
         return TaylorEnd(time_at_level(work, Z, z_ss, h), FREE, z_ss)
-    z_ba = branch.contact.z_ba
+    z_ba = plant.z_ba
     if branch.sine_start < 0.0 and z_end < z_ba < work[Z, 0]:  # down to the other jump
         return TaylorEnd(time_at_level(work, Z, z_ba, h), FREE, z_ba)
     return TaylorEnd(h, event, math.nan)
@@ -351,12 +340,6 @@ def _first_at(work: NDArray, floor: float, h: float) -> float:
 
 
 @compiled
-def _lowest(work: NDArray, h: float) -> float:
-    """Return where w has its minimum in (0, h), by bisection of its slope."""
-    return _end_of_fall(work, 0.0, h)
-
-
-@compiled
 def _is_above(t: float, args: tuple[NDArray, int, float]) -> bool:
     work, row, level = args
     return polynomial(work, row, t) > level
@@ -374,42 +357,22 @@ _end_of_fall = bisection(_falls)
 
 
 @compiled
-def _within_branch(work: NDArray, branch: Branch, end: TaylorEnd) -> TaylorEnd:
-    """End the step where |z| passes the speed-dependent z_ss, by bisection (Eq. 8)."""
-    if _is_within(end.t, (work, branch)):
-        return end
-    return TaylorEnd(_end_within((work, branch), 0.0, end.t), FREE, math.nan)
+def _holds(t: float, args: tuple[NDArray, np.record, Branch]) -> bool:
+    """Return whether a branch with a speed-dependent z_ss (Eq. 8) still holds at t (s).
+
+    z is on the side of z_ss that the branch is for. Along z_lim(w) it neither falls, nor rises
+    faster than it can.
+    """
+    work, plant, branch = args
+    w, z = polynomial(work, W, t), polynomial(work, Z, t)
+    if not branch.along:
+        ratio = w / plant.v_s
+        excess = z - plant.z_k - (plant.z_s - plant.z_k) * math.exp(-ratio * ratio)
+        return excess >= -2.0 * BAND * plant.z_k if branch.plastic else excess <= 0.0  # type: ignore[no-any-return]
+    rising, margin = slope(work, Z, t), _MARGIN * abs(w)
+    gained = w * alpha_deficit(z, plant.z_ba, branch.sine_start)
+    damped = plant.sigma_1 * limit_and_slope(w, plant)[1]
+    return -margin <= rising <= gained + margin and branch.mass + damped > 0.0  # type: ignore[no-any-return]
 
 
-@compiled
-def _is_within(t: float, args: tuple[NDArray, Branch]) -> bool:
-    """Return whether z is on the side of the speed-dependent z_ss that the branch is for."""
-    work, branch = args
-    c = branch.contact
-    ratio = polynomial(work, W, t) / c.v_s
-    excess = polynomial(work, Z, t) - c.z_k - (c.z_s - c.z_k) * math.exp(-ratio * ratio)
-    return excess >= -2.0 * BAND * c.z_k if branch.plastic else excess <= 0.0
-
-
-_end_within = bisection(_is_within)
-
-
-@compiled
-def _while_along(work: NDArray, branch: Branch, h: float, event: int) -> TaylorEnd:
-    """End the step where z no longer follows z_lim(w): it falls, or rises faster than z can."""
-    if _is_along(h, (work, branch)):
-        return TaylorEnd(h, event, math.nan)
-    return TaylorEnd(_end_along((work, branch), 0.0, h), FREE, math.nan)
-
-
-@compiled
-def _is_along(t: float, args: tuple[NDArray, Branch]) -> bool:
-    work, branch = args
-    w, rising = polynomial(work, W, t), slope(work, Z, t)
-    gained = w * alpha_deficit(polynomial(work, Z, t), branch)
-    margin = _MARGIN * abs(w)
-    damped = branch.contact.sigma_1 * limit_slope(w, branch.contact)
-    return -margin <= rising <= gained + margin and branch.mass + damped > 0.0
-
-
-_end_along = bisection(_is_along)
+_end_of_branch = bisection(_holds)

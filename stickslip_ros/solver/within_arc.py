@@ -15,7 +15,17 @@ from stickslip_ros.solver.layout import ELASTIC, GLIDE, STIFF, TABULATED, TAYLOR
 from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
-from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, slope, time_at_level
+from stickslip_ros.solver.taylor import (
+    Branch,
+    W,
+    Z,
+    expand,
+    integral,
+    moment,
+    polynomial,
+    slope,
+    time_at_level,
+)
 
 #: Parts of an arc between whose ends it is seen whether something turns
 _PARTS = 8
@@ -69,7 +79,7 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
         return z1 - z, z1, b + wy
     if arc.kind == TAYLOR:
         return (
-            mirror * path(arc.work, t),
+            mirror * integral(arc.work, W, t),
             mirror * polynomial(arc.work, Z, t),
             mirror * polynomial(arc.work, W, t),
         )
@@ -91,11 +101,16 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
 def _implicit(arc: np.record, plant: np.record, t: float) -> Moved:
     """Return the state after t (s) of an implicit arc, mirrored."""
     mirror = arc.mirror
-    z, w = mirror * arc.z, mirror * arc.w
     pull = mirror * (plant.force - plant.spring * arc.x)
-    branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
-    end, _ = stiff_step(branch, z, w, t, plant.inv_omega, EXACT * plant.tolerance)
-    return end
+    branch = branch_at(plant, mirror * arc.z, mirror * arc.w, pull, mirror * arc.rate, mirror)
+    return resolve(arc, plant, branch, t)
+
+
+@compiled
+def resolve(arc: np.record, plant: np.record, branch: Branch, t: float) -> Moved:
+    """Return the state after t (s) of an implicit arc on a branch, mirrored."""
+    state = arc.mirror * arc.z, arc.mirror * arc.w
+    return stiff_step(plant, branch, state, t, plant.inv_omega, EXACT * plant.tolerance)[0]
 
 
 @compiled
@@ -141,27 +156,32 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         return math.nan, 0.0
     if arc.kind == TAYLOR:
         t = time_at_level(arc.work, W, -arc.mirror * rate, h)
-        return t, arc.mirror * path(arc.work, t) + rate * t
+        return t, arc.mirror * integral(arc.work, W, t) + rate * t
     if arc.kind == TABULATED:
         # it ends where w = 0, a little later: look back from there
         side = 1.0 if arc.path > 0.0 else -1.0
         z_end, w_end = side * arc.z_end, side * arc.w_end
         branch = branch_at(plant, z_end, w_end, side * plant.force, side * rate, side)
-        expand(arc.work, branch, z_end, w_end)
+        expand(arc.work, plant, branch, z_end, w_end)
         t = time_at_level(arc.work, W, -side * rate, -h)
-        return h + t, arc.path + side * path(arc.work, t) + rate * (h + t)
-    t = turn_from((arc, plant, -sign), 0.0, h)
+        return h + t, arc.path + side * integral(arc.work, W, t) + rate * (h + t)
+    t = turn_from((arc, plant, -sign, False), 0.0, h)
     return t, within_arc(arc, plant, t)[0] + rate * t
 
 
 @compiled
-def _goes_to(t: float, args: tuple[np.record, np.record, int]) -> bool:
-    """Return whether the runner moves to a side at t (s) of an arc; args: arc, plant, side."""
-    arc, plant, side = args
+def _goes_to(t: float, args: tuple[np.record, np.record, int, bool]) -> bool:
+    """Return whether runner or deflection moves to a side at t (s) of an arc.
+
+    args: arc, plant, side, and True for the deflection, of a series alone.
+    """
+    arc, plant, side, deflection = args
+    if deflection:
+        return side * slope(arc.work, Z, t) > 0.0
     return side * (within_arc(arc, plant, t)[2] + arc.rate) > 0.0  # type: ignore[no-any-return]
 
 
-#: When (s) the runner no longer moves to a side: of (arc, plant, side) and a bracket
+#: When (s) it no longer moves to a side: of the args of `_goes_to` and a bracket
 turn_from = bisection(_goes_to)
 
 
@@ -176,16 +196,14 @@ def turns_within(arc: np.record, plant: np.record, h: float, times: NDArray) -> 
     found, left = 0, 0.0
     for part in range(1, _PARTS + 1):
         right = h * part / _PARTS
-        for side in (-1, 1):
-            there, back = (arc, plant, side), (arc, plant, -side)
-            if found < len(times) and _goes_to(left, there) and _goes_to(right, back):
-                times[found] = turn_from(there, left, right)
-                found += 1
-            z_there, z_back = (arc.work, side), (arc.work, -side)
-            series = arc.kind == TAYLOR and found < len(times)
-            if series and _z_goes_to(left, z_there) and _z_goes_to(right, z_back):
-                times[found] = _z_turn_from(z_there, left, right)
-                found += 1
+        for deflection in (False, True):
+            for side in (-1, 1):
+                if found == len(times) or (deflection and arc.kind != TAYLOR):
+                    continue
+                there, back = (arc, plant, side, deflection), (arc, plant, -side, deflection)
+                if _goes_to(left, there) and _goes_to(right, back):
+                    times[found] = turn_from(there, left, right)
+                    found += 1
         left = right
     return found
 
@@ -203,13 +221,3 @@ def _turns_of_swing(arc: np.record, plant: np.record, h: float, b: float, times:
         times[found] = t
         found += 1
     return found
-
-
-@compiled
-def _z_goes_to(t: float, args: tuple[NDArray, int]) -> bool:
-    """Return whether the deflection goes to a side at t (s) of a series; args: series, side."""
-    work, side = args
-    return side * slope(work, Z, t) > 0.0
-
-
-_z_turn_from = bisection(_z_goes_to)

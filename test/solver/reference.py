@@ -5,6 +5,7 @@ Restarted at every kink of u(t), wherever the load changes and, by SciPy, where 
 left.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -15,6 +16,7 @@ from scipy.integrate import solve_ivp
 from stickslip_ros.model import Contact, DriveCycle, Plant
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver import Simulation, State
 from validation.whole_system import WholeSystem
 
 _UNIT = 1e-9  # states in nm and nm/us-like units, so that one absolute tolerance serves all
@@ -46,6 +48,29 @@ def _rates(_: float, y: NDArray[np.float64], plant: Plant, u_rate: float) -> lis
     z_rate, force = z_rate_and_force(z, v - u_rate, plant.contact)
     a = (-force + plant.force - plant.spring * x) / plant.mass
     return [v / _UNIT, a / _SPEED, z_rate / _UNIT]
+
+
+def states_at(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
+    """Advance to each of the times (s) by itself; return the states."""
+    found = []
+    for t in times.tolist():
+        simulation.advance(t)
+        found.append(simulation.state)
+    return found
+
+
+def heat_of(simulation: Simulation, kinks: Sequence[float], count: int = 8001) -> float:
+    """Advance from kink to kink (s); return the work (J) on the contact less what it still holds.
+
+    Of count samples between two kinks, which are left out themselves: there w and F jump.
+    """
+    work = 0.0
+    for start, end in itertools.pairwise(kinks):
+        times = start + (end - start) * np.linspace(1e-7, 1 - 1e-7, count)
+        seen = simulation.sample(times)
+        power = seen.force * (seen.v - seen.rate)
+        work += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(times)))
+    return work - 0.5 * simulation.plant.contact.sigma_0 * simulation.state.z**2
 
 
 def _kinks(drive_cycle: DriveCycle, until: float) -> NDArray[np.float64]:

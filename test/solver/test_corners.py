@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
+from validation.benchmark import judge
 
 #: Error allowed per cycle, m
 BAR = 1e-11
@@ -214,3 +215,18 @@ def test_friction_is_known_well_where_the_contact_is_stiff() -> None:
     }
     off = positions(values, 1e-11, 2) - positions(values, 1e-14, 2)
     assert np.abs(off).max() / 2 < BAR
+
+
+def test_a_narrow_stribeck_curve() -> None:
+    """20 steps were 10 nm off before the Stribeck curve was in the error control."""
+    values = {
+        **{"model": "epm_calc", "preload": 1.03, "mass": 0.01226, "sigma_1": 5.8},
+        **{"sigma_0": 4.28e6, "mu_s": 0.3855, "mu_k": 0.1127, "v_stribeck": 6.1e-5},
+        **{"z_ba": 2.22e-8, "amplitude": 168.0, "frequency": 3490.0, "slewrate": 233.0},
+    }
+    found, fine = (positions(values, tolerance, 20) for tolerance in (1e-11, 1e-14))
+    assert abs(found[-1] - fine[-1]) < 20e-12
+    assert found[-1] == pytest.approx(1360.189e-9, abs=0.01e-9)
+    p = Parameters.of(values)
+    true = judge.positions(Plant.of(p), drive_of(p), 2)
+    np.testing.assert_allclose(found[:2], true, atol=2e-12)

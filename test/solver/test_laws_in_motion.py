@@ -9,7 +9,7 @@ import pytest
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.laws import LEFT_TO_LAW
-from stickslip_ros.model import LAWS, DriveCycle, Plant, alpha_of, friction_force, z_rate
+from stickslip_ros.model import LAWS, DriveCycle, Plant, friction_force, z_rate
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
@@ -203,10 +203,3 @@ def test_below_breakaway_a_vibrating_load_moves_nothing(
     assert abs(replayed[-1] - still[-1]) < 1e-3 * tolerance * cycles
     creeping = _drift({**values, "model": "lugre", "sigma_0": contact.sigma_0}, cycles, True)
     assert sign * (creeping[-1] - creeping[1_000]) > 1e-5
-
-
-@pytest.mark.parametrize("law", [law for law in OF_CONTACT if law != "lugre"])
-def test_only_lugre_is_plastic_at_small_deflections(law: str) -> None:
-    for name, alpha in ((law, 0.0), ("lugre", 1.0)):
-        contact = Plant.of(table_1(**{"model": name, **_spelt_out(name)})).contact
-        assert alpha_of(1e-9, 1e-3, contact) == alpha

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
-from numpy.typing import NDArray
+from reference import heat_of, states_at
 from table_1 import table_1
 
 from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth, z_rate
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.solver import Simulation, State
+from stickslip_ros.solver import Simulation
 
 LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
 
@@ -27,15 +27,6 @@ def simulation_of(
     """Return a simulation at rest and the drive cycle that the values describe."""
     p = table_1(**values)
     return Simulation(Plant.of(p), p.solver.tolerance, replay), drive_of(p, sign)
-
-
-def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
-    """Return the states at times (s)."""
-    found = []
-    for t in times:
-        simulation.advance(float(t))
-        found.append(simulation.state)
-    return found
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
@@ -79,11 +70,11 @@ def test_sampling_leaves_the_path_alone(law: str, replay: bool) -> None:
     often, _ = simulation_of(values, replay=replay)
     often.start(drive_cycle, 40)
     times = np.append(np.sort(np.random.default_rng(3).uniform(0, 40, 900)), 40.0)
-    states = samples(often, times * drive_cycle.period)
+    states = states_at(often, times * drive_cycle.period)
     assert states[-1] == whole.state
     seldom, _ = simulation_of(values, replay=replay)
     seldom.start(drive_cycle, 40)
-    assert samples(seldom, times[::7] * drive_cycle.period) == states[::7]
+    assert states_at(seldom, times[::7] * drive_cycle.period) == states[::7]
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -118,28 +109,17 @@ def test_replay_ends_with_a_new_command() -> None:
 @pytest.mark.parametrize("law", LAWS)
 def test_energy_balance(law: str) -> None:
     """Work of actuator and load goes into motion, springs and heat; heat never comes back."""
-    values = {"model": law, "frequency": 2e3, "force": 0.03, "spring": 2e4}
-    p = table_1(**values)
-    plant = Plant.of(p)
+    p = table_1(**{"model": law, "frequency": 2e3, "force": 0.03, "spring": 2e4})
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance, replay=False)
-    drive_cycle = drive_of(p)
     simulation.start(drive_cycle, 6)
-    work_on_contact = 0.0
-    for cycle in range(6):
-        for start, duration in zip(
-            (0.0, drive_cycle.durations[0]), drive_cycle.durations, strict=True
-        ):
-            # the kinks themselves are left out: there w and F jump
-            within = start + duration * np.linspace(1e-7, 1 - 1e-7, 8001)
-            seen = simulation.sample(cycle * drive_cycle.period + within)
-            power = seen.force * (seen.v - seen.rate)
-            work_on_contact += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(within)))
-    stored = 0.5 * plant.contact.sigma_0 * seen.z[-1] ** 2
+    kinks = np.append(0.0, np.cumsum(np.tile(drive_cycle.durations, 6)))
+    heat = heat_of(simulation, kinks.tolist())
     again = Simulation(plant, p.solver.tolerance, replay=False)
     again.start(drive_cycle, 6)
     lost = again.run_cycles(6).lost
     assert (lost > 0.0).all()
-    assert lost.sum() == pytest.approx(work_on_contact - stored, rel=2e-3)
+    assert lost.sum() == pytest.approx(heat, rel=2e-3)
 
 
 @pytest.mark.parametrize("law", LAWS)
