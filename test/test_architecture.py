@@ -22,20 +22,6 @@ def test_the_picture_of_the_rooms_is_current() -> None:
     assert page == SCRIPT["drawn"](ROOT / "stickslip_ros"), "run python docs/architecture.py"
 
 
-def test_arrows_are_read_from_imports(tmp_path: Path) -> None:
-    texts = {
-        "top": "from stickslip_ros.middle import x\nfrom stickslip_ros import bottom",
-        "middle": "import stickslip_ros.bottom.y",
-        "bottom": "def f():\n    from stickslip_ros.side import z",
-        "side": "import numpy",
-    }
-    for room, text in texts.items():
-        (tmp_path / room).mkdir()
-        (tmp_path / room / "__init__.py").write_text(text, encoding="utf-8")
-    lines = re.findall(r"\w+ -[.-]+> \w+", SCRIPT["drawn"](tmp_path))
-    assert lines == ["middle --> bottom", "top --> middle", "bottom -.-> side"]
-
-
 def test_a_command_without_a_row_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(COMMANDS, "new", replace(COMMANDS["steps"], name="new"))
     assert {

@@ -124,14 +124,6 @@ def test_what_changed_since_the_last_release_is_in_the_changelog() -> None:
     )
 
 
-def test_a_change_that_the_changelog_does_not_name_is_found() -> None:
-    old = {":f(x)", "axis:Axis(p)", "axis:Axis.stop(self)", "axis:Gone(a)", "axis:Gone.b"}
-    new = {":f(x, *, y=1)", "axis:Axis(p)", "axis:Axis.stop(self, at=None)", "axis:New.b"}
-    assert unnamed(old, new, "") == ["Axis.stop", "Gone", "New", "f"]
-    assert unnamed(old, new, "``f`` takes y; ``Axis.stop`` at; New for Gone") == []
-    assert unnamed(old, old, "") == []
-
-
 def test_a_wrong_name_is_answered_with_the_right_one() -> None:
     with pytest.raises(AttributeError, match="'simulat'; did you mean simulate"):
         getattr(ss, "simulat")  # noqa: B009

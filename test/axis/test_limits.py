@@ -177,6 +177,19 @@ def test_a_target_that_the_end_of_the_travel_keeps_it_from_is_a_fault() -> None:
     assert "held by the high end of travel" in axis.status.fault
 
 
+def test_targets_count_from_the_zero_and_end_with_the_travel() -> None:
+    axis = Axis({**TABLE_1, "travel_low": -2e-6, "travel_high": 2e-6, **FAST})
+    axis.command_steps(10)
+    axis.advance(0.1)
+    axis.zero()
+    for target in (1e-6, -3.5e-6):
+        with pytest.raises(CommandRefused, match="travel and soft limits allow"):
+            axis.command_position(target)
+    axis.command_position(5e-7)
+    axis.advance(1.0)
+    assert axis.state.x == pytest.approx(axis.status.zero_offset + 5e-7, abs=5e-9)
+
+
 # -- velocity and following error
 
 

@@ -96,6 +96,15 @@ def test_with_a_factor_of_0_only_leaps_move_it() -> None:
     assert (pace.ns - acted) % BLOCK == 0 or not leaps[-1]
 
 
+def test_what_is_shown_after_a_command_is_later_than_it() -> None:
+    machine = Machine(factor=1e-9)
+    machine.block()
+    machine.pace.act(machine.steady, machine.axis)
+    acted = machine.pace.ns
+    assert machine.block()
+    assert machine.pace.ns == acted + 1
+
+
 def test_cheap_motion_loses_nothing() -> None:
     machine = Machine(cost=0.3)
     machine.run(1000)

@@ -118,6 +118,22 @@ ROWS = [
     ("guide", "--preload 0.01", ["would have to pull"]),
     ("guide", "--mass 1e308 --json", ["check its lengths, mass and preload"]),
     ("predict", "--frequency 20000", ["lower the frequency"]),
+    ("paper", "fig99", ["there is no ITEM 'fig99'; there are fig02"]),
+    ("paper", "--plot a.svg", ["--plot writes the picture of one ITEM: name it"]),
+    ("paper", "tab03 --plot a.svg", ["tab03 has no picture; --table writes its numbers"]),
+    ("paper", "fig08 --plot x.gif", ["--plot is x.gif; its name has to end with"]),
+    ("bag info", "gone", ["there is no bag"]),
+    ("bag recover", "gone", ["there is no bag"]),
+    ("send", "steps", ["steps takes a whole number; given: none"]),
+    ("send", "steps 1.5", ["steps takes a whole number; given: 1.5"]),
+    ("send", "amplitude x", ["amplitude takes a number in V; given: x"]),
+    ("send", "stop now", ["stop takes no value; given: now"]),
+    ("send", "enable maybe", ["enable takes on or off; given: maybe"]),
+    ("send", "trajectory 1", ["takes points TIME:POSITION, such as 0.5s:1um; given: 1"]),
+    ("send", "fault dirt", ["it is a parameter: stickslip send parameters fault=VALUE"]),
+    ("send", "joint_command a force 1", ["takes JOINT position|velocity VALUE"]),
+    ("send", "parameters", ["parameters takes NAME=VALUE"]),
+    ("send", "parameters prelod=1", ["did you mean preload"]),
     ("explore", "--port 70000", ["--port is 70000"]),
     ("emulate", "anc300 --port 70000", ["70000"]),
     ("emulate", "anc300 --axes x,x", ["x,x"]),
@@ -141,7 +157,7 @@ def test_bad_use_is_one_line_with_the_cure_and_leaves_nothing(
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     usual = FINE.get(command, "") if arguments.startswith("--") else ""
-    assert main([command, *usual.split(), *arguments.split()]) == 2
+    assert main([*command.split(), *usual.split(), *arguments.split()]) == 2
     output = capsys.readouterr()
     assert output.out == ""
     line, *preview = output.err.splitlines()

@@ -118,11 +118,3 @@ def test_recover_makes_a_bag_and_says_what_it_kept(
     assert "run_recovered: File exists; choose another name" in capsys.readouterr().err
     assert main(["bag", "recover", str(new), "--out", str(tmp_path / "whole")]) == 0
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize("action", ["info", "recover"])
-def test_a_bag_that_is_not_there_is_bad_use(
-    action: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["bag", action, str(tmp_path / "gone")]) == 2
-    assert "there is no bag" in capsys.readouterr().err

@@ -88,12 +88,3 @@ def test_items_are_chosen_by_name_and_one_is_drawn(
     assert main(["paper", "fig08", "--plot", str(picture), "--out", str(tmp_path / "no")]) == 0
     assert "<svg" in picture.read_text(encoding="utf-8")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fig08.svg", "report"]
-    for command, message in (
-        (["fig99"], "there is no ITEM 'fig99'; there are fig02"),
-        (["--plot", str(picture)], "--plot writes the picture of one ITEM: name it"),
-        (["tab03", "--plot", str(picture)], "tab03 has no picture; --table writes its numbers"),
-        (["fig08", "--plot", "x.gif"], "--plot is x.gif; its name has to end with"),
-    ):
-        capsys.readouterr()
-        assert main(["paper", *command]) == 2
-        assert message in capsys.readouterr().err

@@ -67,10 +67,3 @@ def test_a_shell_can_read_its_script(scripts: dict[str, Path], shell: str) -> No
     check = "--no-execute" if shell == "fish" else "-n"
     found = subprocess.run([shell, check, str(scripts[shell])], capture_output=True, text=True)
     assert (found.returncode, found.stderr) == (0, "")
-
-
-def test_an_unknown_shell_is_answered(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(["completion", "bsh"])
-    assert end.value.code == 2
-    assert "did you mean 'bash'" in capsys.readouterr().err

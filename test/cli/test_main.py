@@ -44,22 +44,29 @@ def test_help_names_every_subcommand_and_each_has_its_own(
         assert f"usage: stickslip {name}" in capsys.readouterr().out
 
 
-def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(["--version"])
-    assert end.value.code == 0
-    assert capsys.readouterr().out == f"{__version__}\n"
-
-
-def test_bad_use_ends_with_2(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in [[], ["dance"], ["simulate", "--steps", "1e3"], ["bag"]]:
+def test_bad_use_ends_with_2_and_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """Which names the nearest name to a misspelt one, and where something has moved."""
+    for arguments, said in [
+        ("", "see stickslip --help"),
+        ("dance", "see stickslip --help"),
+        ("simulate --steps 1e3", "see stickslip simulate --help"),
+        ("bag", "see stickslip bag --help"),
+        ("simulte", "did you mean 'simulate'?"),
+        ("bag inof", "did you mean 'info'?"),
+        ("identify-actuatr", "did you mean 'identify-actuator'?"),
+        ("emulate anc350", "did you mean 'anc300'?"),
+        ("completion bsh", "did you mean 'bash'?"),
+        ("bench --json", "bench has moved: make bench"),
+        ("soak --json", "soak has moved: make soak"),
+        ("simulate --frequency 1,5kHz", "'1,5kHz' has a comma; write 1.5 with a point"),
+    ]:
         with pytest.raises(SystemExit) as end:
-            main(arguments)
+            main(arguments.split())
         assert end.value.code == 2
         output = capsys.readouterr()
         assert output.out == ""
         (line,) = output.err.splitlines()
-        assert re.fullmatch(r"stickslip.*: .*; see stickslip.* --help", line)
+        assert line.startswith("stickslip") and said in line, line
 
 
 def test_a_minus_sign_from_a_paper_is_one() -> None:
@@ -89,11 +96,11 @@ def test_files_of_the_package_are_found_from_anywhere(
     assert "step size" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("number", ["-1e-3", "-1.5E+3", "-.5", "-2", "-inf"])
-def test_a_negative_number_is_no_option(number: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_negative_number_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
     """In whatever way it is written: it gets to where its limits are told."""
-    assert main(["simulate", "--amplitude", number]) == 2
-    assert f"amplitude is {float(number):g}" in capsys.readouterr().err
+    for number in ("-1e-3", "-1.5E+3", "-.5", "-2", "-inf"):
+        assert main(["simulate", "--amplitude", number]) == 2
+        assert f"amplitude is {float(number):g}" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -257,28 +264,6 @@ def test_a_subcommand_loads_no_other() -> None:
     ]
 
 
-def test_a_slip_of_the_finger_is_told_the_nearest_name(capsys: pytest.CaptureFixture[str]) -> None:
-    for typed, meant in [
-        (["simulte"], "simulate"),
-        (["bag", "inof"], "info"),
-        (["identify-actuatr"], "identify-actuator"),
-        (["emulate", "anc350"], "anc300"),
-    ]:
-        with pytest.raises(SystemExit) as end:
-            main(typed)
-        assert end.value.code == 2
-        assert f"did you mean '{meant}'?" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("name", ["bench", "soak"])
-def test_what_has_moved_is_told_in_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        main([name, "--json"])
-    assert end.value.code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{name} has moved: make {name}" in line
-
-
 def test_every_module_with_a_subcommand_is_listed() -> None:
     folder = REPOSITORY / "stickslip_ros" / "cli"
     files = [*folder.glob("*.py"), *folder.glob("*/__init__.py")]
@@ -304,11 +289,6 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
     with_units = json.loads(capsys.readouterr().out)
     assert main([*common, "--frequency", "1000", "--amplitude", "200", "--set", "mass=0.003"]) == 0
     assert json.loads(capsys.readouterr().out) == with_units
-    with pytest.raises(SystemExit):
-        main([*common, "--frequency", "1,5kHz"])
-    assert "argument --frequency: '1,5kHz' has a comma; write 1.5 with a point" in (
-        capsys.readouterr().err
-    )
 
 
 @pytest.mark.parametrize(

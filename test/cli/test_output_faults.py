@@ -20,7 +20,6 @@ from bags import record
 from child import environment, in_namespace, run
 from file_layer import FileLayer, each_fault
 
-from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 
 pytestmark = pytest.mark.slow
@@ -191,18 +190,3 @@ def test_two_processes_on_one_output(tmp_path: Path) -> None:
         alone.append(file.read_bytes())
     assert found in alone
     assert [path.name for path in tmp_path.iterdir()] == ["trace.csv"]
-
-
-def test_a_clock_that_jumps_changes_no_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Below the nodes nobody reads a clock: a day forward and back leaves the trace as it is."""
-    import time
-
-    texts = []
-    for jump in (0.0, 86400.0, -86400.0):
-        now = time.time
-        monkeypatch.setattr(time, "time", lambda now=now, jump=jump: now() + jump)
-        command = Command("trace.csv", OUTPUTS["trace.csv"], tmp_path)
-        command.run(None, tmp_path)
-        texts.append((tmp_path / "trace.csv").read_bytes())
-    assert texts[0] == texts[1] == texts[2]
-    assert Axis({}).state.t == 0.0

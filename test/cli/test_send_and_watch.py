@@ -37,25 +37,6 @@ def test_every_command_of_the_registry_can_be_sent(capsys: pytest.CaptureFixture
     assert [line.split()[0] for line in lines] == list(COMMANDS)
 
 
-def test_bad_values_are_refused_before_ros_is_looked_for(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    for arguments, complaint in [
-        ("steps", "steps takes a whole number; given: none"),
-        ("steps 1.5", "steps takes a whole number; given: 1.5"),
-        ("amplitude x", "amplitude takes a number in V; given: x"),
-        ("stop now", "stop takes no value; given: now"),
-        ("enable maybe", "enable takes on or off; given: maybe"),
-        ("trajectory 1", "trajectory takes points TIME:POSITION, such as 0.5s:1um; given: 1"),
-        ("fault dirt", "it is a parameter: stickslip send parameters fault=VALUE"),
-        ("joint_command a force 1", "joint_command takes JOINT position|velocity VALUE"),
-        ("parameters", "parameters takes NAME=VALUE"),
-        ("parameters prelod=1", "did you mean preload"),
-    ]:
-        assert main(["send", *arguments.split()]) == 2
-        assert complaint in capsys.readouterr().err
-
-
 def test_a_recorder_that_is_waited_for_has_the_command(
     axis: AxisNode, start_node: Start, tmp_path: Path
 ) -> None:

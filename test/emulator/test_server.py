@@ -136,12 +136,6 @@ def test_noise_and_clients(
     withstand(start, name, lines, 50, question)
 
 
-@pytest.mark.long
-@pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
-def test_100000_lines_of_noise_and_200_clients(start: Callable[..., Any]) -> None:
-    withstand(start, "anc300", 100_000, 200, b"getm 1\r\n")
-
-
 def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs")
     with ExitStack() as stack:

@@ -122,24 +122,12 @@ def test_mcs_closed_loop_holds_as_long_as_it_is_told(emulate: Callable[..., Any]
         mcs.wait(0)
         assert 1e9 * emulated.look(lambda: emulated.axes[0].state.x) == pytest.approx(2500, abs=15)
         mcs.send("SPL0,-1000,1000")
+        assert mcs.send("GPL0") == "PL0,-1000,1000"
         with pytest.raises(ValueError, match="7"):
             mcs.send("MPA0,2000,0")
         mcs.send("MSCA0,2048,1000")
         mcs.wait(0)
         assert mcs.value("GVL0") == 2048
-
-
-def test_limits_count_from_the_zero_of_positions(emulate: Callable[..., Any]) -> None:
-    with emulate("mcs", {**MCS, "hold_time": 0.01}).client() as client:
-        mcs = McsDriver(client)
-        mcs.send("MPA0,2000,0")
-        mcs.wait(0)
-        mcs.send("SP0,0")
-        mcs.send("SPL0,-1000,1000")
-        assert mcs.send("GPL0") == "PL0,-1000,1000"
-        mcs.send("MPA0,500,0")
-        mcs.wait(0)
-        assert mcs.value("GP0") == pytest.approx(500, abs=10)
 
 
 @pytest.mark.parametrize(

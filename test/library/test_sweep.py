@@ -2,7 +2,6 @@
 """Grids, metrics, the way of a sweep through an executor, and its CSV."""
 
 import math
-import pickle
 import threading
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from io import StringIO
@@ -352,11 +351,6 @@ def test_parts_are_small_for_long_metrics_and_never_empty() -> None:
     assert part_size(quick, 2, 100_000) > 10 * part_size(long, 2, 100_000) > 0
     assert part_size(quick, 2, 4) == 1
     assert part_size(Sweep(quick.base, quick.axes, quick.metrics, 100_000), 2, 10**6) == 1
-
-
-def test_a_sweep_travels_to_other_processes() -> None:
-    sweep = sweep_of("preload=0.1:6:3")
-    assert pickle.loads(pickle.dumps(sweep)) == sweep
 
 
 # -- the table

@@ -24,7 +24,7 @@ def shaped(p: Parameters, split: float, latency: float) -> Parameters:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preload", [0.4, 1.0])
+@pytest.mark.parametrize("preload", [0.4, pytest.param(1.0, marks=pytest.mark.long)])
 def test_the_ringing_goes(preload: float) -> None:
     """At least twenty times less than after the single slip, in the runner's own trace too."""
     p = table_1(preload=preload)

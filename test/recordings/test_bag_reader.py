@@ -244,12 +244,6 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "run" / "run_0.mcap"
 
 
-@pytest.mark.parametrize("left", [0, 3, 8, 30, 5000, -1])
-def test_a_cut_file_is_refused(file: Path, left: int) -> None:
-    file.write_bytes(file.read_bytes()[:left])
-    refused(file.parent, r"run_0.mcap is damaged: .*stickslip bag recover")
-
-
 def _offset_of(file: Path, kind: Opcode) -> int:
     return records_of(file.read_bytes(), kind)[0]
 
@@ -258,23 +252,6 @@ def _patch(file: Path, at: int, value: bytes) -> None:
     data = bytearray(file.read_bytes())
     data[at : at + len(value)] = value
     file.write_bytes(data)
-
-
-@pytest.mark.parametrize("length", [1, 1_000_000, 2**31, 2**40, 2**63, 2**64 - 1])
-@pytest.mark.parametrize("kind", [Opcode.HEADER, Opcode.CHUNK, Opcode.STATISTICS, Opcode.FOOTER])
-def test_a_length_that_cannot_be_is_refused(file: Path, kind: Opcode, length: int) -> None:
-    _patch(file, _offset_of(file, kind) + 1, length.to_bytes(8, "little"))
-    refused(file, "run_0.mcap is damaged")
-
-
-def test_a_wrong_checksum_is_refused(file: Path) -> None:
-    chunk = _offset_of(file, Opcode.CHUNK)
-    good = file.read_bytes()
-    _patch(file, chunk + 2000, b"\xa5\x5a\xa5")
-    refused(file, "the checksum of a chunk is wrong")
-    file.write_bytes(good)
-    _patch(file, _offset_of(file, Opcode.STATISTICS) + 12, b"\xa5\x5a")
-    refused(file, "the checksum of its index is wrong")
 
 
 def _chunk(size: int, compression: bytes, data: bytes) -> bytes:
@@ -362,10 +339,7 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
     assert megabytes < 200
     for file, text in zip(files, said, strict=True):
         assert f"{file} is damaged" in text or f"{file} unpacks to more than" in text
-
-
-def test_more_schemas_than_a_memory_holds_are_refused(tmp_path: Path) -> None:
-    """In packed chunks, where a megabyte of schema takes a few bytes."""
+    # In packed chunks, a megabyte of schema takes a few bytes.
     chunks = []
     for number in range(1, 201):
         text = b"# " + bytes(900_000)
@@ -480,14 +454,6 @@ def test_chunks_are_bounded_in_sum(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert recover(file, tmp_path / "new").messages == 0
 
 
-def test_an_index_that_lies_about_time_is_refused(file: Path) -> None:
-    """A message outside of the time of its chunk would come out of order."""
-    at = _offset_of(file, Opcode.CHUNK_INDEX)
-    _patch(file, at + 9, struct.pack("<Q", START + SECOND // 1000))
-    _patch(file, _offset_of(file, Opcode.FOOTER) + 9 + 16, bytes(4))  # and no checksum
-    refused(file, "a message lies outside the time range of the index")
-
-
 def test_a_bag_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path) -> None:
     refused(tmp_path / "gone", "there is no bag .*gone; check the name")
     refused(tmp_path, "there is no .mcap file in")
@@ -513,43 +479,43 @@ BILLION = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for 
 GOOD = "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        ("", "it has no rosbag2_bagfile_information"),
-        ("a: [1", "not YAML"),
-        ("- 1\n- 2\n", "the file has to be a mapping"),
-        ("other: 1\n", "it has no rosbag2_bagfile_information"),
-        ("rosbag2_bagfile_information: [1]\n", "has to be a mapping"),
-        (GOOD.replace("9", "nine"), "version is 'nine'"),
-        (GOOD.replace("9", "9" * 5000), "version is '999"),
-        (GOOD + "  relative_file_paths: {a: b}\n", "relative_file_paths has to be a list"),
-        (GOOD + "  relative_file_paths: [[a]]\n", "has to be a single value"),
-        (GOOD + "  topics_with_message_count: [1]\n", "has to be a mapping"),
-        (
-            GOOD + "  topics_with_message_count: [{topic_metadata: {name: [a]}}]\n",
-            "topic_metadata: name has to be a single value",
-        ),
-        (GOOD + "  custom_data: {a: {b: c}}\n", "custom_data: a has to be"),
-        (GOOD + "  custom_data: " + "[" * 5000 + "]" * 5000 + "\n", "nested more than"),
-        (BILLION, "too long"),
-        ("a: &a [*a]\n", "inside itself"),
-        (GOOD + "  # " + "x" * 2_000_000, "characters of YAML"),
-        ("\x00\x01", "not YAML"),
-        ("\udcff", "not what rosbag2 writes"),
-        ("!!python/object/apply:os.getcwd []\n", "has to be a mapping"),
-        (GOOD + "  relative_file_paths: [gone_0.mcap]\n", "lacks gone_0.mcap"),
-        (GOOD + '  relative_file_paths: ["a\\0b", ..]\n', "lacks|is not a file"),
-        (GOOD.replace("mcap", "sqlite3"), "`ros2 bag convert"),
-        (GOOD.replace("mcap", "tape"), "is stored as tape, .*`ros2 bag convert"),
-        (GOOD.replace("9", "10"), "version 10; the newest known version is 9"),
-        (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "compressed with 'lz5'"),
-    ],
+NONSENSE = (
+    ("", "it has no rosbag2_bagfile_information"),
+    ("a: [1", "not YAML"),
+    ("- 1\n- 2\n", "the file has to be a mapping"),
+    ("other: 1\n", "it has no rosbag2_bagfile_information"),
+    ("rosbag2_bagfile_information: [1]\n", "has to be a mapping"),
+    (GOOD.replace("9", "nine"), "version is 'nine'"),
+    (GOOD.replace("9", "9" * 5000), "version is '999"),
+    (GOOD + "  relative_file_paths: {a: b}\n", "relative_file_paths has to be a list"),
+    (GOOD + "  relative_file_paths: [[a]]\n", "has to be a single value"),
+    (GOOD + "  topics_with_message_count: [1]\n", "has to be a mapping"),
+    (
+        GOOD + "  topics_with_message_count: [{topic_metadata: {name: [a]}}]\n",
+        "topic_metadata: name has to be a single value",
+    ),
+    (GOOD + "  custom_data: {a: {b: c}}\n", "custom_data: a has to be"),
+    (GOOD + "  custom_data: " + "[" * 5000 + "]" * 5000 + "\n", "nested more than"),
+    (BILLION, "too long"),
+    ("a: &a [*a]\n", "inside itself"),
+    (GOOD + "  # " + "x" * 2_000_000, "characters of YAML"),
+    ("\x00\x01", "not YAML"),
+    ("\udcff", "not what rosbag2 writes"),
+    ("!!python/object/apply:os.getcwd []\n", "has to be a mapping"),
+    (GOOD + "  relative_file_paths: [gone_0.mcap]\n", "lacks gone_0.mcap"),
+    (GOOD + '  relative_file_paths: ["a\\0b", ..]\n', "lacks|is not a file"),
+    (GOOD.replace("mcap", "sqlite3"), "`ros2 bag convert"),
+    (GOOD.replace("mcap", "tape"), "is stored as tape, .*`ros2 bag convert"),
+    (GOOD.replace("9", "10"), "version 10; the newest known version is 9"),
+    (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "compressed with 'lz5'"),
 )
-def test_metadata_that_makes_no_sense_is_refused(file: Path, text: str, problem: str) -> None:
+
+
+def test_metadata_that_makes_no_sense_is_refused(file: Path) -> None:
     yaml_file = file.with_name("metadata.yaml")
-    yaml_file.write_bytes(text.encode("utf-8", "surrogateescape"))
-    refused(file.parent, problem)
+    for text, problem in NONSENSE:
+        yaml_file.write_bytes(text.encode("utf-8", "surrogateescape"))
+        refused(file.parent, problem)
     yaml_file.unlink()
     with open_bag(file.parent) as bag:  # the cure that the text names
         assert bag.message_count == 200

@@ -2,7 +2,6 @@
 """Drivers of the simulated axis: its node over DDS, and behind the emulated controllers."""
 
 import contextlib
-import math
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -14,8 +13,6 @@ from emulated import Emulated
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.testing.axis_drivers import (
-    ANY_MOTION,
-    NO_MOTION,
     PARAMETERS,
     AxisDriver,
     undo_if_refused,
@@ -161,93 +158,3 @@ class EmulatedAnc300(_Emulated):
     def stop(self) -> None:
         """End what runs."""
         self.ask("stop 1")
-
-
-class EmulatedMcs2(_Emulated):
-    """The SCPI interface of an MCS2."""
-
-    controller = "mcs2"
-    _LEVELS, _MOST_STEPS = 65535, 100000
-
-    def __init__(self) -> None:
-        """Hold targets without end."""
-        super().__init__()
-        self._refused = 0
-        self.write(":CHAN0:HOLD -1")
-
-    def ask(self, line: str) -> str:
-        """Send a question and return the answer."""
-        return self._client.ask(line, b"\r\n")
-
-    def write(self, line: str) -> None:
-        """Send a command; ValueError with the error that it leaves."""
-        self._client.send(line.encode() + b"\r\n")
-        error = self.ask(":SYST:ERR?")
-        if not error.startswith("0,"):
-            self._refused += 1
-            raise ValueError(error)
-
-    @property
-    def position(self) -> float:
-        """As the controller reads it, m."""
-        return 1e-12 * int(self.ask(":CHAN0:POS?"))
-
-    @property
-    def moving(self) -> bool:
-        """Whether it moves."""
-        return bool(int(self.ask(":CHAN0:STAT?")) & 0x1)
-
-    def set_drive(self, amplitude: float, frequency: float) -> None:
-        """Set both, none if one is refused."""
-        before = self.ask(":CHAN0:STEP:AMPL?")
-        level = amplitude * self._LEVELS / 100.0
-        self.write(f":CHAN0:STEP:AMPL {level if math.isnan(level) else round(level)}")
-        with undo_if_refused(lambda: self.write(f":CHAN0:STEP:AMPL {before}")):
-            self.write(f":CHAN0:STEP:FREQ {frequency:g}")
-
-    def step(self, steps: int) -> None:
-        """Run steps."""
-        self.write(":CHAN0:MMOD 4")
-        self.write(f":MOVE0 {steps}")
-
-    def jog(self, sign: int) -> None:
-        """Run as many steps as a command can have."""
-        self.step(sign * self._MOST_STEPS)
-
-    def stop(self) -> None:
-        """End what runs."""
-        self.write(":STOP0")
-
-    def move_to(self, x: float) -> None:
-        """Go to a position (m)."""
-        self.write(":CHAN0:MMOD 0")
-        self.write(f":MOVE0 {round(1e12 * x)}")
-
-    @property
-    def at_target(self) -> bool:
-        """Whether the loop is closed and nothing moves."""
-        return int(self.ask(":CHAN0:STAT?")) & 0x3 == 0x2
-
-    def set_limits(self, low: float, high: float) -> None:
-        """Set the range (m)."""
-        self.write(f":CHAN0:RLIM:MIN {round(1e12 * low)}")
-        self.write(f":CHAN0:RLIM:MAX {round(1e12 * high)}")
-
-    def provoke_fault(self) -> None:
-        """Move, where no motion is slow enough."""
-        self.look(lambda: self.axis.set_parameters({"max_velocity": ANY_MOTION}))
-        self.jog(1)
-
-    @property
-    def fault(self) -> bool:
-        """Whether a movement failed."""
-        return bool(int(self.ask(":CHAN0:STAT?")) & 0x800)
-
-    def reset(self) -> None:
-        """Switch the amplifier on."""
-        self.look(lambda: self.axis.set_parameters({"max_velocity": NO_MOTION}))
-        self.write(":CHAN0:AMPL 1")
-
-    def status(self) -> Mapping[str, Any]:
-        """Return the counts: steps by the interferometer, refusals by the errors so far."""
-        return {"steps": self.look(lambda: self.axis.status.step_count), "refused": self._refused}

@@ -65,7 +65,6 @@ def run_contract(driver: str, folder: Path, only: str = "") -> Outcomes:
     [
         "offline",
         "our_drivers:EmulatedAnc300",
-        pytest.param("our_drivers:EmulatedMcs2", marks=pytest.mark.long),
         pytest.param("our_drivers:OverRos", marks=pytest.mark.long),
     ],
 )

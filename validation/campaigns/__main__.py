@@ -83,6 +83,10 @@ CAMPAIGNS: dict[str, Campaign] = {
         "recorders and axes that end at random", (f"{_STUDIES}endings", "--moments", "300")
     ),
     "fuzz": _tests("test_fuzz_*.py", "hostile messages and files", STICKSLIP_FUZZ_S="3600"),
+    "resimulation": _tests(
+        "test_resimulate.py", "a run of a minute repeats", STICKSLIP_RESIMULATE_S="60"
+    ),
+    "warm-up": _tests("test_warm_up.py", "nothing is left to compile", STICKSLIP_WARM_UP="1"),
     "mutations": _tests("test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"),
     "endurance": _tests(
         "test_endurance.py", "six axes for ten minutes", STICKSLIP_ENDURANCE_S="600"
