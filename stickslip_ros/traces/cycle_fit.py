@@ -20,7 +20,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, find_unbroken
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import PUSH, Ringing
 from stickslip_ros.traces.steps import SETTLING
@@ -99,21 +99,9 @@ class CycleFit:
         hole = rises & ~good & np.roll(good, 1) & np.roll(good, -1) & inside
         if np.sum(hole) == 1:
             good |= hole
-        if not (rise > 0.0 and fall > 0.0 and (good & inside).any()):
+        if not (rise > 0.0 and fall > 0.0):
             return 0, -1
-        middle = int(
-            np.argmin(
-                np.where(
-                    good & inside,
-                    np.abs(self.number - self.grid.count // 2),
-                    len(good) + self.grid.count,
-                )
-            )
-        )
-        bad = np.flatnonzero(~good)
-        first = int(np.max(bad[bad < middle], initial=-1)) + 1
-        last = int(np.min(bad[bad > middle], initial=len(good))) - 1
-        return int(self.number[first]), int(self.number[last])
+        return find_unbroken(good, self.number, self.grid.count)
 
     def without_part(self) -> SlipGrid:
         """Return the run; without its last cycle if that does not fall as those before it.

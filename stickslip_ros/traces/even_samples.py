@@ -228,6 +228,23 @@ def sample_cycles(count: int) -> NDArray[np.int64]:
     return np.asarray(np.unique(starts[:, None] + np.arange(_STRETCH)))
 
 
+def find_unbroken(
+    good: NDArray[np.bool_], number: NDArray[np.int64], count: int
+) -> tuple[int, int]:
+    """Return the first and the last number of the good cycles about the middle one; 0, -1 if none.
+
+    number are those of the cycles looked at, of which 0 to count - 1 are in the run so far.
+    """
+    inside = np.flatnonzero(good & (number >= 0) & (number < count))
+    if not len(inside):
+        return 0, -1
+    middle = int(inside[np.argmin(np.abs(number[inside] - count // 2))])
+    bad = np.flatnonzero(~good)
+    first = int(np.max(bad[bad < middle], initial=-1)) + 1
+    last = int(np.min(bad[bad > middle], initial=len(good))) - 1
+    return int(number[first]), int(number[last])
+
+
 def mean_cycle(rows: Array) -> Array:
     """Return the median row minus its mean, (phases,)."""
     common = _medians(rows - row_means(rows)[:, None])

@@ -20,6 +20,7 @@ from stickslip_ros.traces.even_samples import (
     SlipGrid,
     cycles_on_grid,
     fill_gaps,
+    find_unbroken,
     mean_cycle,
     phases_of,
     row_means,
@@ -161,14 +162,7 @@ def find_extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int
     if not known.any():
         return 0, -1
     good = np.interp(number, number[known], like[known], left=0.0, right=0.0) > SETTINGS.similar
-    inside = np.flatnonzero(good & (number >= 0) & (number < count))
-    if not len(inside):
-        return 0, -1
-    middle = int(inside[np.argmin(np.abs(number[inside] - count // 2))])
-    bad = np.flatnonzero(~good)
-    first = int(np.max(bad[bad < middle], initial=-1)) + 1
-    last = int(np.min(bad[bad > middle], initial=len(good))) - 1
-    return int(number[first]), int(number[last])
+    return find_unbroken(good, number, count)
 
 
 def refine(even: EvenSamples, grid: SlipGrid) -> SlipGrid:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Comparison: the clock is found, what differs is named, what agrees is not."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -258,6 +259,12 @@ def test_gain_and_drift_are_fitted_if_asked() -> None:
     plain = compare(run(), sensor, runs=found.runs)
     assert (plain.alignment.gain, plain.alignment.drift) == (1.0, 0.0)
     assert plain.rmse > 3.0 * found.rmse
+    still = replace(run(), x=np.full_like(run().x, 1e-7), v=None, u=None)
+    other_way, asked = replace(sensor, x=-sensor.x), Fits(offset=False, gain=True)
+    with pytest.raises(ComparisonError, match="goes the other way"):
+        compare(run(), other_way, asked, runs=found.runs)
+    with pytest.raises(ComparisonError, match="no gain to fit"):
+        compare(still, sensor, asked, runs=found.runs)
 
 
 def test_what_is_not_fitted_is_taken_as_it_is() -> None:

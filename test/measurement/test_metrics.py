@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy import stats
 
 from stickslip_ros.measurement.alignment import ClockSearch
 from stickslip_ros.measurement.metrics import (
@@ -30,7 +29,7 @@ from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.steps import MeasuredValue, estimate_settled_mean
+from stickslip_ros.traces.steps import MeasuredValue
 
 Array = NDArray[np.float64]
 PERIOD = 0.01  # s
@@ -66,26 +65,6 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
     cases = ({"run": math.nan}, {"measured": math.inf}, {"tolerance": math.nan})
     for missing in cases:
         assert replace(one, **missing).differs is None
-
-
-def test_few_settled_values_widen_the_error_as_students_t_does() -> None:
-    values = np.array([9.0, 8.0, 7.0, 1.2, 0.9, 1.1, 1.0, 1.3, 0.8, math.nan, 1.1])
-    three = float(stats.norm.cdf(3.0))
-    exact = estimate_settled_mean(values, exact=True)
-    settled = np.array([1.3, 0.8, 1.1])
-    assert exact.value == pytest.approx(settled.mean())
-    assert exact.error == pytest.approx(settled.std(ddof=1) / math.sqrt(3.0))
-    among = np.array([1.2, 0.9, 1.1, 1.0, 1.3, 0.8, 1.1])  # all but the first three
-    wider = float(stats.t.ppf(three, 6)) / 3.0
-    error = wider * among.std(ddof=1) / math.sqrt(3.0)
-    assert estimate_settled_mean(values, exact=False).error == pytest.approx(error)
-    many = np.concatenate((np.full(7, 50.0), 1.0 + 0.1 * np.sin(np.arange(8.0))))
-    error = float(stats.t.ppf(three, 7)) / 3.0 * many[7:].std(ddof=1) / math.sqrt(8.0)
-    enough = estimate_settled_mean(many, exact=False)  # eight of them
-    assert enough.error == pytest.approx(error)
-    assert estimate_settled_mean(np.array([4.0]), exact=True) == MeasuredValue(4.0, 0.0)
-    assert math.isnan(estimate_settled_mean(np.array([4.0]), exact=False).error)
-    assert math.isnan(estimate_settled_mean(np.array([math.nan]), exact=True).value)
 
 
 def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:
@@ -158,28 +137,6 @@ def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
         search(run, few).checked(Alignment(offset=0.09515))
 
 
-def test_gain_and_zero_are_those_of_least_squares() -> None:
-    random = np.random.default_rng(5)
-    t = np.sort(random.uniform(0.0, 0.099, 800))
-    run = Motion("run", T, 1e-7 * np.sin(200.0 * T) + 3e-8)
-    x = 5e-8 + 1.3 * run.position_at(t) + 1e-9 * random.standard_normal(800)
-    sensor = Motion("sensor", t, x)
-    weights, place = Pairs(t, t, t, t).weights, run.position_at(t)
-    gain, level = np.polyfit(place, x, 1, w=np.sqrt(weights))
-    found = search(run, sensor, gain=True).sensor(Alignment())
-    assert (found.gain, found.level) == pytest.approx((gain, level), rel=1e-6)
-    found = search(run, sensor).sensor(Alignment())
-    assert (found.gain, found.level) == pytest.approx((1.0, weights @ (x - place)))
-    found = search(run, sensor, level=False, gain=True).sensor(Alignment())
-    assert found.level == 0.0
-    assert found.gain == pytest.approx((weights @ (place * x)) / (weights @ place**2))
-    with pytest.raises(ComparisonError, match="goes the other way"):
-        search(run, replace(sensor, x=-x), gain=True).sensor(Alignment())
-    still = Motion("run", T, np.full_like(T, 1e-7))  # its mean differs from it by rounding
-    with pytest.raises(ComparisonError, match="no gain to fit"):
-        search(still, sensor, gain=True).sensor(Alignment())
-
-
 def test_least_squares_move_the_clock_to_where_it_is() -> None:
     t: Array = np.arange(0.012, 0.09, 1.3e-4)
     run = Motion("run", T, 1e-7 * np.sin(300.0 * T) + 2e-8 * np.sin(1100.0 * T))
@@ -197,35 +154,6 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
     assert 0.0 < found.offset_error < rigid.offset_error
     with pytest.raises(ComparisonError, match="no clock to fit"):
         search(Motion("run", T, np.zeros_like(T)), sensor).by_velocity(start, None)
-
-
-def test_what_is_left_is_told_without_mean_and_slope() -> None:
-    run, sensor = Motion("run", T, _wave(T)), Motion("sensor", T, _wave(T) + 3.0 + 2.0 * T)
-    assert MotionPair(run, sensor).difference(Alignment()) == pytest.approx(0.0, abs=1e-12)
-    swing = 1e-8 * np.sin(2.0 * np.pi * 200.0 * T)
-    left = MotionPair(run, replace(sensor, x=sensor.x + swing)).difference(Alignment())
-    assert left == pytest.approx(1e-8 / math.sqrt(2.0), rel=2e-3)
-    assert MotionPair(run, sensor).difference(Alignment(offset=0.051)) == math.inf
-    assert MotionPair(run, sensor).difference(Alignment(offset=0.048)) < math.inf
-    few = Motion("sensor", T[::130], T[::130])
-    assert MotionPair(Motion("run", T, T), few).difference(Alignment(offset=0.0)) < math.inf
-    fewer = Motion("sensor", T[::160], T[::160])  # seven
-    assert MotionPair(Motion("run", T, T), fewer).difference(Alignment(offset=0.0)) == math.inf
-
-
-def test_of_equal_steps_those_with_most_time_in_common_lie_on_each_other() -> None:
-    inside = (T > 0.0052) & (T < 0.0748)
-    run = Motion("run", T[inside], _wave(T)[inside])
-    noise = 1e-9 * np.random.default_rng(7).standard_normal(int(inside.sum()))
-    sensor = Motion("sensor", T[inside], run.x + noise)
-    for periods in (-2, 0, 1):
-        start = Alignment(offset=periods * PERIOD)
-        found = search(run, sensor).whole_periods_on(start, _steps())
-        assert found.offset == pytest.approx(0.0, abs=1e-9)
-        assert found.other_offset is not None
-        assert abs(found.other_offset) == pytest.approx(PERIOD)
-    rest = Motion("run", T, _wave(T))  # the rest shows which step is which
-    assert search(rest, rest).whole_periods_on(Alignment(), _steps()).other_offset is None
 
 
 def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:

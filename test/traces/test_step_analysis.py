@@ -19,7 +19,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
 from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.step_analysis import analyse_cycles, find_lowest_mean
+from stickslip_ros.traces.step_analysis import analyse_cycles
 
 TYPICAL = table_1()
 NOISE = 1e-9
@@ -277,15 +277,3 @@ def test_the_origin_of_the_positions_does_not_matter(known: bool) -> None:
     assert far.period == pytest.approx(near.period, rel=1e-6)
     assert far.step_sizes == pytest.approx(near.step_sizes, abs=0.02e-9)
     assert far.backstep == pytest.approx(near.backstep, abs=0.1e-9)
-
-
-def test_the_end_of_a_backstep_is_looked_for_in_the_first_half_of_the_cycle() -> None:
-    """What lies lower than that later on, such as the next slip of a run backwards, is another."""
-    period = 1e-3
-    t = np.arange(2000) * period / 2000
-    for lowest in (0.1e-3, 0.3e-3, 0.49e-3):
-        x = -1e-8 * np.exp(-(((t - lowest) / 2e-5) ** 2))
-        x -= 3e-8 * np.exp(-(((t - 0.8e-3) / 2e-5) ** 2))
-        found = find_lowest_mean(t, _noisy(x, 1e-10), period)
-        assert found[0] == pytest.approx(lowest, abs=8e-6)
-        assert found[1] == pytest.approx(-1e-8, abs=2e-10)

@@ -46,11 +46,14 @@ CAMPAIGNS: dict[str, Campaign] = {
         "whether the sensor pulls at the optimum",
         (f"{_STUDIES}intervals", "--linear", "24", "2000"),
     ),
-    "traces": Campaign("what is said of traces of 31 kinds", (f"{_STUDIES}traces", "7")),
+    "traces": Campaign("what is said of traces of 32 kinds", (f"{_STUDIES}traces", "7")),
     "told": Campaign(
         "the same, told the frequency of the drive", (f"{_STUDIES}traces", "--told", "7")
     ),
-    "searches": Campaign("runs and steps found in random traces", (f"{_STUDIES}searches", "200")),
+    "searches": Campaign(
+        "runs and steps found in traces of several runs and disturbances by lot",
+        (f"{_STUDIES}traces", "--kinds", "by lot", "200"),
+    ),
     **{
         name: Campaign(text, (f"{_STUDIES}identification", name, count, first))
         for name, text, count, first in (

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from bench_traces import GAIN, Axis, Drive, Sensor, TrueRun, bench_trace
+from bench_traces import GAIN, Axis, Drive, Sensor, TrueRun, bench_trace, random_bench
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -307,10 +307,16 @@ KINDS: dict[str, tuple[Callable[[Plan], Made], bool]] = {
     "jitter": (lambda plan: _made(plan.sensed(jitter=0.5, quantum=2e-9)), True),
     "nothing": (_nothing, True),
 }
+#: Up to three runs, of other drives perhaps, with several disturbances: a kind for itself.
+BY_LOT = "by lot"
 
 
 def lab_trace(kind: str, seed: int) -> LabTrace:
     """Return the trace of a kind; the same seed gives the same trace."""
+    if kind == BY_LOT:  # of another axis in every trace
+        bench = random_bench(seed)
+        runs = tuple(bench.runs)
+        return LabTrace(kind, seed, bench.t, bench.x, runs, runs[0].frequency, bench.axis, True)
     make, knowable = KINDS[kind]
     plan = _plan(np.random.default_rng([list(KINDS).index(kind), seed]))
     t, x, runs = make(plan)
