@@ -176,5 +176,7 @@ def _is_held(path: Path) -> bool:
 
 def _share(path: Path) -> str:
     """Return the progress in a note, such as ": 35 %", if there is any."""
-    last = path.read_text(encoding="utf-8", errors="replace").rstrip().rpartition(": ")[2]
-    return f": {last}" if last.endswith("%") else ""
+    with contextlib.suppress(OSError):
+        last = path.read_text(encoding="utf-8", errors="replace").rstrip().rpartition(": ")[2]
+        return f": {last}" if last.endswith("%") else ""
+    return ""

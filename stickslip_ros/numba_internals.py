@@ -85,7 +85,7 @@ def in_parts(dispatcher: Any, options: dict[str, Any]) -> Any:
 
 
 class _Part(CPUDispatcher):
-    """A function for other compiled functions to call: nothing of it can be called from Python."""
+    """A function that compiled functions can call, but Python cannot."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         super().__init__(function, targetoptions=options)
@@ -100,7 +100,7 @@ class _Part(CPUDispatcher):
         return super().get_call_template(tuple(map(numba.types.unliteral, args)), kws)
 
     def add_overload(self, result: Any) -> None:
-        result = result._replace(entry_point=object())  # there is none, but it serves as a key
+        result = result._replace(entry_point=object())  # a key only: a part has no entry point
         self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
         self.overloads[tuple(result.signature.args)] = result
 
@@ -160,7 +160,7 @@ class _Cache(FunctionCache):
 
 
 class _CheckedFile(IndexDataCacheFile):
-    """The cache of one function; a file of it that was cut or changed counts as not there."""
+    """The cache of one function; a cut or changed file counts as missing."""
 
     @contextlib.contextmanager
     def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:

@@ -114,7 +114,7 @@ def add_commands(
     texts: Mapping[str, str],
     named: Sequence[str],
 ) -> None:
-    """Add commands, which are modules of a package; those that are named with their options."""
+    """Add the modules of a package as commands; named ones get their options."""
     subparsers = parser.add_subparsers(required=True, metavar=dest.upper(), dest=dest)
     for name, text in texts.items():
         about = f"{text[0].upper()}{text[1:]}."

@@ -85,7 +85,7 @@ class Renamed(argparse.Action):
 def add_outputs(
     parser: argparse.ArgumentParser, plot: str = "", report: str = "", table: str = ""
 ) -> None:
-    """Add --json, and those of --plot, --report and --table that have a text."""
+    """Add --json; add --plot, --report and --table if they have a text."""
     if plot:
         option(parser, "--plot", "FILE.svg|pdf|png", f"write a picture: {plot}", Path)
         flag(parser, "--show", "open that picture")
@@ -216,7 +216,7 @@ def report_left_out(command: str, effects: Sequence[str]) -> None:
 
 
 def add_ensemble(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add --ensemble and --draws; what names the additional output."""
+    """Add --ensemble and --draws; the help text names the additional output, ``what``."""
     text = f"a file of stickslip identify --out: {what}"
     option(parser, "--ensemble", "FITTED.yaml", text, Path)
     option(parser, "--draws", "N", f"of the ensemble (default: {_DRAWS})", int, default=_DRAWS)

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _setting(command: Command, axis: AxisClient) -> str:
-    """Return what the axis has now of what a command set, such as its frequency; else nothing."""
+    """Return the value that a command has set, such as the frequency; "" if it sets none."""
     value = axis.status.get(f"{command.name} ({command.unit})")
     return f"{command.name} {format_si(float(value), command.unit)}, " if value else ""
 

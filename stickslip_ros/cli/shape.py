@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the subcommand, which are those of elongate, too."""
+    """Add the options of shape and of elongate."""
     parser.epilog = "Set amplitude, frequency and slewrate with --set, such as --set amplitude=200."
     add_parameters(parser)
     text = "write the parameters, for --config and ROS"

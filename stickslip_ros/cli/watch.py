@@ -106,7 +106,7 @@ def zero_of(axis: AxisClient) -> float:
 
 
 def place_of(axis: AxisClient) -> str:
-    """Return the position as commands count it, and that of the joint if it is another."""
+    """Return the position as commands count it, and the joint's position if it differs."""
     zero = zero_of(axis)
     joint = f" from the zero, joint {format_si(axis.position, 'm', 6)}" if zero else ""
     return f"{format_si(axis.position - zero, 'm', 6)}{joint}"

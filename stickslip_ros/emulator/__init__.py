@@ -16,8 +16,7 @@ from stickslip_ros.parameters import ParameterError
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis
     from stickslip_ros.emulator.dialogue import Controller
-    from stickslip_ros.emulator.hosting import OwnAxes, ServerThread
-    from stickslip_ros.emulator.server import Server
+    from stickslip_ros.emulator.server import OwnAxes, Server, ServerThread
 
 __all__ = ["CONTROLLERS", "Controller", "OwnAxes", "Server", "ServerThread", "controller_of"]
 
@@ -62,5 +61,5 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
 if not TYPE_CHECKING:
     __getattr__ = lazy_names(
         __name__,
-        {"dialogue": ["Controller"], "hosting": ["OwnAxes", "ServerThread"], "server": ["Server"]},
+        {"dialogue": ["Controller"], "server": ["OwnAxes", "Server", "ServerThread"]},
     )

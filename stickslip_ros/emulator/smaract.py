@@ -27,7 +27,7 @@ class Channel:
     """One channel: an axis and the state of the controller for it."""
 
     def __init__(self, axis: Axis) -> None:
-        """Use an axis, with its amplitude limited to that of the controller."""
+        """Use an axis; limit its amplitude to the largest of the controller."""
         self.axis = axis
         self._origin = 0.0  # reading of the axis (m) that counts as 0
         self._target = math.nan  # of the closed loop that was begun here, m

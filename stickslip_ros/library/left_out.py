@@ -20,6 +20,6 @@ OF_A_FIT = ("surface_spread", "slip_spread", "sensor_bandwidth")
 
 
 def left_out(p: Parameters, effects: Sequence[str] = PASSING) -> tuple[str, ...]:
-    """Return the names of those effects that the parameters switch on."""
+    """Return the names of the effects that the parameters switch on."""
     values = p.flat()
     return tuple(name for name in effects if values[name] != PARAMETERS[name].default)

@@ -166,7 +166,7 @@ class SweepTable:
         return (points, end) if resume else (0, 0)
 
     def _complaint(self, lines: list[bytes]) -> str | None:
-        """Return how the head of a file differs from that of our sweep, None if it does not."""
+        """Return how the head of a file differs from the head of our sweep, None if it does not."""
         for wanted, line in zip(definition(self._sweep), lines, strict=False):
             found = line.decode("utf-8", errors="replace").rstrip("\n")
             if found != wanted:

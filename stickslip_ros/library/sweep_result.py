@@ -128,7 +128,7 @@ class SweepResult:
 
     @property
     def parameters(self) -> Parameters:
-        """The parameters of every point, but for those that vary."""
+        """The parameters of every point; some of them vary."""
         return self.plan.base
 
     @property

@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, scale_of
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
+from stickslip_ros.reporting.plots import (
+    Figure,
+    axis_of,
+    layout_of,
+    line_of,
+    stretch_of,
+    thin_columns,
+)
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
@@ -72,14 +79,6 @@ def _overview(found: Comparison) -> Figure:
     return {"data": data, "layout": layout}
 
 
-def _shown_between(found: Comparison, start: float, end: float) -> tuple[Array, Array, Array]:
-    inside = (found.t >= start) & (found.t <= end)
-    t, x, measured = thin_columns(
-        found.t[inside], found.x[inside], found.measured[inside], count=_DETAIL
-    )
-    return t, x, measured
-
-
 def _step(found: Comparison, k: int) -> Figure:
     """Show one cycle with its phases."""
     steps = found.run_steps
@@ -95,10 +94,7 @@ def _step(found: Comparison, k: int) -> Figure:
         begin, end = (factor * (float(steps.points[p][k]) - start) for p in (first, last))
         if not end > begin:
             continue
-        shapes.append(
-            {"type": "rect", "xref": "x", "yref": "paper", "x0": begin, "x1": end, "y0": 0,
-             "y1": 1, "fillcolor": tint, "line": {"width": 0}, "layer": "below"}
-        )  # fmt: skip
+        shapes.append(stretch_of(begin, end, tint))
         figure["data"].append(
             {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": name,
              "marker": {"symbol": "square", "size": 12, "color": tint}}
@@ -135,7 +131,9 @@ def _close(
     title: str,
     with_actuator: Motion | None,
 ) -> Figure:
-    t, x, measured = _shown_between(found, *window)
+    inside = (found.t >= window[0]) & (found.t <= window[1])
+    columns = found.t[inside], found.x[inside], found.measured[inside]
+    t, x, measured = thin_columns(*columns, count=_DETAIL)
     time, time_unit = scale_of(window[1] - window[0], "s")
     factor, unit = 1e9, "nm"
     data = [

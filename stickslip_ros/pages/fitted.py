@@ -1,13 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of an identification: the content of the template ``identify.html``."""
+"""The page of an identification: the content of the template ``identify.html``, with its plots."""
 
 from __future__ import annotations
 
-from stickslip_ros.identification.fit import Fit
-from stickslip_ros.pages.fitted_figures import fit_figures
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
+from stickslip_ros.identification.free import unit_of
+from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.pages.texts import fit_sources
 from stickslip_ros.parameters import parameter
-from stickslip_ros.reporting.page import ResultPage
+from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
+from stickslip_ros.reporting.page import PlotPlace, ResultPage
+from stickslip_ros.reporting.plots import (
+    Figure,
+    axis_of,
+    digits_of,
+    layout_of,
+    line_of,
+    thin_columns,
+)
+
+Array = NDArray[np.float64]
+
+LEFT, LIMIT = "#5b4a8a", "#c46a1b"
+#: Points of a line over a whole run; phases of a cycle; profiles beside each other.
+_POINTS, _PHASES, _ABREAST = 6000, 100, 3
+#: Points of the line of a profile; gap below a row of profiles, for their names.
+_POINTS_BETWEEN, _GAP = 60, 0.2
+#: Rise of the deviance at the ends of a 95 % interval, and the highest rise that is shown.
+_RISE, _SHOWN = 3.84, 8.0
+_FOLDED = (
+    "What the fit leaves at each place of the cycle, and its mean over the cycles. The slip is at "
+    "0 and 1. Noise has a mean near 0 everywhere."
+)
+_PROFILES = (
+    "How far the deviance rises when one parameter is held and all others follow. The interval "
+    "ends where the curve crosses the line."
+)
 
 
 def fit_page(found: Fit) -> ResultPage:
@@ -20,4 +53,209 @@ def fit_page(found: Fit) -> ResultPage:
         and not (value == 0.0 and parameter(name).optional)
     }
     parts = {"found": found, "sources": fit_sources(found), "known": known}
-    return ResultPage("identify.html", fit_figures(found), parts)
+    return ResultPage("identify.html", _plots(found), parts)
+
+
+def _plots(found: Fit) -> list[PlotPlace]:
+    """Return the plots with their descriptions."""
+    plots: list[PlotPlace] = []
+    for k, run in enumerate(found.runs):
+        text = (
+            f"Measured position and fit over {format_si(float(np.ptp(run.t)), 's')}, and what the "
+            f"fit leaves: {format_si(run.residual, 'm', 3)} (root mean square)."
+        )
+        plots.append(PlotPlace(f"run-{k}", f"{run.source}: data and fit", text, _run(run)))
+        if np.isfinite(run.cycle).any():
+            heading = f"{run.source}: residuals over the drive cycle"
+            plots.append(PlotPlace(f"folded-{k}", heading, _FOLDED, _folded(run)))
+    for k, curve in enumerate(found.curves):
+        text = (
+            f"{curve.points} points of {listed(list(curve.measured))} over "
+            f"{listed(list(curve.varied))}, with their standard deviations, and the fit."
+        )
+        plots.append(PlotPlace(f"curve-{k}", f"{curve.source}: table and fit", text, _curve(curve)))
+    if found.profiles:
+        plots.append(PlotPlace("profiles", "Profiles", _PROFILES, _profiles(found)))
+    if len(found.correlations) > 1:
+        plots.append(_correlations(found))
+    if found.starts:
+        plots.append(_starts(found))
+    return plots
+
+
+def listed(names: list[str]) -> str:
+    """Return names as a text: commas, "and" before the last."""
+    texts = [name.replace("_", " ") for name in names]
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
+
+
+def _run(run: FittedRun) -> Figure:
+    factor, unit = scale_of(float(np.ptp(run.measured)), "m")
+    rest, rest_unit = scale_of(float(np.max(np.abs(run.left))), "m")
+    time, time_unit = scale_of(float(np.ptp(run.t)), "s")
+    t, measured, fitted, left = thin_columns(
+        run.t - run.t[0], run.measured, run.measured - run.left, run.left, count=_POINTS
+    )
+    data = [
+        line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
+        line_of(time * t, factor * fitted, "fit", SIMULATED, unit, time_unit),
+        line_of(time * t, rest * left, "measured − fit", LEFT, rest_unit, time_unit, yaxis="y2"),
+    ]
+    layout = layout_of(
+        520,
+        xaxis=axis_of(f"time ({time_unit})", anchor="y2"),
+        yaxis=axis_of(f"position ({unit})", domain=[0.42, 1.0]),
+        yaxis2=axis_of(f"residual ({rest_unit})", domain=[0.0, 0.34]),
+    )
+    return {"data": data, "layout": layout}
+
+
+def _folded(run: FittedRun) -> Figure:
+    inside = np.isfinite(run.cycle)
+    place, left = np.mod(run.cycle[inside], 1.0), run.left[inside]
+    phase = np.minimum((place * _PHASES).astype(np.int64), _PHASES - 1)
+    count = np.bincount(phase, minlength=_PHASES)
+    means = np.bincount(phase, left, minlength=_PHASES) / np.maximum(count, 1)
+    means[count == 0] = np.nan
+    factor, unit = scale_of(float(np.max(np.abs(left))), "m")
+    some = np.linspace(0, len(place) - 1, min(len(place), _POINTS)).astype(np.int64)
+    data = [
+        line_of(
+            place[some], factor * left[some], "residuals", LEFT, unit, "cycles",
+            mode="markers", marker={"size": 3, "color": LEFT, "opacity": 0.35},
+        ),
+        line_of((np.arange(_PHASES) + 0.5) / _PHASES, factor * means, "mean", MEASURED, unit,
+                "cycles"),
+    ]  # fmt: skip
+    layout = layout_of(
+        340, xaxis=axis_of("place in the drive cycle"), yaxis=axis_of(f"residual ({unit})")
+    )
+    return {"data": data, "layout": layout}
+
+
+def _curve(curve: FittedCurve) -> Figure:
+    """Draw each metric over the first parameter that varies, one below the other."""
+    name, x = next(iter(curve.varied.items()))
+    order = np.argsort(x, kind="stable")
+    data, axes = [], {}
+    count = len(curve.measured)
+    for k, (metric, values) in enumerate(curve.measured.items()):
+        own = METRICS[metric].unit if metric in METRICS else "Hz"
+        finite = values[np.isfinite(values)]
+        factor, unit = scale_of(float(np.max(np.abs(finite), initial=0.0)), own)
+        axis = "y" if k == 0 else f"y{k + 1}"
+        error = {"type": "data", "array": digits_of(factor * curve.deviations[metric][order])}
+        words = metric.replace("_", " ")
+        data += [
+            line_of(x[order], factor * values[order], f"{words}, measured", MEASURED, unit,
+                    parameter(name).unit, mode="markers", marker={"size": 7, "color": MEASURED},
+                    error_y=error, yaxis=axis),
+            line_of(x[order], factor * curve.fitted[metric][order], f"{words}, fit", SIMULATED,
+                    unit, parameter(name).unit,
+                    mode="lines" if len(curve.varied) == 1 else "markers",
+                    marker={"size": 5, "symbol": "x", "color": SIMULATED}, yaxis=axis),
+        ]  # fmt: skip
+        top = 1.0 - k / count
+        axes[f"yaxis{k + 1 if k else ''}"] = axis_of(
+            f"{words} ({unit})", domain=[top - 0.88 / count, top]
+        )
+    unit = parameter(name).unit
+    x_axis = axis_of(
+        f"{name} ({unit})" if unit else name, anchor="y" if count == 1 else f"y{count}"
+    )
+    return {"data": data, "layout": layout_of(120 + 260 * count, xaxis=x_axis, **axes)}
+
+
+def _profiles(found: Fit) -> Figure:
+    data, frame = [], {}
+    count = len(found.profiles)
+    rows = math.ceil(count / _ABREAST)
+    tall = (1.0 + _GAP) / rows  # a row with the gap below it
+    for k, profile in enumerate(found.profiles):
+        number = "" if k == 0 else str(k + 1)
+        row, column = divmod(k, _ABREAST)
+        left, top = column / _ABREAST, 1.0 - row * tall
+        unit = unit_of(profile.name)
+        values = profile.values
+        factor, named = scale_of(float(np.median(values)), unit)
+        seen = profile.rise <= _SHOWN
+        for drawn, rise, mode in (
+            (values[seen], profile.rise[seen], "markers"),
+            (*_between(values[seen], profile.rise[seen]), "lines"),
+        ):
+            data.append(
+                line_of(factor * drawn, rise, profile.name, SIMULATED, "", named, mode=mode,
+                        marker={"size": 5, "color": SIMULATED}, showlegend=False,
+                        xaxis=f"x{number}", yaxis=f"y{number}")
+            )  # fmt: skip
+        ends = factor * values[seen][[0, -1]]
+        data.append(
+            line_of(ends, np.array([_RISE, _RISE]), "95 %", LIMIT, "", named, showlegend=k == 0,
+                    xaxis=f"x{number}", yaxis=f"y{number}")
+        )  # fmt: skip
+        title = f"{profile.name} ({named})" if named else profile.name
+        frame[f"xaxis{number}"] = axis_of(
+            title, domain=[left + 0.02, left + 0.94 / _ABREAST], anchor=f"y{number}"
+        )
+        frame[f"yaxis{number}"] = axis_of(
+            "rise of the deviance" if column == 0 else "",
+            domain=[max(top - tall + _GAP, 0.0), top],
+            anchor=f"x{number}",
+            range=[-0.3, _SHOWN],
+            showticklabels=column == 0,
+        )
+    return {"data": data, "layout": layout_of(60 + 270 * rows, **frame)}
+
+
+def _between(values: Array, rise: Array) -> tuple[Array, Array]:
+    """Return a profile drawn out between its points: its root is about straight on either side."""
+    fine = np.union1d(values, np.linspace(values[0], values[-1], _POINTS_BETWEEN))
+    side = np.sign(np.arange(len(values)) - int(np.argmin(rise)))
+    return fine, np.interp(fine, values, side * np.sqrt(np.maximum(rise, 0.0))) ** 2
+
+
+def _correlations(found: Fit) -> PlotPlace:
+    names = list(found.correlations)
+    values = np.array([[found.correlations[a][b] for b in names] for a in names])
+    map_ = {
+        "type": "heatmap",
+        "x": names,
+        "y": names[::-1],
+        "z": np.round(values[::-1], 4).tolist(),
+        "zmin": -1.0,
+        "zmax": 1.0,
+        "colorscale": [[0.0, SIMULATED], [0.5, "#e9ecf1"], [1.0, MEASURED]],
+        "text": [[f"{one:.2f}" for one in row] for row in values[::-1]],
+        "texttemplate": "%{text}",
+        "hovertemplate": "%{x} and %{y}: %{z}",
+        "name": "",
+    }
+    layout = layout_of(
+        140 + 56 * len(names), xaxis={"automargin": True}, yaxis={"automargin": True}
+    )
+    pairs = [(abs(values[i, j]), names[i], names[j]) for i in range(len(names)) for j in range(i)]
+    size, a, b = max((one for one in pairs if math.isfinite(one[0])), default=(0.0, "", ""))
+    most = f"Most go together {b} and {a} ({size:.2f})." if size else ""
+    text = f"Of the logarithms of the parameters. {most}"
+    return PlotPlace("correlations", "Correlations", text, {"data": [map_], "layout": layout})
+
+
+def _starts(found: Fit) -> PlotPlace:
+    deviance = np.sort(found.starts)
+    number = np.arange(1.0, len(deviance) + 1.0)
+    apart = deviance[-1] > 10.0 * deviance[0] > 0.0  # else a linear axis has the better numbers
+    data = [
+        line_of(number, deviance, "deviance", SIMULATED, "", "", mode="lines+markers",
+                marker={"size": 7, "color": SIMULATED}, showlegend=False)
+    ]  # fmt: skip
+    layout = layout_of(
+        320,
+        xaxis=axis_of("start, the best first", tickformat="d"),
+        yaxis=axis_of("deviance after the descent", type="log" if apart else "linear"),
+    )
+    near = int(np.sum(deviance < 1.01 * deviance[0]))
+    text = (
+        f"Deviance after each descent, the best first. {near} of {len(deviance)} ended within 1 % "
+        "of the lowest."
+    )
+    return PlotPlace("starts", "Waterfall of starts", text, {"data": data, "layout": layout})

@@ -11,7 +11,14 @@ import numpy as np
 
 from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace, ResultPage
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
+from stickslip_ros.reporting.plots import (
+    Figure,
+    axis_of,
+    layout_of,
+    line_of,
+    stretch_of,
+    thin_columns,
+)
 from stickslip_ros.traces.analysis import Findings
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, after_slip
@@ -60,10 +67,7 @@ def _overview(motion: Motion, runs: Sequence[Run]) -> Figure:
     shapes, notes = [], []
     for k, run in enumerate(runs):
         begin, end = time * run.start, time * run.end
-        shapes.append(
-            {"type": "rect", "xref": "x", "yref": "paper", "x0": begin, "x1": end, "y0": 0, "y1": 1,
-             "fillcolor": TINTS[k % len(TINTS)], "line": {"width": 0}, "layer": "below"}
-        )  # fmt: skip
+        shapes.append(stretch_of(begin, end, TINTS[k % len(TINTS)]))
         notes.append(
             {"x": 0.5 * (begin + end), "y": 1, "yref": "paper", "yanchor": "bottom",
              "text": f"run {k + 1}", "showarrow": False}
@@ -105,11 +109,8 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
             )  # fmt: skip
             half = 1e9 * CONFIDENCE * error
             if math.isfinite(half):
-                shapes.append(
-                    {"type": "rect", "yref": place, "x0": settled[0], "x1": settled[1],
-                     "y0": 1e9 * mean - half, "y1": 1e9 * mean + half, "fillcolor": "#dccfe8",
-                     "line": {"width": 0}, "layer": "below"}
-                )  # fmt: skip
+                ends = {"y0": 1e9 * mean - half, "y1": 1e9 * mean + half}
+                shapes.append(stretch_of(settled[0], settled[1], "#dccfe8", yref=place, **ends))
         first += run.steps
     frame = layout_of(
         520,

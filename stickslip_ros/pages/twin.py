@@ -12,7 +12,14 @@ from stickslip_ros.pages.measured import TINTS
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.reporting import CONFIDENCE, MEASURED, SIMULATED, format_si
 from stickslip_ros.reporting.page import PlotPlace, ResultPage
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
+from stickslip_ros.reporting.plots import (
+    Figure,
+    axis_of,
+    layout_of,
+    line_of,
+    stretch_of,
+    thin_columns,
+)
 from stickslip_ros.twin import Twin, Update
 
 Array = NDArray[np.float64]
@@ -82,11 +89,7 @@ def _figure(
         for half in (wide[0], -wide[0]) if wide else ():
             data.append(line_of(at, middle + half, "95 %", _BAND, "", "s"))
         data.append(line_of(at, values, name, color, "", "s"))
-    shapes = [
-        {"type": "rect", "xref": "x", "yref": "paper", "x0": one.onset, "x1": one.told, "y0": 0,
-         "y1": 1, "fillcolor": TINTS[1], "line": {"width": 0}, "layer": "below"}
-        for one in twin.changes
-    ]  # fmt: skip
+    shapes = [stretch_of(one.onset, one.told, TINTS[1]) for one in twin.changes]
     frame = layout_of(
         300, xaxis=axis_of("time (s)"), yaxis=axis_of(y_name), shapes=shapes, showlegend=False
     )

@@ -85,13 +85,9 @@ def ratios() -> Result:
         **{f"0-amplitude at {100 * r:g} %": z for r, z in zip(RATIOS, zero, strict=True)},
     }
     over = {f"step at {100 * ratio:g} % (m)": curve for ratio, curve in curves.items()}
-    return Result(
-        values,
-        tables={
-            "": {"deflection (m)": DEFLECTION, **over},
-            "_zero": {"z_ba / z_ss": np.array(RATIOS), "0-amplitude (m)": zero},
-        },
-    )
+    table = {"deflection (m)": DEFLECTION, **over}
+    zeros = {"z_ba / z_ss": np.array(RATIOS), "0-amplitude (m)": zero}
+    return Result(values, tables={"": table, "_zero": zeros})
 
 
 def negative_steps() -> Result:
@@ -115,27 +111,19 @@ def negative_steps() -> Result:
         **_lowest("CEIM, 50 %", ceim, over, preload),
         **_lowest("CEIM, 90 %", late, over, preload),
     }
-    return Result(
-        values,
-        tables={
-            "_100Hz": {
-                "deflection (m)": DEFLECTION,
-                "step at 5 %, alpha as printed (m)": printed,
-                "step at 5 %, |z| (m)": symmetric,
-            },
-            "_epm": {
-                "frequency (Hz)": frequency,
-                "deflection (m)": deflection,
-                "step at 5 % (m)": epm,
-            },
-            "_ceim": {
-                "frequency (Hz)": over,
-                "preload (N)": preload,
-                "step CEIM at 50 % (m)": ceim,
-                "step CEIM at 90 % (m)": late,
-            },
-        },
-    )
+    low = {
+        "deflection (m)": DEFLECTION,
+        "step at 5 %, alpha as printed (m)": printed,
+        "step at 5 %, |z| (m)": symmetric,
+    }
+    epm_map = {"frequency (Hz)": frequency, "deflection (m)": deflection, "step at 5 % (m)": epm}
+    ceim_map = {
+        "frequency (Hz)": over,
+        "preload (N)": preload,
+        "step CEIM at 50 % (m)": ceim,
+        "step CEIM at 90 % (m)": late,
+    }
+    return Result(values, tables={"_100Hz": low, "_epm": epm_map, "_ceim": ceim_map})
 
 
 def _lowest(what: str, found: Array, frequency: Array, preload: Array) -> Values:
@@ -184,18 +172,14 @@ def slewrate() -> Result:
         "depth of a minimum, intersection, actuator of 820 kHz (Fig. 11), damping 0.5": _dip(rung),
         "slewrate of this minimum": SLEWRATE[int(np.argmin(rung))],
     }
-    return Result(
-        values,
-        tables={
-            "": {
-                "slewrate (V/us)": SLEWRATE,
-                **{f"0-amplitude {m} {d} (m)": values for (m, d), values in found.items()},
-                "0-amplitude direct, z_ba of slewrate (m)": rated,
-                "0-amplitude intersection, actuator of 820 kHz (m)": rung,
-            }
-        },
-        drawn={"change": {"slewrate (V/us)": SLEWRATE, **change}},
-    )
+    table = {
+        "slewrate (V/us)": SLEWRATE,
+        **{f"0-amplitude {m} {d} (m)": zero for (m, d), zero in found.items()},
+        "0-amplitude direct, z_ba of slewrate (m)": rated,
+        "0-amplitude intersection, actuator of 820 kHz (m)": rung,
+    }
+    drawn = {"change": {"slewrate (V/us)": SLEWRATE, **change}}
+    return Result(values, tables={"": table}, drawn=drawn)
 
 
 def _dip(values: Array) -> float:

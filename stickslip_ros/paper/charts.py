@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws what charts.yaml says of the tables of a claim: panels with curves, bars or a map."""
+"""Draws the tables of a claim as charts.yaml describes: panels with curves, bars or a map."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Panel:
 
 
 def read_charts(path: Path) -> dict[str, Callable[[Result], Result]]:
-    """Return what gives the result of a claim its picture, by the claim's name."""
+    """Return functions that add the picture to a result, by the name of the claim."""
     return {
         name: partial(
             _with_picture,

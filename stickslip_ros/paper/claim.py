@@ -90,7 +90,7 @@ class Check:
         return self.low <= self.value <= self.high
 
     def of(self, values: Any) -> Check:
-        """Return the check on a number, or on those of both sets."""
+        """Return the check on a number, or on the pair of numbers of both sets."""
         value, joint = values if isinstance(values, tuple) else (values, None)
         return replace(self, value=float(value), joint=None if joint is None else float(joint))
 
@@ -160,7 +160,7 @@ class Result:
 
     @property
     def verdict(self) -> ClaimVerdict:
-        """With the parameters of Table 1, or those of the claim; see `ClaimVerdict.of`."""
+        """The verdict with Table 1, or with the parameters of the claim."""
         return self.settled or ClaimVerdict.of(self.checks)
 
     @property

@@ -65,16 +65,12 @@ def influences() -> Result:
             by_small["sigma_0"] / by_small["mu_k"]
         ),
     }
-    return Result(
-        values,
-        tables={
-            "": {
-                "changed to": np.array(list(_CHANGES.values())),
-                "change, stroke 2 um (%)": change,
-                "change, stroke 160 nm (%)": small,
-            }
-        },
-    )
+    table = {
+        "changed to": np.array(list(_CHANGES.values())),
+        "change, stroke 2 um (%)": change,
+        "change, stroke 160 nm (%)": small,
+    }
+    return Result(values, tables={"": table})
 
 
 def vibration() -> Result:

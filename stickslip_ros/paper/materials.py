@@ -244,16 +244,11 @@ def slopes_of_force() -> Result:
             },
         }
 
+    names = ["preload (N)", *(f"force at {slope:g} 1/m (N)" for slope in SLOPES)]
     return Result(
         paired(numbers, "", "_joint"),
         tables={
-            ending: {
-                "preload (N)": _PRELOAD,
-                **{
-                    f"force at {slope:g} 1/m (N)": force
-                    for slope, force in zip(SLOPES, curves, strict=True)
-                },
-            }
+            ending: dict(zip(names, [_PRELOAD, *curves], strict=True))
             for ending, curves in sets.items()
         },
         drawn={f"tops{ending}": table for ending, table in found.items()},

@@ -55,17 +55,16 @@ def earlier_laws() -> Result:
         "preload from which EPM_calc is negative": turn,
         "smallest EPM_calc step, alpha with |z|": np.nanmin(symmetric),
     }
+    table = {
+        "preload (N)": PRELOAD,
+        "step LuGre (m)": lugre,
+        "step EPM_fix (m)": fix,
+        "step EPM_calc, alpha as printed (m)": calc,
+        "step EPM_calc, alpha with |z| (m)": symmetric,
+    }
     return Result(
         values,
-        tables={
-            "": {
-                "preload (N)": PRELOAD,
-                "step LuGre (m)": lugre,
-                "step EPM_fix (m)": fix,
-                "step EPM_calc, alpha as printed (m)": calc,
-                "step EPM_calc, alpha with |z| (m)": symmetric,
-            }
-        },
+        tables={"": table},
         remark=(
             "EPM_fix keeps g(v) below the fraction of Eq. 7; the fixed z_ss stands in alpha alone. "
             "EPM_calc is computed with alpha as printed, where the sine has z instead of |z|: only "
@@ -125,6 +124,7 @@ def parameter_sets() -> Result:
     rest = np.array([0.6, 1.0, 1.5, 2.0, 5.0, 10.0])
     sets = [columns({**EPM_CALC, "preload": float(f)}) for f in rest]
     z_ss = np.array([Plant.of(one).contact.z_s for one in sets])
+    table = {"preload (N)": rest, "z_ss of EPM_calc at rest (m)": z_ss}
     values = {
         **{f"sigma_0, {n}": c.sigma_0 for n, c in contact.items()},
         **{f"sigma_1, {n}": c.sigma_1 for n, c in contact.items()},
@@ -138,11 +138,7 @@ def parameter_sets() -> Result:
         "z_ss of EPM_calc at 0.6 N": z_ss[0],
         "z_ss of EPM_calc at 10 N": z_ss[-1],
     }
-    return Result(
-        values,
-        tables={"": {"preload (N)": rest, "z_ss of EPM_calc at rest (m)": z_ss}},
-        settled=ClaimVerdict.DATA,
-    )
+    return Result(values, tables={"": table}, settled=ClaimVerdict.DATA)
 
 
 def too_low() -> Result:

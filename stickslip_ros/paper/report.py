@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -23,7 +22,6 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import whole_folder, writing
 from stickslip_ros.paper import (
     amplitude,
-    force,
     influences,
     materials,
     preload,
@@ -33,8 +31,9 @@ from stickslip_ros.paper import (
     waveforms,
 )
 from stickslip_ros.paper.charts import read_charts
-from stickslip_ros.paper.claim import Claim, ClaimVerdict, Result, Table, read_checks
+from stickslip_ros.paper.claim import Claim, ClaimVerdict, Result, read_checks
 from stickslip_ros.reporting.page import page
+from stickslip_ros.reporting.tables import csv_text
 from stickslip_ros.version import __version__
 
 #: What computes each claim of claims.yaml, in the order of the paper.
@@ -67,7 +66,7 @@ _COMPUTED: Mapping[str, Callable[[], Result]] = {
     "sec52": influences.contacts,
     "sec53": amplitude.steady_state_distance,
     "fig14": preload.ceim,
-    "fig15": force.bounds_of_force,
+    "fig15": stiffness.bounds_of_force,
     "tab05": typical.guide,
 }
 _HERE = Path(__file__).parent
@@ -190,7 +189,8 @@ def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> ClaimOu
         result = compute()
         pictures = _draw_picture(result)
         tables = {
-            f"{claim.name}{ending}.csv": _csv(table) for ending, table in result.tables.items()
+            f"{claim.name}{ending}.csv": csv_text(table, np.transpose([*table.values()]).tolist())
+            for ending, table in result.tables.items()
         }
     except Exception as error:  # whatever it is, the other claims are not to blame
         return ClaimOutcome(claim, fault=f"{type(error).__name__}: {error}")
@@ -223,17 +223,6 @@ def _draw_picture(result: Result) -> dict[str, bytes]:
             )
         pictures[kind] = file.getvalue()
     return pictures
-
-
-def _csv(table: Table) -> str:
-    """Return a table as text: names, then one line for each row, nan as an empty cell."""
-    columns = [np.asarray(column, dtype=np.float64).tolist() for column in table.values()]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table)
-    for row in zip(*columns, strict=True):
-        writer.writerow(["" if value != value else value for value in row])
-    return text.getvalue()
 
 
 def _page(outcomes: Sequence[ClaimOutcome]) -> str:

@@ -72,12 +72,8 @@ def response() -> Result:
         "backstep in the slip": backstep,
         "swings above 1 nm after the backstep": np.sum(np.abs(ringing[turned]) > _SWING),
     }
-    return Result(
-        values,
-        tables={"": dict(zip(HEADER, astuple(trace), strict=True))},
-        draw=draw,
-        size=(6.2, 9.0),
-    )
+    table = dict(zip(HEADER, astuple(trace), strict=True))
+    return Result(values, tables={"": table}, draw=draw, size=(6.2, 9.0))
 
 
 def _hysteretic(width: float) -> Parameters:
@@ -137,13 +133,8 @@ def shape() -> Result:
         "first rise of the actuator: gain times voltage": amplitude,
         "second rise of the actuator": second,
     }
-    return Result(
-        values,
-        tables={
-            "": {"time (s)": trace.t, "runner (m)": trace.x, "actuator (m)": trace.u},
-        },
-        drawn={"voltage": voltage},
-    )
+    table = {"time (s)": trace.t, "runner (m)": trace.x, "actuator (m)": trace.u}
+    return Result(values, tables={"": table}, drawn={"voltage": voltage})
 
 
 def measured_loop() -> tuple[Array, Array]:
@@ -215,20 +206,15 @@ def balance() -> Result:
             for f, a, b in zip(_PRELOAD, values, step, strict=True)
         },
     }
-    return Result(
-        values,
-        tables={
-            "": {
-                "preload (N)": _PRELOAD,
-                "step (m)": step,
-                "backstep (m)": backstep,
-                "0-amplitude (m)": zero,
-                "Eq. 9 (m)": left,
-                "lasting backstep (m)": lasting,
-            }
-        },
-        settled=ClaimVerdict.CONTRADICTORY,
-    )  # fmt: skip
+    table = {
+        "preload (N)": _PRELOAD,
+        "step (m)": step,
+        "backstep (m)": backstep,
+        "0-amplitude (m)": zero,
+        "Eq. 9 (m)": left,
+        "lasting backstep (m)": lasting,
+    }
+    return Result(values, tables={"": table}, settled=ClaimVerdict.CONTRADICTORY)
 
 
 def _lasting_backstep(preload: float) -> float:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fig. 10 and 11: sigma_0 from ringing (Eq. 10, 11) and from theory; how stiff the actuator is."""
+"""Fig. 10, 11 and 15: sigma_0 from ringing (Eq. 10, 11) and theory; force over preload with it."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,16 +15,21 @@ from stickslip_ros.model.derivations import (
     sigma_0_of_mindlin,
     sigma_0_of_ringing,
 )
-from stickslip_ros.paper.claim import Result
-from stickslip_ros.paper.materials import POISSON, RADIUS, RUBY
+from stickslip_ros.paper.claim import Result, Values, paired
+from stickslip_ros.paper.materials import POISSON, RADIUS, RUBY, maximum, peaks, tops
 from stickslip_ros.paper.parameter_sets import (
     EIGENFREQUENCY,
     JOINT,
+    JOINT_CONSTANT,
+    JOINT_SENSOR,
     STIFFNESS_OF_VIBRATION,
     TABLE_1,
     TABLE_1_VIBRATION,
     VIBRATION,
+    Array,
+    Set,
     columns,
+    forces,
 )
 from stickslip_ros.traces.ringing import fit_ringing
 from stickslip_ros.traces.trace import trace_steps
@@ -34,6 +40,12 @@ _PRELOAD = (0.1, 0.4, 1.0, 2.0)
 MODULUS = np.linspace(70e9, 600e9, 40)
 #: Radius of the contact of one asperity, m: assumed, only its product with their number counts.
 ASPERITY = 1e-6
+#: Preloads of Fig. 15, N.
+PRELOAD = np.linspace(0.2, 6.0, 117)
+#: Constant stiffness with Table 1, N/m: p of Eq. 14, for the paper gives none.
+CONSTANT = 7e6
+#: Preload (N) from which Eq. 14 stays constant.
+BOUND = 2.0
 
 
 def mindlin(modulus: float, preload: float) -> float:
@@ -42,7 +54,7 @@ def mindlin(modulus: float, preload: float) -> float:
 
 
 def stiffness() -> Result:
-    """Stiffness recovered from simulated ringing, and that of both theories."""
+    """Compare the stiffness recovered from simulated ringing with both theories."""
     recovered, given = [], []
     for preload in _PRELOAD:
         p = columns({"preload": preload})
@@ -76,23 +88,19 @@ def stiffness() -> Result:
         "Eq. 14 at 0.4 N over Eq. 11 with 4 kHz": 9e6 / STIFFNESS_OF_VIBRATION,
         "sigma_0 of Eq. 11 with 4 kHz": STIFFNESS_OF_VIBRATION,
     }
-    return Result(
-        values,
-        tables={
-            "": {
-                "preload (N)": np.array(_PRELOAD),
-                "sigma_0 set (N/m)": np.array(given),
-                "sigma_0 from ringing (N/m)": np.array(recovered),
-            },
-            "_theory": {
-                "modulus (N/m2)": MODULUS,
-                "Mindlin 0.1 N (N/m)": smooth[0.1],
-                "Mindlin 1 N (N/m)": smooth[1.0],
-                "asperities (N/m)": rough,
-            },
-        },
-        drawn={"eq14": {"preload (N)": shown, "sigma_0 (N/m)": 5e6 * shown + 7e6}},
-    )
+    table = {
+        "preload (N)": np.array(_PRELOAD),
+        "sigma_0 set (N/m)": np.array(given),
+        "sigma_0 from ringing (N/m)": np.array(recovered),
+    }
+    theory = {
+        "modulus (N/m2)": MODULUS,
+        "Mindlin 0.1 N (N/m)": smooth[0.1],
+        "Mindlin 1 N (N/m)": smooth[1.0],
+        "asperities (N/m)": rough,
+    }
+    drawn = {"eq14": {"preload (N)": shown, "sigma_0 (N/m)": 5e6 * shown + 7e6}}
+    return Result(values, tables={"": table, "_theory": theory}, drawn=drawn)
 
 
 def eigenfrequency() -> Result:
@@ -109,3 +117,71 @@ def eigenfrequency() -> Result:
         "the same with sigma_0 from the vibration (Eq. 11)": EIGENFREQUENCY / vibration,
     }
     return Result(values)
+
+
+class Curves(NamedTuple):
+    """Generated force (N) over `PRELOAD`."""
+
+    constant: Array
+    linear: Array
+    capped: Array
+
+    @property
+    def highest(self) -> list[tuple[float, float]]:
+        """Preload (N) and force (N) of the maximum of each."""
+        return [maximum(PRELOAD, curve) for curve in self]
+
+    @property
+    def gain(self) -> float:
+        """The largest force with linear over that with constant stiffness."""
+        (_, constant), (_, linear), _ = self.highest
+        return linear / constant
+
+
+def stiffness_curves(base: Set, constant: float) -> Curves:
+    """Return the three curves of a set with a constant stiffness (N/m)."""
+    return Curves(
+        forces({**base, "sigma_0": constant}, PRELOAD),
+        forces(base, PRELOAD),
+        forces({**base, "sigma_0_cap": BOUND}, PRELOAD),
+    )
+
+
+def both() -> tuple[Curves, Curves]:
+    """Return the curves with Table 1 and with the joint set."""
+    return stiffness_curves(TABLE_1, CONSTANT), stiffness_curves(
+        {**JOINT, "spring": JOINT_SENSOR}, JOINT_CONSTANT
+    )
+
+
+def _numbers(found: Curves) -> Values:
+    (at_constant, force), (at_linear, high), (at_capped, _) = found.highest
+    constant, linear, capped = (curve[PRELOAD > BOUND] for curve in found)
+    return {
+        "maxima, constant": peaks(found.constant),
+        "maximum, constant, at": at_constant,
+        "maximum, linear, at": at_linear,
+        "maximum, linear, right of constant by": at_linear - at_constant,
+        "level, linear over constant": found.gain,
+        "linear less capped above 2 N, at least": np.min(linear - capped),
+        "capped less constant above 2 N, at least": np.min(capped - constant),
+        "maximum, capped, at": at_capped,
+        "largest force, constant": force,
+        "largest force, linear": high,
+    }
+
+
+def bounds_of_force() -> Result:
+    """The curves of both sets."""
+    sets = dict(zip(("", "_joint"), both(), strict=True))
+    return Result(
+        paired(_numbers, *sets.values()),
+        tables={
+            ending: {
+                "preload (N)": PRELOAD,
+                **{f"force {name} (N)": curve for name, curve in found._asdict().items()},
+            }
+            for ending, found in sets.items()
+        },
+        drawn={f"tops{ending}": tops(found.highest) for ending, found in sets.items()},
+    )

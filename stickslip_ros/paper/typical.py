@@ -11,7 +11,6 @@ import numpy as np
 from stickslip_ros.model import Plant
 from stickslip_ros.model.guide import Geometry, forces_by_preload, preload_ratio
 from stickslip_ros.paper.claim import Result
-from stickslip_ros.paper.force import both
 from stickslip_ros.paper.parameter_sets import (
     JOINT,
     TABLE_1,
@@ -21,6 +20,7 @@ from stickslip_ros.paper.parameter_sets import (
     steps_and_backsteps,
 )
 from stickslip_ros.paper.preload import zero_preload
+from stickslip_ros.paper.stiffness import both
 
 #: Mass (kg), inclination (rad) and preload (N) that Table 5 leads back to: Table 4 is missing from
 #: our copy.
@@ -50,10 +50,7 @@ def table_1() -> Result:
         "backstep, the same": share_v,
         "vibration, the same": ringing_v,
     }
-    return Result(
-        values,
-        tables={"": dict(zip(names, np.array(sets).T, strict=True))},
-    )
+    return Result(values, tables={"": dict(zip(names, np.array(sets).T, strict=True))})
 
 
 def joint_set() -> Result:
@@ -93,7 +90,5 @@ def guide() -> Result:
         "sum over preload": preload_ratio(forces, _PRELOAD),
         "(a - b) / (2 e)": geometry.lever,
     }
-    return Result(
-        values,
-        tables={"": {"ours (mN)": ours, "printed (mN)": np.array(_PRINTED)}},
-    )
+    table = {"ours (mN)": ours, "printed (mN)": np.array(_PRINTED)}
+    return Result(values, tables={"": table})

@@ -96,16 +96,8 @@ def elongation() -> Result:
         "hold before the slip": 100.0 * best.hold_before,
         "hold after the slip": 100.0 * best.hold_after,
     }
-    return Result(
-        values,
-        tables={
-            "": {"frequency (Hz)": _FREQUENCIES, "best gain": gain},
-            "_map": {"hold before (T)": before, "hold after (T)": after, "step (m)": step},
-        },
-        drawn={
-            "best_map": {
-                "hold before (T)": np.array([best.hold_before]),
-                "hold after (T)": np.array([best.hold_after]),
-            }
-        },
-    )
+    table = {"frequency (Hz)": _FREQUENCIES, "best gain": gain}
+    tried = {"hold before (T)": before, "hold after (T)": after, "step (m)": step}
+    holds = {"hold before (T)": best.hold_before, "hold after (T)": best.hold_after}
+    drawn = {"best_map": {name: np.array([hold]) for name, hold in holds.items()}}
+    return Result(values, tables={"": table, "_map": tried}, drawn=drawn)

@@ -23,8 +23,7 @@ from stickslip_ros.parameters.parameters import (
     yaml_text,
 )
 from stickslip_ros.parameters.plant_groups import FrictionParameters, RunnerParameters
-from stickslip_ros.parameters.registry import register
-from stickslip_ros.parameters.row import Parameter, ParameterError, Value
+from stickslip_ros.parameters.row import Parameter, ParameterError, Value, register
 
 __all__ = [
     "PARAMETERS",

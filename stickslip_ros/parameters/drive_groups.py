@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stickslip_ros.parameters.registry import Extended
-from stickslip_ros.parameters.row import file, growth_per_kelvin, number, switch, text
+from stickslip_ros.parameters.row import Extended, file, growth_per_kelvin, number, switch, text
 
 #: Temperature (K) at which gain and friction are given: 20 degrees centigrade
 ROOM_TEMPERATURE = 293.15
@@ -78,12 +77,12 @@ class ActuatorParameters:
 
     @property
     def warmth(self) -> float:
-        """Temperature above that of the room, K."""
+        """Temperature above room temperature, K."""
         return self.temperature - ROOM_TEMPERATURE
 
     @property
     def gain_in_force(self) -> float:
-        """Deflection per volt at the temperature, m/V; at that of the room, the gain itself."""
+        """Deflection per volt at the temperature, m/V; at room temperature, the gain itself."""
         return self.gain * (1.0 + self.gain_temperature * self.warmth)
 
 

@@ -23,8 +23,14 @@ from stickslip_ros.parameters.device_groups import (
 )
 from stickslip_ros.parameters.drive_groups import ActuatorParameters, DriveParameters
 from stickslip_ros.parameters.plant_groups import FrictionParameters, RunnerParameters
-from stickslip_ros.parameters.registry import Extended, registered_rows
-from stickslip_ros.parameters.row import Parameter, ParameterError, Value, is_column
+from stickslip_ros.parameters.row import (
+    Extended,
+    Parameter,
+    ParameterError,
+    Value,
+    is_column,
+    registered_rows,
+)
 from stickslip_ros.shared_files import config_file
 
 

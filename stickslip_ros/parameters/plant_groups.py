@@ -12,8 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from stickslip_ros.parameters.registry import Extended
-from stickslip_ros.parameters.row import growth_per_kelvin, number, text
+from stickslip_ros.parameters.row import Extended, growth_per_kelvin, number, text
 
 # One row of the table in two or three lines each:
 # fmt: off

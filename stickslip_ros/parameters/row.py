@@ -3,6 +3,9 @@
 
 `Parameters` holds None for an optional parameter that is not set. ROS, YAML, bags, the command line
 and the rows of the table have no None: they use 0 or an empty text.
+
+An extension of the table is a frozen dataclass with fields made by `number`, `text` or `switch`.
+This room imports no extension; `extensions.ROW_PROVIDERS` names the rooms that register some.
 """
 
 from __future__ import annotations
@@ -11,7 +14,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters.quantity import read_quantity
@@ -177,7 +180,7 @@ class Parameter:
 
 
 def file_names(known: Mapping[str, Parameter]) -> list[str]:
-    """Return the names of the parameters, of those known, that name a file."""
+    """Return the names of the known parameters that name a file."""
     return [name for name, row in known.items() if row.is_file]
 
 
@@ -191,3 +194,32 @@ def _as_float(value: int) -> float:
         return float(value)
     except OverflowError:
         return math.inf if value > 0 else -math.inf
+
+
+# -- extensions of the table: the constants of one friction law or one waveform
+
+Rows = TypeVar("Rows")
+
+_REGISTERED: dict[str, list[type]] = {"friction": [], "drive": []}
+
+
+def register(group: str, rows: type) -> None:
+    """Add the rows of a dataclass to the group "friction" or "drive" of the table."""
+    if rows not in _REGISTERED[group]:
+        _REGISTERED[group].append(rows)
+
+
+def registered_rows(group: str) -> tuple[type, ...]:
+    """Return the dataclasses that are registered in a group, in their order."""
+    return tuple(_REGISTERED.get(group, ()))
+
+
+@dataclass(frozen=True)
+class Extended:
+    """A group with extensions: one object of each dataclass registered in the group."""
+
+    added: tuple[Any, ...] = field(default=(), kw_only=True)
+
+    def own(self, rows: type[Rows]) -> Rows:
+        """Return the values of an extension, given its dataclass."""
+        return next((one for one in self.added if isinstance(one, rows)), rows())

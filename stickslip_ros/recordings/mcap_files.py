@@ -77,7 +77,7 @@ class McapFiles:
         return StoredMetadata()
 
     def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
-        """Yield messages in order of time; those of one time in the order of their spans.
+        """Yield messages in order of time; at one time, in the order of their spans.
 
         :raises BagError: a file is damaged.
         """

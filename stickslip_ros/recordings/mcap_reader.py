@@ -78,7 +78,7 @@ class McapReader(McapFile):
     """
 
     def __init__(self, path: Path) -> None:
-        """Open the file and read its index, or all of it if it has none.
+        """Open the file and read its index, or the whole file if it has no index.
 
         :raises BagError: it cannot be read, was not finished or is damaged.
         """

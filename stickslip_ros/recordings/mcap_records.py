@@ -43,7 +43,7 @@ LARGEST_CHUNK = 64 * 1024 * 1024
 """Bytes of a chunk, unpacked. rosbag2 makes 768 KiB, or as much as its largest message takes."""
 
 LARGEST_PACKED = LARGEST_CHUNK + LARGEST_CHUNK // 64
-"""Bytes of a chunk as it is stored: what does not shrink grows a little."""
+"""Bytes of a chunk as it is stored: data that cannot be packed grows a little."""
 
 _LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
 #: Records that are passed over, whatever their length
@@ -150,7 +150,7 @@ class PackedChunk:
 
     @staticmethod
     def read(body: bytes) -> PackedChunk:
-        """Take the body of a chunk record apart; its data may lack an end or have too much of it.
+        """Parse the body of a chunk record; its data may be cut, or followed by other bytes.
 
         :raises ValueError: it is not a chunk, or too large a one.
         """

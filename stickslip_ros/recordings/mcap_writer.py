@@ -181,7 +181,7 @@ class _ChunkIndexes:
         self._file.write(builder.end())
 
     def __iter__(self) -> Iterator[_ChunkIndexes]:
-        """Yield what stands for all of them when the summary is written."""
+        """Yield this object, which writes all indexes into the summary."""
         yield self
 
     def write(self, summary: RecordBuilder) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schema text of a message type (``ros2msg``): its definition and those of all types inside it.
+"""Schema text of a message type (``ros2msg``): the definitions of it and of all types inside.
 
 Where the definitions come from is the caller's affair: a callable gives the ``.msg`` text of a
 type, either the installed file or what :func:`definition_from_fields` makes of its fields.

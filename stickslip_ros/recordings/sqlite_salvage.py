@@ -36,7 +36,7 @@ class DamagedSqlite:
     metadata_text = compression = ""  # such files have neither
 
     def __init__(self, path: Path, on_bytes: Callable[[int], object]) -> None:
-        """Open the file, or a copy of it if it is cut or has a log, which SQLite puts into it.
+        """Open the file; open a copy if it is cut, or has a log that SQLite merges into it.
 
         :param on_bytes: called with the bytes gone through since it was called last.
         :raises BagError: the operating system does not let us read it.
@@ -61,7 +61,7 @@ class DamagedSqlite:
             self._database.row_factory = sqlite3.Row
 
     def _copy(self, path: Path, logs: list[Path], missing: int) -> Path:
-        """Return a copy, gone when closed, with zeros for what a cut took: its size has to fit."""
+        """Return a temporary copy; zeros fill it up to the size that the file had before a cut."""
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
         for file in (path, *logs):
             shutil.copyfile(file, folder / file.name)

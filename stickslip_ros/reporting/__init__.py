@@ -86,7 +86,7 @@ def html_table(
 
 
 def axes_or_new(axes: Axes | None) -> Axes:
-    """Return the axes of Matplotlib to draw into: the given ones, or those of a new picture."""
+    """Return the given axes of Matplotlib, or the axes of a new picture."""
     if axes is not None:
         return axes
     with libraries_for("a plot"):

@@ -15,7 +15,7 @@ Figure = dict[str, Any]
 def line_of(
     x: Array, y: Array, name: str, color: str, unit: str, x_unit: str, **more: Any
 ) -> Figure:
-    """Return a line through points; units are those that x and y are given in."""
+    """Return a line through points; unit and x_unit are the units of y and x."""
     return {
         "type": "scatter",
         "mode": "lines",
@@ -52,6 +52,14 @@ def layout_of(height: int, **more: Any) -> Figure:
         "dragmode": "zoom",
         **more,
     }
+
+
+def stretch_of(start: float, end: float, tint: str, **more: Any) -> Figure:
+    """Return a tinted stretch of x, over the whole height unless more says which."""
+    return {
+        "type": "rect", "xref": "x", "yref": "paper", "x0": start, "x1": end, "y0": 0, "y1": 1,
+        "fillcolor": tint, "line": {"width": 0}, "layer": "below", **more,
+    }  # fmt: skip
 
 
 def thin_columns(t: Array, *columns: Array, count: int) -> tuple[Array, ...]:

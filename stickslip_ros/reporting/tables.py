@@ -6,7 +6,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +42,7 @@ def write_table(path: Path, heading: Sequence[str], rows: Sequence[Sequence[Cell
     A .tex file is a tabular of booktabs, to be read with ``\\input``; numbers have six digits.
     """
     check_table(path)
-    text = _latex(heading, rows) if path.suffix.lower() == ".tex" else _csv(heading, rows)
+    text = _latex(heading, rows) if path.suffix.lower() == ".tex" else csv_text(heading, rows)
     write_text(path, text)
 
 
@@ -50,7 +50,8 @@ def _missing(cell: Cell) -> bool:
     return cell is None or (isinstance(cell, float) and not math.isfinite(cell))
 
 
-def _csv(heading: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
+def csv_text(heading: Iterable[str], rows: Iterable[Sequence[Cell]]) -> str:
+    """Return a table as CSV; a missing or infinite value is an empty cell."""
     file = io.StringIO()
     writer = csv.writer(file, lineterminator="\n")
     writer.writerow(heading)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A driver of the simulated axis in this process, and the base of those that reach it otherwise."""
+"""A driver of the simulated axis in this process, and the base class of its other drivers."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def stickslip_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Reserve a DDS domain for the test and set the environment, that of child processes too."""
+    """Reserve a DDS domain for the test and its child processes; set the environment."""
     with own_domain(tmp_path, monkeypatch.setenv) as domain:
         yield domain
 

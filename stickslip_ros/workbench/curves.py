@@ -18,7 +18,7 @@ from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.compared_figures import PHASES
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import format_si, scale_of
+from stickslip_ros.reporting import format_si, scale_of, to_json
 from stickslip_ros.reporting.plots import thin_columns
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
@@ -162,4 +162,5 @@ def _over(p: Parameters, name: str, direction: int) -> dict[str, list[float | No
 
 
 def _listed(values: Array, places: int) -> list[float | None]:
-    return [v if math.isfinite(v) else None for v in np.round(values, places).tolist()]
+    found: list[float | None] = to_json(np.round(values, places))
+    return found

@@ -38,7 +38,7 @@ class Overlay:
 
     @classmethod
     def of(cls, motion: Motion, frequency: float | None = None) -> Overlay:
-        """Return that of a measurement; frequency (Hz) is that of the drive, if it is known.
+        """Return the overlay of a measurement; frequency (Hz): of the drive, if it is known.
 
         Raises TraceError where the measurement shows no steps.
         """
