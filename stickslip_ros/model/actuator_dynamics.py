@@ -212,12 +212,14 @@ def resonate(
     # Since the bend began at u = begun: the integral of s - begun. That of u follows from u and u'.
     area, held, begun = 0.0, flexible * v + lag * u, u
     due = math.inf  # when the bend has to end, s
+    steepest = 0.0  # rate (m/s) of what came in along the bend: its rounding is in the area
     for k in range(1, count):
         t, s, end = nodes[0, k - 1], nodes[1, k - 1], nodes[0, k]
         span = end - t
         if not span > 0.0:
             continue
         rate = (nodes[1, k] - s) / span
+        steepest = max(steepest, abs(rate))
         a, b = u - s + lag * rate, v - rate
         wide = _amplitude(chain, a, b)
         # What comes in may have set off a ringing since the bend was laid out.
@@ -237,8 +239,8 @@ def resonate(
             u, v = s + rate * (h - lag) + free, rate + free_rate
             area += (s - begun + 0.5 * rate * (last + h)) * (h - last) - flexible * v - lag * u
             at = t + h, area + held
-            written, held = _end_bend(out, written, at, (u, v, rate), (lag, flexible))
-            area, begun = 0.0, u
+            written, held = _end_bend(out, written, at, (u, v, steepest), (lag, flexible))
+            area, begun, steepest = 0.0, u, abs(rate)
             fading = math.exp(-chain.zeta * chain.omega * h)
             due = t + h + _ringing_span(chain, (free, free_rate), v, wide * fading)
             last, v_last = h, 0.0 if turns else v  # at a turn its sign is one of rounding
@@ -249,8 +251,9 @@ def resonate(
             if written >= out.shape[1] - 4:
                 return -1
             area += held - flexible * v - lag * u
-            written, held = _end_bend(out, written, (end, area), (u, v, rate), (lag, flexible))
-            area, begun = 0.0, u
+            bend = (u, v, steepest)
+            written, held = _end_bend(out, written, (end, area), bend, (lag, flexible))
+            area, begun, steepest = 0.0, u, 0.0
             segment += 1
             kink = kink + durations[segment] if segment < len(durations) else math.inf
     state[DEFLECTION], state[RATE] = u, v
@@ -268,10 +271,10 @@ def _end_bend(
     """Add a bend of the actuator that ends; return the count, and what the area of the next lacks.
 
     end is the time (s) and the area (m s), see `_add_bend`; motion the deflection (m), its rate and
-    that of the line around which it swings (m/s); constants those of `resonate`.
+    the largest of the lines around which it swung (m/s); constants those of `resonate`.
     """
-    (t, area), (u, v, rate), (lag, flexible) = end, motion, constants
-    summed = flexible * (abs(v) + abs(rate)) + lag * abs(u)
+    (t, area), (u, v, steepest), (lag, flexible) = end, motion, constants
+    summed = flexible * (abs(v) + steepest) + lag * abs(u)
     return _add_bend(nodes, count, t, u, area, summed), flexible * v + lag * u
 
 

@@ -114,6 +114,18 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: has_chain(p.actuator),
         "0.01 nm in the second such move of a thousand cycles, without bound from the fourth on",
     ),
+    ModelChange(
+        8,
+        "no step of a law with its own rate is longer than its estimate of the error holds",
+        lambda p: p.friction.model == "ceim_ageing",
+        "0.02 nm a cycle",
+    ),
+    ModelChange(
+        8,
+        "a slip of a picosecond moves no slow actuator",
+        lambda p: bool(p.value("amplifier_bandwidth") and p.value("actuator_resonance")),
+        "0.08 nm a cycle",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

@@ -40,6 +40,9 @@ _FIRST = 0.1
 _LEAST, _MOST, _SAFE = 0.2, 5.0, 0.9
 #: Power of its length with which the error of a step grows; share of it that counts as no error
 _ORDER, _NO_ERROR = 8.0, 1e-30
+#: Longest step of a runner in motion, in the fastest time of its elastic contact: beyond, no such
+#: method is stable, and its estimate of the error, a polynomial of that number, may have a root
+_STABLE = 6.0
 #: Weight of the square of the estimate of third order beside that of fifth: as the authors of the
 #: method have it
 _THIRD = 0.01
@@ -118,6 +121,7 @@ def _accepted_step(
     motion = abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0
     allowed = _PER_STEP * plant.tolerance
     if mass < math.inf:
+        h = min(h, _STABLE * min(plant.inv_omega, 0.5 / plant.delta))
         allowed = min(allowed, _OF_MOTION * max(motion, AT_REST * plant.tolerance))
     _fill_stage(arc, plant, contacts, rates, (0, 0.0), mass)
     for _ in range(_TRIES):
@@ -127,9 +131,7 @@ def _accepted_step(
             _fill_stage(arc, plant, contacts, rates, (stage, h), mass)
         part = min(1.0, max(_FREE_STEPS * h / limit, _LEAST_PART)) if limit > 0.0 else 1.0
         off = _error(arc, contacts, rates, h) / (part * allowed)
-        factor = _LEAST
-        if off <= math.inf:
-            factor = min(_MOST, max(_LEAST, _SAFE * max(off, _NO_ERROR) ** (-1.0 / _ORDER)))
+        factor = min(_MOST, max(_LEAST, _SAFE * max(off, _NO_ERROR) ** (-1.0 / _ORDER)))
         if off <= 1.0:
             # The length of a step cut by a limit does not predict the next one.
             arc.trial = max(h * factor, arc.trial) if cut else h * factor
@@ -185,7 +187,7 @@ def _fill_stage(
 
 @compiled
 def _error(arc: np.record, contacts: NDArray, rates: NDArray, h: float) -> float:
-    """Return the error of a step of h (s), m."""
+    """Return the error of a step of h (s), m; infinite if it is beyond all numbers."""
     largest, count = 0.0, len(contacts)
     for k in range(rates.shape[1]):
         fifth = third = 0.0
@@ -199,8 +201,9 @@ def _error(arc: np.record, contacts: NDArray, rates: NDArray, h: float) -> float
         elif _FIRST_Z + count <= k < _FIRST_Z + 2 * count and has_two_states(contacts[0].kind):
             # What a share of the second state is off changes the limit of z by less than that.
             off *= contacts[k - _FIRST_Z - count].z_k / (abs(rates[STAGES + 1, k]) + h)
-        if not off <= largest:
-            largest = off
+        if not off < math.inf:
+            return math.inf
+        largest = max(largest, off)
     return largest
 
 

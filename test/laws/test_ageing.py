@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.model.drive_cycle import ramp
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
@@ -123,3 +124,13 @@ def test_several_contacts_age_as_one_does() -> None:
     one = simulated(table_1(**values, model="ceim_ageing"), 3)
     three = simulated(table_1(**values, model="ceim_ageing", contacts=3), 3)
     np.testing.assert_allclose(three, one, rtol=0.0, atol=1e-12)
+
+
+def test_a_first_step_beyond_all_numbers_is_tried_shorter() -> None:
+    """Damping renews the contact 1e5 times within the first step that is tried."""
+    values = {"mass": 2e-5, "sigma_0": 356.2, "sigma_1": 49156.0, "sigma_2": 147.5, "d_c": 2.4e-10}
+    p = Parameters.of({"model": "ceim_ageing", "preload": 0.229, "beta": 0.4, **values})
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
+    simulation.start(ramp(1e-12, 1e-5), 1)
+    simulation.advance(1e-5)
+    assert simulation.x == pytest.approx(1e-12, rel=1e-3)

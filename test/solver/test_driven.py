@@ -103,6 +103,19 @@ def test_a_slew_limit_far_below_the_command_is_kept_and_the_run_ends() -> None:
     assert np.abs(rates).max() == pytest.approx(1e-6 * 1e6 * p.actuator.gain, rel=1e-9)
 
 
+def test_a_slip_of_a_picosecond_moves_no_slow_actuator() -> None:
+    """What comes in turns within 1e-15 s: that line is rounding, a million times too steep."""
+    values = {"amplitude": 0.04, "slewrate": 29369.773, "frequency": 99.0758, "waveform": "hold"}
+    p = Parameters.of(
+        {**values, "hold_before": 0.11695, "hold_after": 0.17816, "amplifier_bandwidth": 464.929,
+         "actuator_resonance": 1.97165, "actuator_damping": 0.0084}
+    )  # fmt: skip
+    first, again = (simulation_of(p, Plant.of(p), replay=False) for _ in range(2))
+    for simulation in (first, again):
+        simulation.start(command_of(p), 2)
+    assert np.abs(again.sample(first.event_times(0.02)).u).max() < 1e-12
+
+
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 def test_slow_slips_and_weak_damping_agree_with_finer_lines(model: str) -> None:
     """Over all that the parameters allow, to 0.01 nm a cycle against lines ten times as fine."""
