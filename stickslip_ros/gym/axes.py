@@ -189,11 +189,11 @@ class Axes:
         limits = p.limits
         for k, plant in zip(which.tolist(), plants.points(len(which)), strict=True):
             self.buffers.plants[k] = pack_plant(plant, p.solver.tolerance)
-            if self.buffers.contacts is not None:
-                set_contacts(self.buffers.contacts[k], plant)
+            contacts = None if self.buffers.contacts is None else self.buffers.contacts[k]
+            set_contacts(contacts, plant)
             s = open_record(self.buffers.axes[k], AXIS)
             s["low"], s["high"] = limits.travel_low, limits.travel_high
-            set_clear_range(s, plant, stroke)
+            set_clear_range(s, self.buffers.plants[k], contacts, stroke)
 
     def run(self, actions: Array) -> None:
         """Run a period with actions, (axes, numbers), -1 to 1. SolverError."""

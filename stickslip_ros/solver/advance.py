@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.any_arc import friction_now
+from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.cycles import period_of, repeat, stays_clear, write_row
 from stickslip_ros.solver.event_loop import heat_since, open_account, solve_cycles
-from stickslip_ros.solver.layout import ROW_SIZE, axis_in, contacts_in, plant_in, several_in
+from stickslip_ros.solver.general_arcs import force_of
+from stickslip_ros.solver.layout import ROW_SIZE, axis_in, contacts_in, plant_in
 from stickslip_ros.solver.within_arc import turns_within
 
 #: Numbers of each sample: x (m), v (m/s), z (m), u' (m/s), u (m), F (N); for several contacts
@@ -91,7 +92,7 @@ def _preview(plant: np.record, kernel: np.record, contacts: NDArray | None, driv
     s.now_segment, s.now_tracking = copy.now_segment, copy.now_tracking
     s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished
     if contacts is not None:
-        each = several_in(contacts, False)
+        each = contacts_in(contacts, False)
         for i in range(len(each)):
             each[i].now_z, each[i].now_inner = ahead[i].now_z, ahead[i].now_inner
 
@@ -125,7 +126,7 @@ def sample(
         kept[0], kept[1], kept[2] = s.now_x, s.now_v, s.now_z
         kept[3], kept[4], kept[5] = s.now_rate, s.now_u, friction(plant, axis, contacts)
         if contacts is not None:
-            each = several_in(contacts, False)
+            each = contacts_in(contacts, False)
             for i in range(len(each)):
                 kept[SAMPLE_SIZE + i] = each[i].now_z
     return len(times)
@@ -134,7 +135,13 @@ def sample(
 @compiled
 def friction(plant: NDArray, axis: NDArray, contacts: NDArray | None) -> float:
     """Return F (N) of Eq. 1 at the time advanced to."""
-    return friction_now(axis_in(axis).state, plant_in(plant), contacts_in(contacts, False))
+    s, force = axis_in(axis).state, 0.0
+    w = s.now_v - s.now_rate
+    if contacts is None:
+        return friction_force(s.now_z, w, plant_in(plant))
+    for c in contacts_in(contacts, False):
+        force += force_of(c, c.now_z, c.now_inner, w)
+    return force
 
 
 @compiled

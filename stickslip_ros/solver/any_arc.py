@@ -50,18 +50,6 @@ def friction_at_anchor(s: np.record, plant: np.record, contacts: NDArray | None)
 
 
 @compiled
-def friction_now(s: np.record, plant: np.record, contacts: NDArray | None) -> float:
-    """Return F (N) of Eq. 1 at the time asked for."""
-    w = s.now_v - s.now_rate
-    if contacts is None:
-        return friction_force(s.now_z, w, plant)
-    force = 0.0
-    for c in contacts:
-        force += force_of(c, c.now_z, c.now_inner, w)
-    return force
-
-
-@compiled
 def friction_after(
     arc: np.record, plant: np.record, held: np.record, contacts: NDArray | None, t: float
 ) -> float:
@@ -113,24 +101,14 @@ def sample_within(
     sample_anchor(s, contacts, drive, tracking)
     if not 0.0 < ahead < math.inf:
         return
-    moved, z, w = _after(arc, plant, contacts, outlook.limit, ahead)
+    at = _skip_tables(arc, plant, outlook.limit, ahead) if contacts is None else ahead
+    dr, z, w = within_arc(arc, plant, at)
+    if contacts is not None:
+        z = _sample_contacts(arc, contacts, dr, at)
     if s.stopped == 0:
-        s.now_x = min(max(moved, s.low), s.high)
+        s.now_x = min(max(arc.x + dr + arc.rate * at, s.low), s.high)
     s.now_v, s.now_z = w + s.rate, z
     _place_sample(s, drive, s.tau + ahead)
-
-
-@compiled
-def _after(
-    arc: np.record, plant: np.record, contacts: NDArray | None, limit: float, ahead: float
-) -> tuple[float, float, float]:
-    """Return x, z (m), w (m/s) at ``ahead`` (s) after the start of the present arc."""
-    if contacts is None:
-        ahead = _skip_tables(arc, plant, limit, ahead)
-    dr, z, w = within_arc(arc, plant, ahead)
-    if contacts is not None:
-        z = _sample_contacts(arc, contacts, dr, ahead)
-    return arc.x + dr + arc.rate * ahead, z, w
 
 
 @compiled

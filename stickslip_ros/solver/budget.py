@@ -52,10 +52,16 @@ def run(
 
     Raises SolverError if a cycle, or the time from the last cycle to t_end, exceeds the budget.
     """
-    state["previewing"] = 0
-    for _ in _slices(buffers, state, budget):
+    left, state["previewing"] = budget, 0
+    while left > 0:
+        state["spent"], state["allowance"] = 0, SLICE
         state["t_end"], state["stop_cycle"] = until
-        rows = rows[advance(*buffers, rows) :]
+        ended = advance(*buffers, rows)
+        if not state["unfinished"]:
+            return
+        rows = rows[ended:]
+        left = budget if ended else left - SLICE
+    raise SolverError(_over_budget(open_record(buffers.plant, PLANT), budget))
 
 
 def run_samples(
@@ -64,7 +70,7 @@ def run_samples(
     """Call `advance.sample` in slices. Raises SolverError like `run`."""
     state["previewing"] = 0
     while len(times):
-        for _ in _slices(buffers, state, PER_CYCLE):
+        for _ in _slices(buffers, state):
             filled = sample(*buffers, times[:SAMPLES], samples)
             times, samples = times[filled:], samples[filled:]
             if filled:
@@ -80,27 +86,23 @@ def run_events(
     """
     parts: list[NDArray[np.float64]] = []
     state["t_end"], state["stop_cycle"] = until
-    for _ in _slices(buffers, state, PER_CYCLE):
+    for _ in _slices(buffers, state):
         times = np.empty(SLICE)
         parts.append(times[: find_events(*buffers, times)])
     return parts
 
 
-def _slices(buffers: KernelBuffers, state: np.void, budget: int) -> Iterator[None]:
-    """Yield with an allowance for each slice until one finishes the work.
-
-    Raises SolverError if a cycle, or the time after the last one, exceeds the budget (arcs).
-    """
-    left, done = budget, int(state["done"])
+def _slices(buffers: KernelBuffers, state: np.void) -> Iterator[None]:
+    """Yield with an allowance for each slice until one finishes all; SolverError like `run`."""
+    left, done = PER_CYCLE, int(state["done"])
     while left > 0:
         state["spent"], state["allowance"] = 0, SLICE
         yield
         if not state["unfinished"]:
             return
-        left, before, done = left - SLICE, done, int(state["done"])
-        if done > before:
-            left = budget
-    raise SolverError(_over_budget(open_record(buffers.plant, PLANT), budget))
+        left = PER_CYCLE if state["done"] > done else left - SLICE
+        done = int(state["done"])
+    raise SolverError(_over_budget(open_record(buffers.plant, PLANT), PER_CYCLE))
 
 
 def _over_budget(plant: Any, budget: int) -> str:

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.model.friction import ALWAYS_PLASTIC
 from stickslip_ros.solver.branches import beyond_steady
-from stickslip_ros.solver.elastic import rest_line
-from stickslip_ros.solver.glide import glide, glide_end
+from stickslip_ros.solver.closed_arcs import glide, glide_end, rest_line
 from stickslip_ros.solver.layout import (
     ELASTIC,
     GLIDE,

@@ -50,8 +50,13 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
     s.last_x_min, s.last_x_max = s.x_min, s.x_max
     s.x_min = s.x_max = s.x
     s.dissipated = 0.0
-    if contacts is not None:
-        _end_cycle_of_contacts(s, plant, contacts)
+    if contacts is not None:  # it repeats only if every contact ends it as it began
+        for c in contacts:
+            if not abs(c.z - c.cycle_z) <= REPEATED * plant.tolerance:
+                s.steady = 0
+            if not abs(c.inner - c.cycle_inner) <= REPEATED * abs(c.inner):
+                s.steady = 0
+            c.cycle_z, c.cycle_inner = c.z, c.inner
 
 
 @compiled
@@ -65,18 +70,6 @@ def _repeats(s: np.record, plant: np.record) -> bool:
         and abs(step - s.last_step) <= close
         and (plant.spring == 0.0 or abs(step) <= close)
     )
-
-
-@compiled
-def _end_cycle_of_contacts(s: np.record, plant: np.record, contacts: NDArray) -> None:
-    """Let a cycle count as one that repeats only if every contact ends it as it began."""
-    close = REPEATED * plant.tolerance
-    for c in contacts:
-        if not abs(c.z - c.cycle_z) <= close:
-            s.steady = 0
-        if not abs(c.inner - c.cycle_inner) <= REPEATED * abs(c.inner):
-            s.steady = 0
-        c.cycle_z, c.cycle_inner = c.z, c.inner
 
 
 @compiled

@@ -35,9 +35,8 @@ from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
-from stickslip_ros.solver.layout import PLANT, ROW_SIZE, open_record
-from stickslip_ros.solver.plants import pack_plant, set_contacts
-from stickslip_ros.solver.precomputed import take_tables
+from stickslip_ros.solver.layout import ROW_SIZE
+from stickslip_ros.solver.precomputed import vary_contacts
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
 #: First window after the last cycle, s: some periods of a ringing. Each later one is twice as long.
@@ -86,6 +85,7 @@ class DrivenSimulation(Simulation):
         self._chain = self._given = chain  # the lines are laid with the first, see `_check_speed`
         self._surface = surface
         self._moment = CycleStart(0.0, 0)  # start of the cycle: time and position, for its contact
+        self._factor = 1.0  # of the distances at which its contact gives way
         self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
         self._command, self._period = _STANDING, 1.0  # durations (s), rates (m/s); s
         self._slip_times = (0.0, math.inf, math.inf)  # last end, next begin and end of a slip, s
@@ -134,46 +134,43 @@ class DrivenSimulation(Simulation):
         """
         check_closed(drive_cycle, count)
         self._after, self._until = self._state_at(self._t), self._t
-        self.drive_cycle = drive_cycle
+        self.drive_cycle, self._period = drive_cycle, drive_cycle.period
+        self._command = np.stack([drive_cycle.durations, drive_cycle.rates])
         self._slip_times = self._rests_since(self._t), math.inf, math.inf
-        self._store_slip()
+        self._slips, self._slip_rate = _NO_SLIP, 0.0
+        if drive_cycle.slip >= 0:
+            ends = [0.0, *np.cumsum(drive_cycle.durations).tolist()]
+            self._slips = ends[drive_cycle.slip], ends[drive_cycle.slip_end]
+            self._slip_rate = drive_cycle.slip_rate
         self._begin(drive_cycle, 0)
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
         self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
         self._rest_span = _FIRST_REST
         self._next()
 
-    def _store_slip(self) -> None:
-        """Store begin, end (s) and rate (m/s) of the slip of the drive cycle."""
-        cycle = self.drive_cycle
-        self._command = np.stack([cycle.durations, cycle.rates])
-        self._period = cycle.period
-        self._slips, self._slip_rate = _NO_SLIP, 0.0
-        if cycle.slip >= 0:
-            ends = [0.0, *np.cumsum(cycle.durations).tolist()]
-            self._slips = ends[cycle.slip], ends[cycle.slip_end]
-            self._slip_rate = cycle.slip_rate
+    @property
+    def plant(self) -> Plant:
+        """The plant in force, with the contact of the cycle."""
+        return scale_distances(self._unvaried, self._factor) if self._surface else self._unvaried
+
+    @plant.setter
+    def plant(self, plant: Plant) -> None:
+        self._unvaried = plant
 
     def _use_plant(self, plant: Plant, tolerance: float) -> None:
         """Set a plant, whose contact varies."""
-        if self._surface is None:
-            super()._use_plant(plant, tolerance)
-            return
-        self._nominal = plant, tolerance, pack_plant(plant, tolerance)
-        self._vary(self._surface)
-        self._set_clear_range()
+        super()._use_plant(plant, tolerance)
+        if self._surface:
+            each = None if self._each is None else self._each.copy()
+            self._nominal = self._plant.copy(), tolerance, each
+            self._vary(self._surface)
+            self._set_clear_range()
 
     def _vary(self, surface: Surface) -> None:
         """Take the contact of the moment."""
-        plant, tolerance, nominal = self._nominal
-        factor = surface.factor(self._moment)
-        self.plant = scale_distances(plant, factor)
-        self._plant = pack_plant(self.plant, tolerance)
-        # Tables take longer to fill than the one cycle in which the contact is as it is.
-        open_record(self._plant, PLANT)["precomputed"] = -1
-        set_contacts(self._each, self.plant)
-        if self._each is None:
-            take_tables(nominal, factor, self._plant)
+        self._factor = surface.factor(self._moment)
+        nominal, tolerance, each = self._nominal
+        vary_contacts(nominal, self._plant, tolerance, self._factor, each, self._each)
 
     def _rests_since(self, t: float) -> float:
         """Return when (s) the last slip before a time t (s) ended; t within a slip."""
@@ -220,13 +217,10 @@ class DrivenSimulation(Simulation):
                 break
             first = last
             self._run_through(_NO_ROWS)
-        return (
-            parts[0]
-            if len(parts) == 1
-            else Samples(
-                *(np.concatenate(part, axis=-1) for part in zip(*map(astuple, parts), strict=True))
-            )
-        )
+        if len(parts) == 1:
+            return parts[0]
+        joined = (np.concatenate(part, axis=-1) for part in zip(*map(astuple, parts), strict=True))
+        return Samples(*joined)
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
         """Advance to t (s), if it is infinite to the end of cycle ``stop_cycle`` of the command."""
@@ -257,11 +251,11 @@ class DrivenSimulation(Simulation):
         """Open the window that follows the present one."""
         self._check_speed()
         self._done += self._cycles
-        if self._cycles:
-            self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
-        else:  # a rest is no cycle
+        if not self._cycles:  # a rest is no cycle
             for name, value in self._last_cycle.items():
                 self._s[name] = value
+        elif self._done == self._count:
+            self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
         if self._done < self._count:
             if self._surface:
                 self._begin_next(self._surface)

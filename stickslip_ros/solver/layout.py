@@ -196,16 +196,13 @@ def axis_in(buffer: NDArray) -> np.record:
 
 
 @compiled
-def several_in(buffer: NDArray, preview: bool) -> NDArray:
-    """Return the contacts in their buffer (2 contacts CONTACT_SIZE,), or their preview copies."""
+def contacts_in(buffer: NDArray | None, preview: bool) -> Any:
+    """Return the contacts in their buffer (2 contacts CONTACT_SIZE,), or their preview copies.
+
+    None for one contact.
+    """
+    if buffer is None:
+        return None
     half = len(buffer) // 2
     part = buffer[half:] if preview else buffer[:half]
     return part.view(CONTACT)
-
-
-@compiled
-def contacts_in(buffer: NDArray | None, preview: bool) -> NDArray | None:
-    """Return the contacts like `several_in`, or None for one contact."""
-    if buffer is None:
-        return None
-    return several_in(buffer, preview)  # type: ignore[no-any-return]

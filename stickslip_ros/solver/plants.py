@@ -23,10 +23,10 @@ from stickslip_ros.solver.layout import (
     PLANT,
     PLANT_SIZE,
     axis_in,
+    contacts_in,
     open_record,
     plain_dtype,
     plant_in,
-    several_in,
 )
 from stickslip_ros.solver.oscillator import oscillator
 
@@ -103,19 +103,25 @@ def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> 
             records[name] = 0.0
 
 
-def set_clear_range(s: np.void, plant: Plant, longest: float) -> None:
+def set_clear_range(
+    s: np.void,
+    plant: NDArray[np.float64],
+    contacts: NDArray[np.float64] | None,
+    longest: float,
+) -> None:
     """Set the range of positions from which an arc cannot reach a stop.
 
     An arc moves the runner by the longest segment of the drive (m) plus twice the deflection at
-    most; s is the record of the axis.
+    most; s is the record of the axis, plant and contacts are buffers.
     """
+    s["near_low"], s["near_high"] = s["low"], s["high"]
     if math.isinf(s["low"]) and math.isinf(s["high"]):
-        s["near_low"], s["near_high"] = s["low"], s["high"]
         return
-    deflections = [abs(float(s["now_z"]))]
-    for each in (plant.contact, *plant.contacts):
-        deflections += list(each)[DISTANCES]
-    reach = longest + 2.0 * max(deflections)
+    distances = Contact._fields[DISTANCES]
+    deflections = [abs(s["now_z"]), *(open_record(plant, PLANT)[name] for name in distances)]
+    if contacts is not None:
+        deflections += [contact_records(contacts)[name].max() for name in distances]
+    reach = longest + 2.0 * float(max(deflections))
     s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 
 
@@ -144,5 +150,5 @@ def begin_cycles(
     s.tracking = s.now_tracking = s.now_segment = 0
     s.done = s.segment = s.steady = 0
     if contacts is not None:
-        for c in several_in(contacts, False):
+        for c in contacts_in(contacts, False):
             c.z, c.inner = c.now_z, c.now_inner

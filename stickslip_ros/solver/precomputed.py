@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC
-from stickslip_ros.solver.layout import NODES, ORDER, ROWS, SLIDE_SIZE, plant_in
+from stickslip_ros.solver.layout import NODES, ORDER, ROWS, SLIDE_SIZE, contacts_in, plant_in
+from stickslip_ros.solver.plants import derive_constants
 from stickslip_ros.solver.slides import learn_slide
 from stickslip_ros.solver.swings import learn_bursts, learn_reversals, learn_swings
 
@@ -54,12 +55,45 @@ def precompute(plant: np.record, work: NDArray) -> None:
 
 
 @compiled
-def take_tables(buffer: NDArray, factor: float, plant_buffer: NDArray) -> None:
-    """Fill the tables of a plant from those in buffer, of one that gives way a factor earlier.
+def vary_contacts(
+    nominal_buffer: NDArray,
+    buffer: NDArray,
+    tolerance: float,
+    factor: float,
+    nominal_contacts: NDArray | None,
+    contacts: NDArray | None,
+) -> None:
+    """Let a plant and its contacts be nominal ones that give way at distances a factor longer.
+
+    tolerance (m) is that of `plants.pack_plant`.
+    """
+    nominal, plant = plant_in(nominal_buffer), plant_in(buffer)
+    _scale_distances(plant, nominal, factor)
+    plant.tolerance = tolerance
+    derive_constants(buffer)
+    # Tables take longer to fill than the one cycle in which the contact is as it is.
+    plant.precomputed, plant.burst_top = -1, 0.0
+    if contacts is None:
+        _take_tables(nominal, factor, plant)
+    else:
+        each, nominal_each = contacts_in(contacts, False), contacts_in(nominal_contacts, False)
+        for i in range(len(each)):
+            _scale_distances(each[i], nominal_each[i], factor)
+
+
+@compiled
+def _scale_distances(contact: np.record, nominal: np.record, factor: float) -> None:
+    """Let a contact give way at distances a factor longer than a nominal one."""
+    contact.z_ba, contact.z_ss = factor * nominal.z_ba, factor * nominal.z_ss
+    contact.z_k, contact.z_s = factor * nominal.z_k, factor * nominal.z_s
+
+
+@compiled
+def _take_tables(nominal: np.record, factor: float, plant: np.record) -> None:
+    """Fill the tables of a plant from those of one that gives way a factor earlier.
 
     Without a load the motion knows no other length, so that it is the same but for its size.
     """
-    nominal, plant = plant_in(buffer), plant_in(plant_buffer)
     if nominal.kind != ELASTOPLASTIC or nominal.force != 0.0:
         return
     if nominal.precomputed == 0:

@@ -165,7 +165,10 @@ class Simulation:
         anchor(self._plant, self._axis, *now)
 
     def _set_clear_range(self) -> None:
-        set_clear_range(self._s, self.plant, float(np.abs(self._drive[0] * self._drive[1]).max()))
+        s, longest = self._s, 0.0
+        if s["low"] > -math.inf or s["high"] < math.inf:
+            longest = float(np.abs(self._drive[0] * self._drive[1]).max())
+        set_clear_range(s, self._plant, self._each, longest)
 
     def _use_plant(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
@@ -283,9 +286,9 @@ class Simulation:
             run_samples(self._buffers(), self._s, times, samples)
             self._t = float(times[-1])
             self._check()
-        x, v, z, *others = np.ascontiguousarray(samples.T[:SAMPLE_SIZE])
+        x, v, z, rate, u, force = np.ascontiguousarray(samples.T[:SAMPLE_SIZE])
         each = np.ascontiguousarray(samples.T[SAMPLE_SIZE:]) if self.plant.contacts else z[None]
-        return Samples(x, v, z, *others, each)
+        return Samples(x, v, z, rate, u, force, each)
 
     def run_cycles(self, count: int) -> CycleResults:
         """Advance to the end of ``count`` further drive cycles."""
@@ -328,7 +331,7 @@ class Simulation:
         """The state at the time advanced to."""
         s = self._s
         x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
-        force = friction(*self._buffers()[:-1])
+        force = friction(self._plant, self._axis, self._each)
         return State(self._t, x, v, z, float(s["now_u"]), rate, force)
 
     @property

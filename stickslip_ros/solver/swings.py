@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.branches import branch_at
-from stickslip_ros.solver.elastic import elastic_end
+from stickslip_ros.solver.closed_arcs import elastic_end
 from stickslip_ros.solver.layout import BREAKAWAY, NODES, TURN
 from stickslip_ros.solver.oscillator import Line, Oscillator
 from stickslip_ros.solver.taylor import W, Z, expand, integral, polynomial, step_length, taylor_end

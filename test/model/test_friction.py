@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The friction laws: values of the paper, the form of alpha, what is refused."""
+"""The friction laws: values of the paper, the form of alpha, loads, what is refused."""
 
 import math
 from dataclasses import replace
@@ -70,6 +70,19 @@ def test_ringing_frequency() -> None:
     assert slow.ringing_frequency == pytest.approx(4e3)
     assert Plant.of(table_1()).ringing_frequency == pytest.approx(7.55e3, rel=1e-2)
     assert Plant.of(table_1(sigma_1=1e4)).ringing_frequency == 0.0
+
+
+def test_gravity_and_payload() -> None:
+    """Up the hill gravity pulls back, on the runner and what it carries."""
+    plant = Plant.of(table_1(inclination=np.pi / 2, payload=1e-3, force=0.01))
+    assert plant.mass == pytest.approx(5e-3)
+    assert plant.force == pytest.approx(0.01 - 5e-3 * 9.80665)
+
+
+def test_a_slack_spring_is_none() -> None:
+    """Softer than a real sensor ever is, it would only cost accuracy."""
+    assert Plant.of(table_1(spring=3.9e-200)).spring == 0.0
+    assert Plant.of(table_1(spring=1e-3)).spring == 1e-3
 
 
 def test_alpha() -> None:

@@ -65,6 +65,7 @@ def test_corners(
     """At 100 Hz and 300 V: times in ms, levels in parts of the stroke; sign -1 mirrors."""
     drive_cycle = drive_cycle_of(sign, **values)
     t, u = corners(drive_cycle)
+    assert u[-1] == pytest.approx(0.0, abs=1e-20)
     np.testing.assert_allclose(1e3 * t, times, atol=1e-12)
     np.testing.assert_allclose(u / (sign * STROKE), levels, atol=1e-12)
     assert (drive_cycle.slip, drive_cycle.slip_end, drive_cycle.sign) == (*slip, sign)
@@ -99,6 +100,17 @@ def test_a_hold_of_no_time_is_the_sawtooth() -> None:
 def test_what_contradicts(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
         drive_cycle_of(**values)
+
+
+def test_limits_of_the_amplifier() -> None:
+    """max_voltage and max_frequency bound the drive."""
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({"amplitude": 301.0}, "amplitude is 301 V; it has to lie between 1e-09 and 300 V"),
+        ({"frequency": 2e5}, "frequency is 200000 Hz; it has to lie between 1e-06 and 100000 Hz"),
+    ]
+    for values, words in refused:
+        with pytest.raises(ParameterError, match=words):
+            drive_cycle_of(**values)
 
 
 def test_a_shape_that_says_nothing_of_its_slip_has_a_cure_too() -> None:

@@ -124,20 +124,6 @@ def test_some_contacts_slide_while_others_stick() -> None:
     assert simulation.state.z == pytest.approx(float(sigma_0 @ z / sigma_0.sum()), rel=1e-12)
 
 
-@pytest.mark.slow
-def test_samples_are_what_single_looks_give() -> None:
-    p = table_1(**UNEQUAL, frequency=2e3)
-    at_once, one_by_one = (_started(p, 30) for _ in range(2))
-    times = np.linspace(0.0, 16e-3, 1777)
-    samples = at_once.sample(times)
-    for k, t in enumerate(times.tolist()):
-        one_by_one.advance(t)
-        state = one_by_one.state
-        assert (samples.x[k], samples.z[k], samples.force[k]) == (state.x, state.z, state.force)
-        assert (samples.each[:, k] == one_by_one.deflections).all()
-    assert at_once.state == one_by_one.state
-
-
 def test_a_run_in_parts_is_the_run_at_once() -> None:
     """With looks and changes of the plant in the middle of cycles."""
     p = table_1(**UNEQUAL, frequency=2e3)

@@ -338,12 +338,13 @@ def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
     p = table_1(amplifier_bandwidth=1e3, actuator_resonance=1e5)
     simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), 3)
-    simulation.advance(0.005)
-    commanded = simulation.commanded
+    simulation.advance(0.015)
+    commanded, step = simulation.commanded, simulation.last_step
     assert commanded == pytest.approx(80e-9, rel=1e-3)
     assert simulation.state.u < commanded - 1e-9
     simulation.start(command_of(p), 0)
-    simulation.advance(0.02)
+    simulation.advance(0.03)
+    assert simulation.last_step == step
     assert simulation.commanded == commanded
     assert simulation.state.u == pytest.approx(commanded, abs=1e-14)
     assert simulation.state.rate == 0.0

@@ -120,23 +120,3 @@ def test_a_drive_cycle_in_the_middle_of_another_begins_where_that_one_was() -> N
     kinked = DriveCycle(np.array([0.35e-3, 0.5e-3]), np.append(scan.rates, back.rates), -1, 1)
     expected = follow(P, kinked, [0.85e-3])[0]
     assert simulation.state.x == pytest.approx(expected, abs=1e-12)
-
-
-@pytest.mark.parametrize("model", ["ceim", "lugre"])
-def test_how_an_open_run_is_cut_changes_no_bit(model: str) -> None:
-    p = P.replace(model=model)
-    ends = []
-    for cuts in (0, 200):
-        simulation = Simulation(Plant.of(p), p.solver.tolerance)
-        rng = np.random.default_rng(1)
-        for drive_cycle, count, end in (
-            (CYCLE, 9, 5.4e-3),
-            (ramp(300e-9, 1e-3), 1, 6e-3),
-            (ramp(-200e-9, 2e-5), 1, 8e-3),
-        ):
-            simulation.start(drive_cycle, count)
-            for t in np.sort(rng.uniform(simulation.state.t, end, cuts)):
-                simulation.advance(float(t))
-            simulation.advance(end)
-        ends.append(simulation.state)
-    assert ends[0] == ends[1]

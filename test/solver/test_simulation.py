@@ -18,6 +18,8 @@ from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth, z_rate
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 
+#: Six contacts of which each gives way at another deflection
+UNEQUAL = {"contacts": 6, "contact_shares": "guide", "contact_spread": 0.2}
 LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
 
 
@@ -232,8 +234,10 @@ def test_time_runs_forward_only() -> None:
         simulation.run_cycles(1)
 
 
-def test_samples_are_the_states_at_their_times() -> None:
-    (one, drive_cycle), (other, _) = (simulation_of({"frequency": 1000.0}) for _ in range(2))
+@pytest.mark.parametrize("contacts", [{}, UNEQUAL])
+def test_samples_are_the_states_at_their_times(contacts: dict[str, Any]) -> None:
+    values = {"frequency": 1000.0, **contacts}
+    (one, drive_cycle), (other, _) = (simulation_of(values) for _ in range(2))
     for simulation in (one, other):
         simulation.start(drive_cycle, 38)
     times = np.linspace(0.0, 40e-3, 2401)
@@ -244,6 +248,7 @@ def test_samples_are_the_states_at_their_times() -> None:
         found = samples.x[k], samples.v[k], samples.z[k], samples.rate[k], samples.u[k]
         assert found == (now.x, now.v, now.z, now.rate, now.u)
         assert samples.force[k] == now.force
+        assert (samples.each[:, k] == other.deflections).all()
     assert one.state == other.state
 
 
