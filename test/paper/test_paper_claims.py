@@ -22,6 +22,7 @@ from stickslip_ros.paper.parameter_sets import (
     columns,
 )
 from stickslip_ros.paper.parameter_sets import steps as steps_over
+from stickslip_ros.paper.stiffness import mindlin
 from stickslip_ros.parameters import Parameters, read_yaml
 
 BY_NAME = {claim.name: claim for claim in CLAIMS}
@@ -33,6 +34,10 @@ NANO = 1e-9
 def result(name: str) -> Result:
     """The result of a claim, computed once in this process."""
     return BY_NAME[name].compute()
+
+
+def column(name: str, title: str, table: str = "") -> NDArray[np.float64]:
+    return np.asarray(result(name).tables[table][title])
 
 
 def check(name: str, what: str) -> Check:
@@ -195,6 +200,88 @@ def test_the_joint_set_is_shipped() -> None:
     comment = (CONFIG / "paper_joint_set.yaml").read_text(encoding="utf-8")
     assert "ridge" in comment
     assert f"{1e-5 * JOINT_SENSOR:.1f}e5 N/m" in comment
+
+
+@pytest.mark.long
+def test_negative_steps_come_with_alpha_as_printed_and_with_the_ringing() -> None:
+    assert column("fig04c", "step at 5 %, alpha as printed (m)", "_100Hz").min() < -0.1 * NANO
+    assert column("fig04c", "step at 5 %, |z| (m)", "_100Hz").min() > -0.01 * NANO
+    for title, lowest in (("step CEIM at 50 % (m)", -20), ("step CEIM at 90 % (m)", -40)):
+        assert column("fig04c", title, "_ceim").min() < lowest * NANO
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("table", ["", "_joint"])
+def test_a_bound_of_the_stiffness_acts_above_it_alone(table: str) -> None:
+    preload = column("fig15", "preload (N)", table)
+    linear, capped = (column("fig15", f"force {name} (N)", table) for name in ("linear", "capped"))
+    assert np.array_equal(capped[preload < 1.95], linear[preload < 1.95])
+
+
+def test_slewrate_moves_the_zero_amplitude_a_little_and_methods_differ() -> None:
+    slewrate = column("fig07", "slewrate (V/us)")
+    assert (slewrate[0], slewrate[-1]) == (pytest.approx(50.0), pytest.approx(1000.0))
+    direct = column("fig07", "0-amplitude direct forward (m)")
+    assert (column("fig07", "0-amplitude intersection forward (m)") > direct).all()
+    assert np.ptp(direct) < 0.5 * direct.mean()
+    backward = column("fig07", "0-amplitude direct backward (m)")
+    assert backward == pytest.approx(direct, rel=1e-3)
+    assert check("fig07", "what it would take").value == pytest.approx(2.9, abs=0.1)
+    assert check("fig07", "depth of the minimum with").value == pytest.approx(1 * NANO, rel=0.2)
+
+
+def test_a_fresh_actuator_rises_further_the_first_time() -> None:
+    assert check("fig02b", "first rise").value == pytest.approx(184 * NANO, rel=1e-3)
+    assert check("fig02b", "second rise of the actuator short").value == pytest.approx(24e-9, 1e-3)
+    x, t = column("fig02b", "runner (m)"), column("fig02b", "time (s)")
+    assert np.interp(0.00999, t, x) == pytest.approx(184 * NANO, abs=2 * NANO)
+
+
+def test_typical_drive() -> None:
+    assert column("tab01", "step size (m)") == pytest.approx(130 * NANO, rel=0.1)
+    force_fit, *others = column("tab01", "ringing frequency (Hz)")
+    assert others == [pytest.approx(4e3, rel=0.01)] * 2
+    assert force_fit > 1.5 * others[0]
+
+
+def test_asperities_go_with_the_shear_modulus_and_a_smooth_ball_does_not() -> None:
+    rough, smooth = (
+        column("fig10", t, "_theory") for t in ("asperities (N/m)", "Mindlin 1 N (N/m)")
+    )
+    modulus = column("fig10", "modulus (N/m2)", "_theory")
+    assert rough / modulus == pytest.approx(rough[0] / modulus[0])
+    assert np.interp(200e9, modulus, rough) == pytest.approx(1000.0 * mindlin(200e9, 1.0), rel=1e-3)
+    assert smooth[-1] / smooth[0] < 3.0
+
+
+@pytest.mark.long
+def test_a_slip_in_two_parts_takes_the_ringing_out() -> None:
+    for preload in ("0.4", "1"):
+        single = check("shaping", f"step, single slip, at {preload} N").value
+        assert 0.0 < check("shaping", f"step, two parts, at {preload} N").value < single
+        assert np.nanmin(column("shaping", "ringing (m)", f"_{preload}N")) < 10 * NANO
+
+
+def test_hysteresis_bends_the_run_and_leaves_the_step() -> None:
+    bent, straight = check("sec45", "first stick away"), check("sec45", "the same, linear")
+    assert bent.value > 5 * straight.value
+    assert column("sec45", "step size (m)") == pytest.approx(134 * NANO, rel=0.01)
+    assert check("sec45", "width of a loop").value == pytest.approx(15.0, abs=1.0)
+    assert check("sec45", "largest error").value < 1.0  # % of full scale
+
+
+def test_friction_of_the_ceim_does_not_know_velocity() -> None:
+    for preload in ("0.4", "1", "2"):
+        assert np.ptp(column("fig13", f"CEIM {preload} N F/f")) < 1e-6
+    lugre = column("fig13", "LuGre F/f")
+    assert (lugre[0], lugre[-1]) == (pytest.approx(0.3, rel=0.02), pytest.approx(0.2))
+    floor = check("fig13", "the least that Eq. 13 times Eq. 14")
+    assert floor.value == pytest.approx(17.0, abs=0.5)
+
+
+def test_lugre_drifts_in_vibration_in_proportion_to_it() -> None:
+    vibration, drift = (column("sec3", t) for t in ("vibration (m)", "drift in a cycle, LuGre (m)"))
+    assert drift / vibration == pytest.approx(drift[0] / vibration[0], rel=0.05)
 
 
 def test_table_1_and_2_are_what_the_claims_say() -> None:
