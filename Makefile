@@ -50,7 +50,7 @@ test-quick: $(STAMP)  ## run those that take less than a second and start no pro
 	@$(PYTEST) -m 'not slow' $(ARGS)
 
 test-slow: $(STAMP)  ## run those that take many seconds each and that make test leaves out
-	@$(PYTEST) -m long test validation $(ARGS)
+	@$(PYTEST) -m long test validation/campaigns/tests $(ARGS)
 
 lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m ruff format --check .

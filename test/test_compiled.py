@@ -256,10 +256,11 @@ def test_a_damaged_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.Monkey
     for suffix in (".nbi", ".nbc"):
         (file,) = cache.rglob(f"*{suffix}")
         for damage in ("one bit", "cut", "random", "empty"):
-            content = bytearray(file.read_bytes())
-            content[len(content) // 2] ^= 1
-            broken = {"cut": content[: len(content) // 2], "empty": b"", "one bit": content}
-            file.write_bytes(broken.get(damage, os.urandom(len(content))))
+            whole = file.read_bytes()
+            half = len(whole) // 2
+            changed = whole[:half] + bytes([whole[half] ^ 1]) + whole[half + 1 :]
+            broken = {"cut": whole[:half], "empty": b"", "one bit": changed}
+            file.write_bytes(broken.get(damage, os.urandom(len(whole))))
             assert is_compiled(), damage
     assert not is_compiled()
 

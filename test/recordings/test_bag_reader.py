@@ -342,13 +342,13 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
     # In packed chunks, a megabyte of schema takes a few bytes.
     chunks = []
     for number in range(1, 201):
-        text = b"# " + bytes(900_000)
-        body = struct.pack("<HIII", number, 0, 0, len(text)) + text
+        schema = b"# " + bytes(900_000)
+        body = struct.pack("<HIII", number, 0, 0, len(schema)) + schema
         packed = zstandard.compress(struct.pack("<BQ", Opcode.SCHEMA, len(body)) + body)
         chunks.append(_chunk(9 + len(body), b"zstd", packed))
     _file_of(tmp_path / "bomb.mcap", *chunks)
-    megabytes, (said,) = memory_to_read(tmp_path / "bomb.mcap")
-    assert "bytes of schemas and channels" in said
+    megabytes, (refusal,) = memory_to_read(tmp_path / "bomb.mcap")
+    assert "bytes of schemas and channels" in refusal
     assert megabytes < 100
 
 
