@@ -38,23 +38,6 @@ if TYPE_CHECKING:
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
 
-#: The public names, by the module that each is loaded from.
-_NAMES = {
-    "axis": ("Axis", "AxisStatus", "CommandRefused", "Event"),
-    "client": ("AxisClient", "AxisFault"),
-    "errors": ("StickslipError",),
-    "identification": ("Experiment", "Fit", "IdentificationError", "Prior", "identify"),
-    "library": library.__all__,
-    "measurement": ("Comparison", "ComparisonError", "ComparisonMetric"),
-    "measurement.actuator_identification": ("IdentifiedActuator",),
-    "measurement.reading": ("MeasurementError",),
-    "parameters": ("PARAMETERS", "ParameterError", "Parameters", "read_yaml"),
-    "recordings": ("BagError", "open_bag", "recorded_runs", "resimulate"),
-    "traces": ("Trace", "TraceError"),
-    "traces.motion": ("Motion",),
-    "traces.runs": ("Run",),
-}  # fmt: skip
-
 __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
     "Comparison", "ComparisonError", "ComparisonMetric", "Event", "Experiment", "Fit",
@@ -66,9 +49,7 @@ __all__ += library.__all__
 
 # Type checkers must not see it: to them, any name would then be one of ours.
 if not TYPE_CHECKING:
-    __getattr__ = lazy_names(
-        __name__, _NAMES, renamed={"Metric": "ComparisonMetric", "StepAnalysis": "Run"}
-    )
+    __getattr__ = lazy_names(__name__, {"Metric": "ComparisonMetric", "StepAnalysis": "Run"})
 
 
 def __dir__() -> list[str]:

@@ -10,11 +10,30 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from functools import partial
 from importlib import import_module
 
 from stickslip_ros.errors import end_process, ending_signals
 from stickslip_ros.shared_files import example
+
+
+def axis_node() -> int:
+    """Run the node of an axis, or of several."""
+    return _run("axis_node", "axis_host")
+
+
+def recorder_node() -> int:
+    """Run the recorder."""
+    return _run("recorder_node", "recorder_node")
+
+
+def replay_node() -> int:
+    """Run the node that plays a bag."""
+    return _run("replay_node", "replay_node")
+
+
+def twin_node() -> int:
+    """Run the twin of an axis."""
+    return _run("twin_node", "twin_node")
 
 
 def square() -> int:
@@ -40,17 +59,9 @@ def _run(name: str, module: str) -> int:
     return end_process(code)
 
 
-#: The nodes, each with its module in the room ``ros``.
-NODES = {
-    "axis_node": "axis_host",
-    "recorder_node": "recorder_node",
-    "replay_node": "replay_node",
-    "twin_node": "twin_node",
-}
-axis_node, recorder_node, replay_node, twin_node = (partial(_run, *node) for node in NODES.items())
-
 if __name__ == "__main__":
-    if len(sys.argv) < 2 or sys.argv[1] not in NODES:
-        sys.exit(f"usage: python -m stickslip_ros.executables {{{','.join(NODES)}}} [ARGUMENTS]")
-    del sys.argv[0]
-    sys.exit(_run(sys.argv[0], NODES[sys.argv[0]]))
+    nodes = {each.__name__: each for each in (axis_node, recorder_node, replay_node, twin_node)}
+    if len(sys.argv) < 2 or sys.argv[1] not in nodes:
+        sys.exit(f"usage: python -m stickslip_ros.executables {{{','.join(nodes)}}} [ARGUMENTS]")
+    sys.argv.pop(0)
+    sys.exit(nodes[sys.argv[0]]())

@@ -5,38 +5,55 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from functools import cache
 from importlib import import_module
 from typing import Any
 
 from stickslip_ros.errors import libraries_for
 
 
-def lazy_names(
-    package: str, modules: Mapping[str, Sequence[str]], renamed: Mapping[str, str] | None = None
-) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package.
+def lazy_names(package: str, renamed: Mapping[str, str] | None = None) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a package, which loads the names of its ``__all__``.
 
-    modules: names by the module of the package that defines them. renamed: old names with their new
-    ones; old names work with a DeprecationWarning until version 1.0.0.
+    The imports below ``if TYPE_CHECKING:`` say where from. renamed: old names with their new ones;
+    old names work with a DeprecationWarning until version 1.0.0.
     """
-    module_of = {name: module for module, names in modules.items() for name in names}
     old = renamed or {}
 
     def load(name: str) -> Any:
+        module = sys.modules[package]
         if name in old:
             text = f"{package}.{name} is {old[name]} now; the old name goes with version 1.0.0"
             warnings.warn(text, DeprecationWarning, stacklevel=2)
-            return load(old[name])
-        if name in module_of:
+            return getattr(module, old[name])
+        known = [] if name.startswith("_") else module.__all__
+        if name in known:
             with libraries_for(f"{package}.{name}"):
-                found = getattr(import_module(f"{package}.{module_of[name]}"), name)
-            setattr(sys.modules[package], name, found)
+                found = getattr(import_module(_modules(package)[name]), name)
+            setattr(module, name, found)
             return found
         import difflib  # here, so that importing the package does not load it
 
-        near = [] if name.startswith("_") else difflib.get_close_matches(name, module_of, 3)
+        near = difflib.get_close_matches(name, known, 3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")
 
     return load
+
+
+@cache
+def _modules(package: str) -> dict[str, str]:
+    """Return the modules that a package imports names from for type checkers, by name."""
+    import ast  # here, too
+    import inspect
+
+    found: dict[str, str] = {}
+    for block in ast.parse(inspect.getsource(sys.modules[package])).body:
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
+            for line in block.body:
+                if isinstance(line, ast.ImportFrom) and line.module:
+                    names = [one.name for one in line.names]
+                    names = import_module(line.module).__all__ if names == ["*"] else names
+                    found |= dict.fromkeys(names, line.module)
+    return found

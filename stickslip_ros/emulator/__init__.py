@@ -59,7 +59,4 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
 
 
 if not TYPE_CHECKING:
-    __getattr__ = lazy_names(
-        __name__,
-        {"dialogue": ["Controller"], "server": ["OwnAxes", "Server", "ServerThread"]},
-    )
+    __getattr__ = lazy_names(__name__)

@@ -23,4 +23,4 @@ __all__ = [
     "read_curve",
 ]
 
-__getattr__ = lazy_names(__name__, {"laws": ["RANKED_LAWS"]}, {"LAWS": "RANKED_LAWS"})
+__getattr__ = lazy_names(__name__, {"LAWS": "RANKED_LAWS"})

@@ -30,21 +30,7 @@ if TYPE_CHECKING:
         shape_slip,
     )
 else:
-    __getattr__ = lazy_names(
-        __name__,
-        {
-            "compile_ahead": ["warm_up"],
-            "measurements": [
-                "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
-            ],
-            "prediction": ["Prediction", "PredictionError", "predict"],
-            "run": ["SimulatedRun", "simulate"],
-            "state_space": ["StateSpace", "linearise"],
-            "grid": ["SweepError"],
-            "sweep_result": ["SweepResult", "sweep"],
-            "waveform_search": ["ElongatedStep", "ShapedSlip", "elongate_step", "shape_slip"],
-        },
-    )  # fmt: skip
+    __getattr__ = lazy_names(__name__)
 
 __all__ = [
     "ElongatedStep", "Prediction", "PredictionError", "ShapedSlip", "SimulatedRun", "StateSpace",

@@ -15,14 +15,7 @@ if TYPE_CHECKING:
     )
     from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
 else:
-    __getattr__ = lazy_names(
-        __name__,
-        {
-            "comparison": ["Comparison", "compare"],
-            "motion_pair": ["Alignment", "ComparisonError", "ComparisonMetric", "Fits"],
-            "verdict": ["LIMITS", "Judgement", "judge"],
-        },
-    )
+    __getattr__ = lazy_names(__name__)
 
 __all__ = [
     "LIMITS",

@@ -61,10 +61,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:  # what needs the axis, whose compiled parts take a second to load
-    __getattr__ = lazy_names(
-        __name__,
-        {
-            "runs": ["describe", "recorded_axes", "recorded_runs", "recorded_states"],
-            "resimulation": ["Resimulated", "resimulate"],
-        },
-    )
+    __getattr__ = lazy_names(__name__)

@@ -10,14 +10,7 @@ if TYPE_CHECKING:
     from stickslip_ros.twin.timeline import TwinCommand
     from stickslip_ros.twin.twin import Change, Forecast, TrackedParameter, Twin, Update
 else:
-    __getattr__ = lazy_names(
-        __name__,
-        {
-            "settings": ["TwinSettings"],
-            "timeline": ["TwinCommand"],
-            "twin": ["Change", "TrackedParameter", "Forecast", "Twin", "Update"],
-        },
-    )
+    __getattr__ = lazy_names(__name__)
 
 __all__ = [
     "Change",
