@@ -25,8 +25,9 @@ def comparison_text(found: Comparison, judgements: Sequence[Judgement]) -> str:
 
 
 def analysis_text(runs: Sequence[Run], found: Run) -> str:
-    """Return a line for each run, and the report of one of them."""
-    return "\n".join([*map(_run_line, runs), found.report()])
+    """Return a line for each run, and the report of one, which is named if there are more."""
+    named = [f"of the {found.steps} steps from {found.start:.6g} s on:"] if len(runs) > 1 else []
+    return "\n".join([*map(_run_line, runs), *named, found.report()])
 
 
 def _run_line(run: Run) -> str:
