@@ -172,7 +172,8 @@ class Comparison:
                 format_si(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)
             ]
             cells = " ".join(f"{value:>12}" for value in values)
-            lines.append(f"{metric.name:<18} {cells}  {_verdict(metric.differs)}")
+            word = ("DIFFERS", "bold red") if metric.differs else ("agrees", "green")
+            lines.append(f"{metric.name:<18} {cells}  {style_text(*word)}")
         lines += ["", *self.notes()]
         return "\n".join(lines)
 
@@ -251,10 +252,6 @@ class Comparison:
             "notes": self.notes(),
         }
         return to_json(found)  # type: ignore[no-any-return]
-
-
-def _verdict(differs: bool) -> str:
-    return style_text("DIFFERS", "bold red") if differs else style_text("agrees", "green")
 
 
 def compare(

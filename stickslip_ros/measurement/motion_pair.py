@@ -183,7 +183,9 @@ def low_pass(pairs: Pairs, cutoff: float) -> Pairs:
             "0.45 of the sampling rate"
         )
     if np.ptp(distances) > _EVEN * tick:
-        pairs = _evenly(pairs, tick)
+        t = np.arange(pairs.t[0], pairs.t[-1], tick)
+        parts = (pairs.run, pairs.measured, pairs.velocity)
+        pairs = Pairs(t, *(np.interp(t, pairs.t, part) for part in parts))
     sections = scipy.signal.butter(ORDER, cutoff, fs=1.0 / tick, output="sos")
 
     def smooth(x: Array) -> Array:
@@ -191,12 +193,6 @@ def low_pass(pairs: Pairs, cutoff: float) -> Pairs:
         return np.asarray(scipy.signal.sosfiltfilt(sections, x, padlen=reach))
 
     return Pairs(pairs.t, smooth(pairs.run), smooth(pairs.measured), smooth(pairs.velocity))
-
-
-def _evenly(pairs: Pairs, tick: float) -> Pairs:
-    t = np.arange(pairs.t[0], pairs.t[-1], tick)
-    parts = (pairs.run, pairs.measured, pairs.velocity)
-    return Pairs(t, *(np.interp(t, pairs.t, part) for part in parts))
 
 
 @dataclass(frozen=True)

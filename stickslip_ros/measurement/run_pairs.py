@@ -102,7 +102,7 @@ def pair_runs(
             if exact:
                 own = analyse_cycles(part.t, part.x, part.u, cycles)
             else:
-                own = _analyse_part(seen, cycles.by_position, noise)
+                own = _analyse_part(seen, cycles, noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
             found.append(RunPair(None, one, missing_metrics(missing), missing))
@@ -112,11 +112,12 @@ def pair_runs(
 
 
 def _analyse_part(motion: Motion, cycles: Cycles, noise: float) -> Run:
-    """Analyse cycles, from the samples about them. Raises TraceError."""
+    """Analyse cycles by the samples about them, their ends unknown. Raises TraceError."""
     begin = cycles.slips[0] - _BEFORE * cycles.period
     part = motion.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
     if len(part.t) < 2 * len(cycles.slips):
         raise TraceError("fewer than two samples a cycle are in common")
+    cycles = Cycles.even(cycles.slips, cycles.period, cycles.direction)
     return analyse_cycles(part.t, part.x, None, cycles, noise=noise)
 
 

@@ -205,7 +205,7 @@ def fit_cycles(
         np.concatenate(later)[slip] > SETTINGS.seen,
         total([float(np.mean(fit.left**2)) for fit in fits]),
         total([part.chance**2 for part in parts]),
-        total([fit.variance for fit in fits]),
+        total([part.spread**2 for part in parts]),
     )
 
 
@@ -227,7 +227,6 @@ class _PartFit:
     rise: Array  #: m, (cycles,)
     fall: Array  #: m, (cycles,)
     left: Array  #: m, (known cells,)
-    variance: float  #: of the positions, m^2
 
 
 def split_parts(
@@ -317,7 +316,7 @@ def _fit_part(
         rise_of, fall_of = np.full(int(inside.sum()), answers[0]), answers[1:]
     else:
         rise_of, fall_of = half + answers[: len(rises)], answers[len(rises) :]
-    return _PartFit(rise_of, fall_of, left, float(np.var(part.x[known])))
+    return _PartFit(rise_of, fall_of, left)
 
 
 def responses_of(
@@ -393,13 +392,8 @@ def search_clock(part: _Stretch, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
     """Return the run with the clock, of some about its own, that leaves least."""
     last = grid.first + grid.period * (part.number[0] + SETTINGS.telling)
     seen = part.edges < last
-    few = _Stretch(
-        part.number[: SETTINGS.telling],
-        part.edges[seen],
-        part.x[seen[1:]],
-        part.chance,
-        part.spread,
-    )
+    number = part.number[: SETTINGS.telling]
+    few = replace(part, number=number, edges=part.edges[seen], x=part.x[seen[1:]])
     swings = ringing.frequency * grid.period
     apart = SETTINGS.places / swings
     count = int((SETTINGS.reach if swings < BLURRED else SETTINGS.swings / swings) / apart)

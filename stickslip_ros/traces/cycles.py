@@ -43,11 +43,6 @@ class Cycles:
         """Return cycles of one period (s) before slips (s) whose ends are unknown."""
         return cls(period, direction, slips - period, slips, slips)
 
-    @property
-    def by_position(self) -> Cycles:
-        """The cycles without knowledge of the actuator: the slip has no known end."""
-        return Cycles.even(self.slips, self.period, self.direction)
-
 
 def cycles_of_clock(t: Array, x: Array, period: float, start: float) -> Cycles:
     """Return the whole cycles of a period (s) from the start (s) of the first one on.
