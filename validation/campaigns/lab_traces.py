@@ -315,8 +315,8 @@ def lab_trace(kind: str, seed: int) -> LabTrace:
     """Return the trace of a kind; the same seed gives the same trace."""
     if kind == BY_LOT:  # of another axis in every trace
         bench = random_bench(seed)
-        runs = tuple(bench.runs)
-        return LabTrace(kind, seed, bench.t, bench.x, runs, runs[0].frequency, bench.axis, True)
+        first, every = bench.runs[0].frequency, tuple(bench.runs)
+        return LabTrace(kind, seed, bench.t, bench.x, every, first, bench.axis, True)
     make, knowable = KINDS[kind]
     plan = _plan(np.random.default_rng([list(KINDS).index(kind), seed]))
     t, x, runs = make(plan)
