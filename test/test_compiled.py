@@ -74,11 +74,16 @@ def test_what_is_compiled_lands_in_that_folder(
     assert list((tmp_path / "deep" / "cache").rglob("*.nbi"))
 
 
-@pytest.mark.parametrize("place", ["", "/proc/nowhere"])
+@pytest.mark.parametrize("place", ["", "no locator"])
 def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch, place: str) -> None:
     """In every process anew then, but it runs."""
 
+    def no_locator(function: object) -> object:
+        raise RuntimeError("cannot cache function: no locator available")
+
     monkeypatch.setattr(module, "_FOLDER", place)
+    if place:
+        monkeypatch.setattr(numba_internals._Cache, "_impl_class", staticmethod(no_locator))
 
     @compiled
     def half(x: float) -> float:
