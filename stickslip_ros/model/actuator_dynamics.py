@@ -202,8 +202,7 @@ def resonate(
 ) -> int:
     """Write the deflection of the resonant actuator into out.
 
-    A bend ends where `_ringing_span` says so, where the actuator turns, and at the kinks of the
-    command.
+    A bend ends where `_ringing_span` says so, where the actuator turns, at kinks of the command.
     """
     u, v = state[DEFLECTION], state[RATE]
     lag, flexible = 2.0 * chain.zeta / chain.omega, 1.0 / (chain.omega * chain.omega)
