@@ -122,6 +122,12 @@ CHANGES: tuple[ModelChange, ...] = (
     ),
     ModelChange(
         8,
+        "a slip too short for the clock ends the dwell, too",
+        lambda p: bool(p.friction.dwell_growth),
+        "16 nm a cycle, where a slip takes less than 1e-16 s",
+    ),
+    ModelChange(
+        8,
         "a slip of a picosecond moves no slow actuator",
         lambda p: bool(p.value("amplifier_bandwidth") and p.value("actuator_resonance")),
         "0.08 nm a cycle",

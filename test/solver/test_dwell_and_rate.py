@@ -121,6 +121,19 @@ def test_the_contact_of_each_cycle_is_that_of_its_dwell_and_rate() -> None:
     assert z_ba(0.097 + begins) > 1.1 * z_ba(begins)
 
 
+def test_a_slip_too_short_for_the_clock_ends_the_dwell() -> None:
+    """A runner that creeps under its load: nothing but the dwell is not as behind a longer slip."""
+    values = {"model": "lugre", "preload": 732.0, "mu_s": 0.137, "sigma_0_cap": 138.0, "mass": 1.08}
+    values |= {"sigma_1": 1.9, "force": 3.76, "amplitude": 7e-8, "frequency": 1.509}
+    ends = []
+    for slewrate in (0.02, 2e5):  # V/us: 4e-12 and 4e-19 s
+        p = Parameters.of({**values, "dwell_growth": 0.04, "slewrate": slewrate})
+        simulation = simulation_of(p, Plant.of(p))
+        simulation.start(command_of(p), 3)
+        ends.append(simulation.run_cycles(3).position)
+    np.testing.assert_allclose(*ends, rtol=1e-9)
+
+
 def test_temperature_is_another_gain_and_another_breakaway() -> None:
     """To the bit; without a coefficient it changes nothing."""
     cold: dict[str, Any] = {"temperature": 77.0, "amplitude": 200.0}
