@@ -131,7 +131,7 @@ def test_a_slip_too_short_for_the_clock_ends_the_dwell() -> None:
         simulation = simulation_of(p, Plant.of(p))
         simulation.start(command_of(p), 3)
         ends.append(simulation.run_cycles(3).position)
-    np.testing.assert_allclose(*ends, rtol=1e-9)
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9)
 
 
 def test_temperature_is_another_gain_and_another_breakaway() -> None:
