@@ -161,9 +161,9 @@ class ClosedLoop:
         """Return why the goal will not be reached, empty if it still may be; x: reading (m).
 
         It has come no nearer for the timeout: by less than the tolerance does not count, or else
-        noise would do. A runner that something has carried far away has the whole time again, once
-        until it is there; one that its steps take away, as those that run backwards do, is
-        lost.
+        noise would do, nor does a place within the tolerance where it does not stay. A runner that
+        something has carried far away has the whole time again, once until it is there; one that
+        its steps take away, as those that run backwards do, is lost.
         """
         config, t = actuation.config, actuation.t
         p = config.parameters.closed_loop
@@ -173,7 +173,7 @@ class ClosedLoop:
         steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
         far = steps * config.stroke(config.amplitude)
         self._flies = distance - before > far and (self._flies or not self._carried)
-        if t < self.trajectory.end or self._inside_since is not None:
+        if t < self.trajectory.end or self.there:
             self._nearest, self._nearer_at, self._carried = math.inf, t, False
         elif self._flies:
             self._nearest, self._nearer_at = distance, self._nearer_at if self._carried else t
@@ -183,9 +183,11 @@ class ClosedLoop:
         where = f"target {self.trajectory.goal:g} m: the runner is {error:g} m away and"
         if distance > self._nearest + _LOST * far:
             return f"{where} steps take it farther: change the load, the preload or the frequency"
-        if p.target_timeout is not None and t - self._nearer_at > p.target_timeout:
+        stays = self._inside_since is not None
+        if p.target_timeout is not None and not stays and t - self._nearer_at > p.target_timeout:
+            what = "come no closer" if distance > p.target_tolerance else "not stayed so near"
             return (
-                f"{where} has come no closer for {p.target_timeout:g} s: raise the amplitude, "
+                f"{where} has {what} for {p.target_timeout:g} s: raise the amplitude, "
                 "free the runner or raise target_timeout"
             )
         return ""
@@ -408,6 +410,7 @@ class ClosedLoop:
         sign = 1 if steps > 0 else -1
         if sign * (self._seen.steps - self._reference.steps) < 0:  # they went the other way
             self._reference = self._seen
+        self._inside_since = None  # it does not stay
         self._stroke = sign * actuation.config.stroke(volts)
         actuation.step(steps, volts)
 

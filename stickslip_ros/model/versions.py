@@ -128,6 +128,13 @@ CHANGES: tuple[ModelChange, ...] = (
     ),
     ModelChange(
         8,
+        "a closed loop that steps on within its tolerance ends with a fault",
+        lambda p: True,
+        "the time of the end",
+        frozenset(("position", "trajectory", "joint_command")),
+    ),
+    ModelChange(
+        8,
         "a slip of a picosecond moves no slow actuator",
         lambda p: bool(p.value("amplifier_bandwidth") and p.value("actuator_resonance")),
         "0.08 nm a cycle",

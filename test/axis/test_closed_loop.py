@@ -247,6 +247,17 @@ def test_a_loop_whose_steps_run_backwards_says_so(timeout: float) -> None:
     assert "steps take it farther" in axis.status.fault
 
 
+def test_steps_that_lead_nowhere_end_though_they_pass_the_tolerance() -> None:
+    """The target lies below the range of a scan; they bring the runner in and out of tolerance."""
+    values = {"preload": 1.43, "mu": 0.21, "sigma_1": 22.85, "mass": 0.175, "force": 0.05}
+    values |= {"slewrate": 348.7, "amplitude": 49.14, "frequency": 3285.0, "sensor_rate": 739.4}
+    values |= {"hold_before": 0.3526, "hold_after": 0.3664, "sensor_noise": 2.75e-10}
+    axis = Axis({**values, "waveform": "hold", "target_tolerance": 14.76e-9, "target_timeout": 0.8})
+    axis.command_position(-23.5e-9)
+    axis.advance(4.0)
+    assert "has not stayed so near for 0.8 s" in axis.status.fault
+
+
 def test_without_a_timeout_it_is_tried_for_ever() -> None:
     axis = Axis({**TABLE_1, **FAST, "amplitude": 30.0, "target_timeout": 0.0})
     axis.command_position(5e-6)

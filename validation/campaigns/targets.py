@@ -59,7 +59,7 @@ STEPS, MOVING = 40, 0.05
 STILL, LONGEST_RINGING = 1e-9, 10.0
 #: How an outcome that is no finding begins; what faults are counted by
 FINE = ("reached", "nearer", "slow", "fault")
-REASONS = ("come no closer", "take it farther", "held by", "solver")
+REASONS = ("come no closer", "not stayed", "take it farther", "held by", "solver")
 
 
 class Outcome(NamedTuple):
@@ -140,8 +140,8 @@ def outcome(axis: Axis, target: float) -> Outcome:
     allowed += creeps * lag
     # As the loop, which averages: a heavy runner rings on long after it has come to rest.
     (told,) = [one.time for one in axis.take_events() if one.outcome == "finished"]
-    off = abs(float(np.mean(away[-JUDGED:])))
     x = axis.simulation.sample(axis.state.t + np.linspace(0.0, JUDGED * LOOK, 100)).x
+    off = abs(float(np.mean(x)) - target)
     rings = 0.5 * float(np.ptp(x))
     late = (told - p.closed_loop.hold_time) / ideal(p, target)
     said = "reached" if off <= allowed else f"said to be reached, {off:g} m off"
