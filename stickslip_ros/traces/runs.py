@@ -60,9 +60,8 @@ class Run:
 
     cycles: Cycles
     step_sizes: Array  #: from just before a slip to just before the next one
-    mean_step: (
-        MeasuredValue  #: their mean; without drift and hum where no actuator tells the cycles
-    )
+    #: their mean; without drift and hum where no actuator tells the cycles
+    mean_step: MeasuredValue
     backsteps: Array  #: from just before the slip to the end of the fall after it
     mean_backstep: Backstep  #: their mean, and how it was determined
     ringing: Ringing | None  #: after the slips; None where none is visible
