@@ -42,31 +42,38 @@ def stamp(nanoseconds: int) -> Time:
 
 
 class StateMessages:
-    """The two state messages of an axis; filled anew each time, which costs less than new ones."""
+    """The state messages of an axis; filled anew each time, which costs less than new ones."""
 
     def __init__(self, axis_name: str) -> None:
         """Name the joints after the axis."""
-        self.joints = JointState(name=[f"{axis_name}{SLIDER}", f"{axis_name}{PIEZO}"])
-        self.runner = JointState(name=[f"{axis_name}{SLIDER}"])
-        self.contact = JointState(name=[f"{axis_name}{CONTACT}"])
+        self._joints = JointState(name=[f"{axis_name}{SLIDER}", f"{axis_name}{PIEZO}"])
+        self._runner = JointState(name=[f"{axis_name}{SLIDER}"])
+        self._contact = JointState(name=[f"{axis_name}{CONTACT}"])
 
-    def fill(self, state: State, time: Time) -> None:
-        """Take over a state; the friction force on the slider is -F, on the piezo +F."""
-        self.joints.header.stamp = time
-        self.joints.position = [state.x, state.u]
-        self.joints.velocity = [state.v, state.rate]
-        self.joints.effort = [-state.force, state.force]
-        self.contact.header.stamp = time
-        self.contact.position = [state.z]
-        self.contact.velocity = [state.w]
-        self.contact.effort = [state.force]
+    def joints(self, state: State, time: Time) -> JointState:
+        """Return slider and piezo; the friction force on the slider is -F, on the piezo +F."""
+        forces = [-state.force, state.force]
+        return _filled(self._joints, time, [state.x, state.u], [state.v, state.rate], forces)
 
-    def fill_runner(self, state: State, offset: float, time: Time) -> None:
-        """Take over the state of the runner alone; its position counts from offset (m) on."""
-        self.runner.header.stamp = time
-        self.runner.position = [state.x - offset]
-        self.runner.velocity = [state.v]
-        self.runner.effort = [-state.force]
+    def runner(self, state: State, offset: float, time: Time) -> JointState:
+        """Return the runner alone; its position counts from offset (m) on."""
+        return _filled(self._runner, time, [state.x - offset], [state.v], [-state.force])
+
+    def contact(self, state: State, time: Time) -> JointState:
+        """Return deflection and differential velocity of the contact, and the friction force."""
+        return _filled(self._contact, time, [state.z], [state.w], [state.force])
+
+
+def _filled(
+    message: JointState,
+    time: Time,
+    position: list[float],
+    velocity: list[float],
+    effort: list[float],
+) -> JointState:
+    message.header.stamp = time
+    message.position, message.velocity, message.effort = position, velocity, effort
+    return message
 
 
 def diagnostic_status(

@@ -123,6 +123,7 @@ class SimLoop:
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._start = 0
         self._axes: Sequence[AxisOfLoop] = ()
+        self._to_report: list[AxisOfLoop] = []  # that have their turn in this period
         self._in_step: Callable[[], None] = lambda: None
         self._followed_up = 0.0  # s, when a state was published out of turn
         self._asked = False
@@ -150,7 +151,7 @@ class SimLoop:
         self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
         # The executor checks a timer in every round, so its period is not a pause.
         self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
-        timer(_DIAGNOSTICS_PERIOD, self._report, clock=steady)
+        timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
         timer(_SIGNAL_PERIOD, self._end_on_signal, clock=steady)
         self._choose_timer()
         self._begin()
@@ -317,15 +318,18 @@ class SimLoop:
             self._clock.publish(ClockMessage(clock=self.stamp()))
 
     def _report(self) -> None:
+        """Have one axis report, each in its turn: those of fifty at once would cost deadlines."""
         waiting = self._ready.get_subscription_count()
         if self.begun and waiting > self._told:
             self._tell_ready()
         self._told = waiting
-        self.last_report = self.pace.report(self._steady.now().nanoseconds)
-        for axis in self._axes:
-            axis.report()
-        self.pacer.forget_worst()
-        self.blocks = BlockTimes()
+        if not self._to_report:
+            self._to_report = list(self._axes)
+            self.last_report = self.pace.report(self._steady.now().nanoseconds)
+        self._to_report.pop(0).report()
+        if not self._to_report:
+            self.pacer.forget_worst()
+            self.blocks = BlockTimes()
 
     def _end_on_signal(self) -> None:
         if self._stop_requested() and not self.finished.done():
