@@ -44,6 +44,12 @@ def parser() -> argparse.ArgumentParser:
         help="new folder for report, bag and logs (default: soak)",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the commands (default: 0)")
+    parser.add_argument(
+        "--params-file",
+        type=Path,
+        metavar="FILE",
+        help="parameters of the axis, as axis_node takes them (default: the built-in ones)",
+    )
     parser.add_argument("--json", action="store_true", help="print soak.json")
     parser.set_defaults(run=run)
     return parser
@@ -65,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     choose_domain()
     seconds = 3600.0 * args.hours
     with progress_bar(round(seconds), "seconds") as bar:
-        found = soak(args.out.absolute(), seconds, args.seed, bar.update)
+        found = soak(args.out.absolute(), seconds, args.seed, bar.update, args.params_file)
     text = json.dumps(found.as_dict(), indent=1)
     write_text(args.out / "soak.json", text + "\n")
     write_text(args.out / "index.html", _page(found))

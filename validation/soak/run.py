@@ -180,18 +180,21 @@ def soak(
     seconds: float,
     seed: int,
     on_second: Callable[[float], object] = lambda s: None,
+    params_file: Path | None = None,
 ) -> Soaked:
     """Run an axis, a recorder and random commands for some seconds; KeyboardInterrupt ends it.
 
     The bag and the logs go to a folder that is there. on_second is called with the seconds that
-    have passed since the last call. Raises ChildError if a process does not start.
+    have passed since the last call; the axis takes its parameters from params_file. Raises
+    ChildError if a process does not start.
     """
+    parameters = () if params_file is None else ("--params-file", str(params_file))
     found = Soaked(seed)
     bag = folder / "bag"
     compile_axis()  # or the axis would do so when it has a minute to be ready
     with (
         child_node("recorder_node", folder, "-p", f"output:={bag}", own_session=True) as recorder,
-        child_node("axis_node", folder, own_session=True) as axis,
+        child_node("axis_node", folder, *parameters, own_session=True) as axis,
     ):
         recorder.wait_for("recording")
         axis.wait_for("ready")
