@@ -54,8 +54,8 @@ DESCRIPTION = OutputTopic(
 JOINTS = OutputTopic(
     "joint_states",
     JOINT_STATE,
-    "`<axis_name>_slider`: position, velocity, friction force; `<axis_name>_piezo`; this and the next "
-    "two only while somebody subscribes",
+    "`<axis_name>_slider`: position, velocity, friction force; `<axis_name>_piezo`; this and the "
+    "next two only while somebody subscribes",
 )
 RUNNER = OutputTopic(
     "~/joint_states",
