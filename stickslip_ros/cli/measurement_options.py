@@ -46,6 +46,8 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     reading = parser.add_argument_group("which motion, and which part of it")
     text = "angle between the axis of the sensor and the motion (default: 0)"
     option(reading, "--sensor-angle", "DEG", text, quantity("deg"), default=0.0)
+    text = "of an interferometer: jumps by halves of it are taken out, such as 633nm"
+    option(reading, "--wavelength", "M", text, quantity("m"))
     option(reading, "--joint", "NAME", "joint to use in a bag (default: the slider)")
     option(reading, "--from", "S", "ignore samples before", quantity("s"), dest="first")
     option(reading, "--to", "S", "ignore samples after", quantity("s"), dest="last")
@@ -68,6 +70,7 @@ def reading_of(args: argparse.Namespace) -> Reading:
         scales=typed_pairs(args.scale),
         rate=args.rate,
         angle=math.radians(angle),
+        wavelength=getattr(args, "wavelength", None),
         rows=_rows(args.rows),
         decimal=args.decimal,
     )

@@ -51,7 +51,7 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
         The joint to use in a bag.
     **how
         What the file does not state: columns, units and scales by key (``t``, ``x``, ``u``), rate
-        (Hz), angle (rad), rows, decimal; see docs/compare.md.
+        (Hz), angle (rad), wavelength (m), rows, decimal; see docs/compare.md.
 
     Returns
     -------

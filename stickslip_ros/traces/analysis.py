@@ -18,7 +18,7 @@ from stickslip_ros.traces.cycles import (
     cycles_of_actuator,
     cycles_of_clock,
 )
-from stickslip_ros.traces.doubts import doubts_of, find_clipping, fit_ends, too_few
+from stickslip_ros.traces.doubts import doubts_of, find_clipping, find_jumps, fit_ends, too_few
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
@@ -204,7 +204,8 @@ def find_steps(
         less = less and shorter_period(even, grid)  # the onset may have bettered its period
         given = period is not None
         doubts = doubts_of(still, grid, others, run.mean_step, less, run.ringing, given)
-        runs.append(replace(run, doubts=(*clipping, *doubts)))
+        jumps = find_jumps(x) if doubts else ()
+        runs.append(replace(run, doubts=(*clipping, *doubts, *jumps)))
     return Findings(runs, disturbances)
 
 

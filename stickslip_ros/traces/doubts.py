@@ -67,6 +67,11 @@ class DoubtSettings:
     #: Samples in a row that a record which is cut off stays at its outermost value, and times as
     #: many as at any other: the steps of a converter make such stretches everywhere.
     held: tuple[int, float] = (12, 20.0)
+    #: Times the step between samples that all but this part keep below, and part by which jumps may
+    #: miss whole multiples of the least one: no contact moves its runner so.
+    jump: float = 4.0
+    moving: float = 0.999
+    alike: float = 0.1
     swing: float = 0.03  #: part by which the period of the ringing, seen as a shorter one, is off
     mains: float = 0.5  #: periods over a run by which its clock may be off that of the mains
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and not cut off
@@ -158,6 +163,25 @@ def find_clipping(even: EvenSamples) -> tuple[str, ...]:
     if longest < SETTINGS.held[1] * int(np.max(long[~outer], initial=1)):
         return ()
     return (f"{longest} samples in a row have the record's outermost value: it was cut off there",)
+
+
+def find_jumps(x: Array) -> tuple[str, ...]:
+    """Return what is to be said of jumps by one length between samples (m) that move little else.
+
+    An interferometer that loses count jumps by whole fringes, half its wavelength.
+    """
+    steps = np.abs(np.diff(x))
+    jumps = steps[steps > SETTINGS.jump * np.quantile(steps, SETTINGS.moving)]
+    if not len(jumps):
+        return ()
+    least = float(jumps.min())
+    if np.abs(jumps / least - np.rint(jumps / least)).max() > SETTINGS.alike:
+        return ()
+    size = f"{1e9 * float(np.median(jumps / np.rint(jumps / least))):.4g} nm"
+    return (
+        f"{len(jumps)} jumps by {size} between samples: if an interferometer lost count there, "
+        "--wavelength takes them out",
+    )
 
 
 def _rests_beside(

@@ -69,12 +69,26 @@ def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFix
     )
 
 
+def test_lost_fringes_are_counted_and_taken_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    jumped = [v + 316.4 * (k > 9) - 632.8 * (k > 30) for k, (_, v) in enumerate(VALUES)]
+    path = tmp_path / "axis.csv"
+    rows = "".join(f"{k * 1e-5:.6f},{v}\n" for k, v in enumerate(jumped))
+    path.write_text("t (s),x (nm)\n" + rows)
+    assert read(path).x == pytest.approx([1e-9 * v for v in jumped])
+    found = read(path, "--wavelength", "632.8nm")
+    assert found.x == pytest.approx([1e-9 * v for _, v in VALUES])
+    assert capsys.readouterr().err == "axis.csv: 2 jumps by whole fringes of 316.4 nm taken out\n"
+
+
 def test_bad_use_is_told(tmp_path: Path) -> None:
     for arguments, words in [
         ("--rate 0", "--rate is 0 Hz; it has to be above 0"),
         ("--rows 5", "write it as 1:5000 or 5001:"),
         ("--rows 9:3", "the last must not be before the first"),
         ("--sensor-angle 90", "between -85 and 85"),
+        ("--wavelength 633m", "the wavelength is 633 m; that of an interferometer lies between"),
         ("--scale x=nm/furlong", "'furlong' is not a known unit"),
         ("--scale x=5V", "gives a voltage; it has to give a length"),
         ("--columns nix", "'nix' is not of the form t=...,x=..."),

@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from validation.campaigns.lab_traces import lab_trace
+from stickslip_ros.measurement.reading.motion import without_fringe_jumps
+from stickslip_ros.traces.analysis import find_runs
+from validation.campaigns.lab_traces import FRINGE, lab_trace
 from validation.campaigns.traces import DOUBTFUL, NONE, RIGHT, Study
 
 pytestmark = pytest.mark.slow
@@ -45,3 +48,20 @@ def test_a_trace_of_a_known_frequency_is_read_right(kind: str, seed: int) -> Non
     study = Study(told=True)
     study.add(lab_trace(kind, seed))
     assert set(study.verdicts[kind]) == {RIGHT}, study
+
+
+def test_lost_fringes_are_named_and_nothing_is_lost_without_them() -> None:
+    lost = lab_trace("fringe jumps", 101)
+    (run,) = lost.runs
+    doubts = [doubt for one in find_runs(lost.t, lost.x) for doubt in one.doubts]
+    assert any("jumps by 310.4 nm" in doubt and "--wavelength" in doubt for doubt in doubts)
+    x, note = without_fringe_jumps(lost.x, FRINGE)
+    assert note == "3 jumps by whole fringes of 316.4 nm taken out"
+    (found,) = find_runs(lost.t, x)
+    assert (found.steps, found.doubts) == (run.steps, ())
+    assert found.step_size == pytest.approx(run.step_size, abs=3.0 * found.step_size_error)
+
+
+def test_fast_motion_makes_a_jump_a_guess() -> None:
+    x = np.array([0.0, 10.0, 160.0, 480.0, 480.0]) * 1e-9
+    assert "; 1 samples move by about half a fringe" in without_fringe_jumps(x, FRINGE)[1]

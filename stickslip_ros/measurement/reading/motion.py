@@ -18,7 +18,10 @@ from stickslip_ros.measurement.reading.layout import LARGEST
 from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity, Reading
 from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
 from stickslip_ros.opening import ReadError
+from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.motion import Motion
+
+Array = NDArray[np.float64]
 
 #: Rows below which nothing can be said.
 _FEWEST = 16
@@ -28,6 +31,8 @@ _DATES = 1e8
 _WIDEST_LOOP = 0.01
 #: Share of times that are like the one before them where times are rounded.
 _MANY_TIES = 0.05
+#: Part of a fringe from which on a step from one sample to the next may be a jump or motion.
+_UNCLEAR = 0.25
 #: Even times fit rounded ones if none is further off than this share of the coarsest step seen.
 _ROUNDED = 0.75
 
@@ -46,8 +51,28 @@ def read_measurement(path: Path, how: Reading | None = None) -> Motion:
 def motion_of(table: Table, source: str, how: Reading) -> Motion:
     """Return the motion in a table. Raises MeasurementError."""
     values, notes = _read(table, MOTION, how)
-    x = values["x"] / math.cos(how.angle) if how.angle else values["x"]
+    x = values["x"]
+    if how.wavelength is not None:
+        x, note = without_fringe_jumps(x, 0.5 * how.wavelength)
+        notes = (*notes, note)
+    x = x / math.cos(how.angle) if how.angle else x
     return Motion(source, values["t"], x, values.get("v"), values.get("u"), notes)
+
+
+def without_fringe_jumps(x: Array, fringe: float) -> tuple[Array, str]:
+    """Return positions (m), (samples,), without jumps by whole fringes (m), and what was done.
+
+    An interferometer that loses count is off by whole fringes, half the wavelength each, from one
+    sample to the next. In between the runner has to move by less than half a fringe.
+    """
+    steps = np.diff(x)
+    fringes = np.rint(steps / fringe)
+    jumps, size = int(np.count_nonzero(fringes)), format_si(fringe, "m")
+    note = f"{jumps} jump{'s' * (jumps != 1)} by whole fringes of {size} taken out"
+    unclear = int(np.sum(np.abs(steps - fringe * fringes) > _UNCLEAR * fringe))
+    if unclear:
+        note += f"; {unclear} samples move by about half a fringe, where a jump is a guess"
+    return x - fringe * np.concatenate(([0.0], np.cumsum(fringes))), note
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from stickslip_ros.parameters.quantity import NUMBER
 
 _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
+#: Wavelengths (m) of light that interferometers use, ultraviolet to infrared.
+_LIGHT = (1e-7, 2e-5)
 #: What a scale is per where the column has plain numbers.
 _COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample", "samples", "1"}
 
@@ -25,17 +27,25 @@ class Reading:
     scales: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "-50nm/V"}
     rate: float | None = None  #: Hz, in place of a column of time
     angle: float = 0.0  #: between the sensor's axis and the motion, rad
+    #: of an interferometer, m: jumps by whole halves of it are taken out
+    wavelength: float | None = None
     rows: tuple[int, int] | None = None  #: first and last row, from 1
     decimal: str | None = None  #: sign of the table
 
     def __post_init__(self) -> None:
-        """Raise MeasurementError for a text in place of a mapping."""
+        """Raise MeasurementError for a text in place of a mapping, or a wavelength of no light."""
         for name in ("columns", "units", "scales"):
             given = getattr(self, name)
             if not isinstance(given, Mapping):
                 raise MeasurementError(
                     f'{name} is {given!r}; give a value for each key, such as {{"x": ...}}'
                 )
+        shortest, longest = _LIGHT
+        if self.wavelength is not None and not shortest <= self.wavelength <= longest:
+            raise MeasurementError(
+                f"the wavelength is {self.wavelength:g} m; that of an interferometer lies between "
+                f"{shortest:g} and {longest:g} m, such as 633nm"
+            )
 
 
 def typed_pairs(texts: Sequence[str]) -> dict[str, str]:
