@@ -34,8 +34,9 @@ _ROOM, _MOST_WORN = 293.15, 100.0
 #: Longest steps: radians of a ringing; time constants of the amplifier and of the contact's
 #: damping; shares of the shortest distance of a contact that the runner slides on the actuator
 _RADIANS, _CONSTANTS, _SLID = 0.6, 3.0, 0.1
-#: Halvings of a step in search of a switch: down to a millionth of a millionth of it
-_HALVINGS = 40
+#: Search of a switch in a step: as near as a millionth of a millionth of it, or (m/s or V) as
+#: this; the most tries, and how near one may come to what is known, as a share of what is left
+_NEAREST, _SWITCHED, _TRIES, _APART = 1e-12, 1e-14, 80, 1e-4
 #: So near to a switch (m/s or V) it has switched: a play that moves is there to rounding
 _ROUNDING = 1e-12
 #: Error of a step, of the state and at least (nm)
@@ -201,6 +202,46 @@ def _turned(before: NDArray, after: NDArray) -> bool:
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
+def _first_switch(
+    t: float, y: NDArray, h: float, stages: NDArray, plays: NDArray,
+    line: tuple[float, float], s: System, c: NDArray, end: NDArray, accuracy: tuple[float, float],
+    before: NDArray,
+) -> float:  # fmt: skip
+    """Return the step (s), at most h, just behind the first switch; before is where it begins.
+
+    By straight lines between both sides, of which one that stays twice counts half.
+    """
+    rates = np.empty_like(y)
+    below, above, found = before.copy(), np.empty_like(before), np.empty_like(before)
+    low, high, nearest = 0.0, h, _NEAREST * h
+    least, most, side = 1.0, 1.0, 0
+    _step(t, y, h, stages, plays, line, s, c, end, accuracy)
+    w = _rates(t + h, end, rates, plays, line, s, c)
+    _switches(t + h, end, w, plays, line, s, above)
+    for _ in range(_TRIES):
+        share, rest = 1.0, 0.0
+        for k in range(len(before)):
+            if before[k] * above[k] < 0.0 and abs(before[k]) > _ROUNDING:
+                share = min(share, least * below[k] / (least * below[k] - most * above[k]))
+                rest = max(rest, abs(above[k]))
+        if high - low <= nearest or rest <= _SWITCHED:
+            break
+        h = low + min(max(share, _APART), 1.0 - _APART) * (high - low)
+        _step(t, y, h, stages, plays, line, s, c, end, accuracy)
+        w = _rates(t + h, end, rates, plays, line, s, c)
+        _switches(t + h, end, w, plays, line, s, found)
+        if _turned(before, found):
+            high, most, above[:] = h, 1.0, found
+            least = 0.5 * least if side > 0 else least
+            side = 1
+        else:
+            low, least, below[:] = h, 1.0, found
+            most = 0.5 * most if side < 0 else most
+            side = -1
+    return high
+
+
+@compiled  # type: ignore[untyped-decorator, unused-ignore]
 def _piece(
     y: NDArray, plays: NDArray, line: tuple[float, float], duration: float, longest: float,
     shortest: float, accuracy: tuple[float, float], s: System, c: NDArray,
@@ -229,17 +270,10 @@ def _piece(
         _switches(t + h, end, _rates(t + h, end, best, plays, line, s, c), plays, line, s, after)
         wider = h * min(5.0, 0.9 * max(error, 1e-10) ** (-1.0 / 8.0))
         if _turned(before, after):
-            low, high = 0.0, h
-            for _ in range(_HALVINGS):
-                h = 0.5 * (low + high)
-                _step(t, y, h, stages, plays, line, s, c, end, accuracy)
-                w = _rates(t + h, end, best, plays, line, s, c)
-                _switches(t + h, end, w, plays, line, s, after)
-                if _turned(before, after):
-                    high = h
-                else:
-                    low = h
-            h, last = high, False
+            h, last = (
+                _first_switch(t, y, h, stages, plays, line, s, c, end, accuracy, before),
+                False,
+            )
             _step(t, y, h, stages, plays, line, s, c, end, accuracy)
         t = duration if last else t + h
         y[:] = end
