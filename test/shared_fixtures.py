@@ -74,14 +74,17 @@ def pytest_xdist_auto_num_workers() -> int:
 
 
 class CompileOnce:
-    """Compiles in one process while the workers collect; each would compile all for itself."""
+    """Compiles in two processes while the workers collect; each would compile all for itself."""
 
     def __init__(self) -> None:
-        """Begin; that process holds a lock until it ends, however it does."""
+        """Begin; these processes hold a lock until both have ended, however they do."""
         held, self._lock = tempfile.mkstemp()
         fcntl.flock(held, fcntl.LOCK_EX)
         command = [sys.executable, str(Path(__file__).with_name("compile_tests.py"))]
-        self._child = subprocess.Popen(command, stdout=held, env=environment())
+        self._children = [
+            subprocess.Popen([*command, *what], stdout=held, env=environment())
+            for what in ([], ["integrators"])
+        ]
         os.close(held)
 
     @pytest.hookimpl(optionalhook=True)
@@ -90,9 +93,10 @@ class CompileOnce:
         node.workerinput["compiling"] = self._lock
 
     def pytest_unconfigure(self) -> None:
-        """End it with the tests."""
-        self._child.kill()
-        self._child.wait()
+        """End them with the tests."""
+        for child in self._children:
+            child.kill()
+            child.wait()
         os.unlink(self._lock)
 
 
