@@ -249,8 +249,10 @@ class ClosedLoop:
             self._take = max(k, sensor.number_at(0.5 * (t + end))) + 1
             if sensor.time_of(self._take) > end:
                 self._take = _NEVER
-        self._k = min(self._take, self._coming[0].k + sensor.delay if self._coming else _NEVER)
-        self.due = math.inf if self._k == _NEVER else sensor.time_of(self._k)
+        # With a latency that has become shorter, some should have arrived before.
+        arrives = max(self._coming[0].k + sensor.delay, k) if self._coming else _NEVER
+        self._k = min(self._take, arrives)
+        self.due = math.inf if self._k == _NEVER else max(sensor.time_of(self._k), t)
 
     def _look(self, actuation: Actuation, reading: LoopReading) -> str:
         """Learn from a reading that arrives, and go on if the runner rests."""

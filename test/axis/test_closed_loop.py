@@ -81,7 +81,7 @@ def test_every_target_is_reached_within_five_nanometres(
     for target in _targets(4, math.ceil(share * count)):
         approach = _approach(axis, target)
         assert approach.error < 5e-9, target
-        assert approach.turns <= 6, target
+        assert approach.turns <= 8, target
         assert approach.time < longest, target
     assert axis.status.state == "holding"
 
@@ -286,3 +286,17 @@ def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
     assert axis.status.state == "targeting"
     axis.advance(20.0)
     assert axis.status.state == "holding"
+
+
+def test_a_latency_that_changes_on_the_way_stops_nothing() -> None:
+    """With a shorter one, readings arrive at once that should have come before."""
+    for seed in range(10):
+        draw = random.Random(seed)
+        axis = Axis({**TABLE_1, **FAST, "sensor_latency": 0.02})
+        axis.command_position(3e-6)
+        for _ in range(60):
+            axis.advance(axis.state.t + draw.uniform(0.0, 0.02))
+            if draw.random() < 0.3:
+                axis.set_parameters({"sensor_latency": draw.choice([0.0, 1e-4, 5e-3, 0.05])})
+        axis.advance(axis.state.t + 2.0)
+        assert axis.status.target_reached
