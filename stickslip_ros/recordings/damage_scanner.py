@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scans an MCAP file that is cut or damaged, like a sound file up to the first damage.
+"""Scans an MCAP file that is cut or damaged.
 
-The scan continues with the next whole chunk: chunks are the only records with a checksum.
+Whole chunks are kept: they are the only records with a checksum. Others are kept where they parse
+and fit between their neighbours. The scan goes on behind a damaged chunk whose end is known, with
+the next whole chunk after any other damage.
 """
 
 from __future__ import annotations
@@ -104,63 +106,57 @@ class DamageScanner(McapFile):
         return compression
 
     def _block(self, at: int, end: int) -> tuple[Block | None, int]:
-        try:
+        chunk = self._chunk_at(at)
+        records = self._records_of(chunk) if chunk else None
+        if chunk and records is not None:
+            following = at + HEAD.size + chunk.body_length  # whatever the length of the record says
+            block = self._once(Block(Place(Opcode.CHUNK, at, following), records, chunk), chunk)
+        elif not chunk and self._is_record(at):
             block, following = super()._block(at, end)
-            self._doubt(at, block, following)
-        except BROKEN:
-            block, following = self._mend(at)
-        if block and block.chunk:
-            if not block.chunk.cut:
-                following = at + HEAD.size + block.chunk.body_length
-            block = self._once(block, following)
+        else:
+            block, following = None, at + HEAD.size + chunk.body_length if chunk else at
+            if not chunk or chunk.cut or not self._begins(following):
+                following = self._next_chunk(at + 1, end)
+            if chunk and chunk.cut and following == end:
+                block = self._cut(at, chunk)
+            elif not self._is_end(at):
+                self.damage.dropped_bytes += following - at
         self._on_bytes(following - at)
         return block, following
 
-    def _doubt(self, at: int, block: Block | None, following: int) -> None:
-        """Raise ValueError if the bytes of a damaged file only look like a record.
+    def _is_record(self, at: int) -> bool:
+        """Return whether a record without a checksum is at a place, and does not just look so.
 
-        Only chunks have a checksum; without it, known records have to fill the chunk. Any other
-        record has to be of a known kind and be followed by a record, and must not contain a chunk,
-        unless it is an attachment.
+        Another record, or a part of one, or the end of the file has to follow; and there must not
+        be a chunk inside, as there is when its length is wrong, unless it is an attachment.
         """
-        if block and block.chunk:
-            if not block.protected and not _all_known(block.records):
-                raise ValueError("a chunk without a checksum is damaged")
-            return
-        (opcode,) = self.read(at, 1)
-        if not (opcode in _OPCODES or opcode >= _FIRST_PRIVATE) or not self._plausible(following):
-            raise ValueError("it is no record")
-        if opcode != Opcode.ATTACHMENT and self._next_chunk(at + 1, following) < following:
-            raise ValueError("it hides a chunk")
+        try:
+            opcode, _, following = place_at(self.stream, at, self.size)
+        except BROKEN:
+            return False
+        if opcode == Opcode.CHUNK or not _known(opcode) or not self._begins(following):
+            return False
+        hides = opcode != Opcode.ATTACHMENT and self._next_chunk(at + 1, following) < following
+        return not hides
 
-    def _once(self, block: Block, end: int) -> Block | None:
+    def _begins(self, at: int) -> bool:
+        """Return whether a record, also a cut one, or the end of the file may be at a place."""
+        head = self.read(at, HEAD.size)
+        if len(head) < HEAD.size:
+            return True
+        opcode, length = HEAD.unpack(head)
+        fits = length <= self.size + LARGEST_PACKED - at
+        return opcode == Opcode.CHUNK or (_known(opcode) and fits)
+
+    def _once(self, block: Block, chunk: PackedChunk) -> Block | None:
         """Return a chunk that was not there before; times, which damage alters, do not count."""
-        chunk = block.chunk
-        if not chunk or not block.protected:
-            return block
         mark = chunk.size, chunk.crc
-        if mark in self._seen:
+        if chunk.crc and mark in self._seen:
             self.damage.find(f"holds a chunk of {chunk.size} bytes twice; it is taken once")
-            self.damage.dropped_bytes += end - block.place.start
+            self.damage.dropped_bytes += block.place.end - block.place.start
             return None
         self._seen.add(mark)
         return block
-
-    def _mend(self, at: int) -> tuple[Block | None, int]:
-        """Return the whole part of a damaged block, and where to continue."""
-        chunk = self._chunk_at(at)
-        end = at + HEAD.size + chunk.body_length if chunk else at
-        if chunk:
-            records = self._records_of(chunk)
-            if records is not None:  # only the length of the record was wrong
-                return Block(Place(Opcode.CHUNK, at, end), records, chunk), end
-        if chunk is None or chunk.cut or not self._plausible(end):
-            end = self._next_chunk(at + 1)
-        if chunk and chunk.cut and end == self.size:
-            return self._cut(at, chunk), end
-        if not self._is_end(at):
-            self.damage.dropped_bytes += end - at
-        return None, end
 
     def _cut(self, at: int, chunk: PackedChunk) -> Block:
         """Unpack the readable part of a chunk that is cut by the end of the file."""
@@ -172,19 +168,6 @@ class DamageScanner(McapFile):
         self.damage.find(f"is cut inside a chunk: {there}")
         self.damage.dropped_bytes += 0 if records else len(chunk.data)
         return Block(Place(Opcode.CHUNK, at, self.size), records, chunk)
-
-    def _plausible(self, at: int) -> bool:
-        """Return whether a record, also a cut one, or the end of the file may follow at a place."""
-        head = self.read(at, HEAD.size)
-        if not head or self._is_end(at):
-            return True
-        if len(head) < HEAD.size:
-            return head[0] in _OPCODES
-        with contextlib.suppress(ValueError):
-            place = place_at(self.stream, at, max(self.size, at + LARGEST_PACKED))
-            private = place.opcode >= _FIRST_PRIVATE and place.end <= self.size
-            return place.opcode in _OPCODES or private
-        return head[0] == Opcode.CHUNK  # which may be whole whatever its length says
 
     def _chunk_at(self, at: int) -> PackedChunk | None:
         """Return the chunk at a place, ignoring the length in its record; None if there is none."""
@@ -203,18 +186,13 @@ class DamageScanner(McapFile):
         """Return the records in a chunk; None if they are damaged."""
         with contextlib.suppress(*BROKEN):
             records = chunk.unpacked(self.allowance)
-            if chunk.crc or _all_known(records):
+            if chunk.crc or all(_known(opcode) for opcode, _, _ in records_in(records)):
                 return records
         return None
 
-    def _next_chunk(self, at: int, limit: int | None = None) -> int:
-        """Return where the first whole chunk from a place on begins.
-
-        The end of the file, or a limit, if there is no chunk before it. Chunks are the only records
-        with a checksum: other bytes may only look like a record.
-        """
+    def _next_chunk(self, at: int, limit: int) -> int:
+        """Return where the first whole chunk from a place on begins, a limit if there is none."""
         false_starts = 0
-        limit = self.size if limit is None else limit
         while at < limit and false_starts < _MOST_FALSE_STARTS:
             window = self.read(at, min(_PIECE, limit - at))
             for match in _CHUNK_START.finditer(window):
@@ -229,5 +207,5 @@ class DamageScanner(McapFile):
         return limit
 
 
-def _all_known(records: bytes) -> bool:
-    return all(opcode in _OPCODES for opcode, _, _ in records_in(records))
+def _known(opcode: int) -> bool:
+    return opcode in _OPCODES or opcode >= _FIRST_PRIVATE

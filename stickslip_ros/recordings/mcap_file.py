@@ -138,17 +138,17 @@ class McapFile:
         footer: Footer = parse(Footer, body_at(self.stream, place))
         return footer
 
-    def index(self, footer: Footer, channels: Channels) -> Index | None:
-        """Read the index, None if its checksum is wrong.
+    def index(self, footer: Footer, channels: Channels) -> Index:
+        """Read the index.
 
         :param channels: learns the topics, unless the checksum is wrong.
-        :raises ValueError: it is broken.
+        :raises ValueError: it is broken, or its checksum is wrong.
         """
         start, end = footer.summary_start, self.records_end
         if not len(MAGIC) <= start <= end:
             raise ValueError("its footer points outside of the file")
         if footer.summary_crc and footer.summary_crc != self._checksum(start, end):
-            return None
+            raise ValueError("the checksum of its index is wrong")
         index = Index()
         for place in record_places(self.stream, start, end):
             if place.opcode == Opcode.CHUNK_INDEX:

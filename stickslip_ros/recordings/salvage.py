@@ -79,15 +79,12 @@ class DamagedMcap(DamageScanner):
         if not footer.summary_start:
             return None
         channels = self._protected if footer.summary_crc else self._unprotected
-        reason = "its checksum is wrong, so nothing in it is believed"
         try:
-            index = self.index(footer, channels)
+            return self.index(footer, channels).statistics
         except BROKEN as error:
-            index, reason = None, " ".join(str(error).split())[:200]
-        if index is None:
-            self.damage.find(f"has a damaged index: {reason}")
+            reason = " ".join(str(error).split())[:200]
+            self.damage.find(f"has a damaged index, which is not believed: {reason}")
             return None
-        return index.statistics
 
     def _messages_in(self, block: Block) -> Iterator[Found]:
         """Yield the messages of a block, up to the first that is not whole."""

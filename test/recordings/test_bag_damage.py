@@ -90,7 +90,7 @@ def damages() -> Iterator[Damage]:
     yield Damage("noise", lambda d: d.__setitem__(slice(_chunk(d, 1), _chunk(d, 1)),
                  b"\x06" + bytes(8) + b"noise"))  # fmt: skip
     yield Damage("index", lambda d: _flip(d, records_of(d, Opcode.STATISTICS)[0] + 12), IN_INDEX)
-    yield Damage("name in index", _rename_in_index, IN_INDEX, found="its checksum is wrong")
+    yield Damage("name in index", _rename_in_index, IN_INDEX, found=IN_INDEX)
     yield Damage("time in index", _lie_about_time, "outside the time range of the index")
     for start in (None, 0):
         yield Damage(f"twice, {start}", lambda d, s=start: _repeat(d, s),  # type: ignore[misc]
