@@ -36,6 +36,9 @@ ERROR = 5e-12
 #: its law has no elastic range. Such a contact loses some deflection whenever lines return to their
 #: curve; any other contact gets it back.
 _YIELDING = 0.04
+#: Deflection (m) at which a contact slides from which on it does not feel the deviation. For a
+#: smaller one the lines are finer in proportion, down to this share.
+_FELT, _FINEST = 5e-10, 0.01
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
 #: Motion (m) below which the actuator is still; relative rounding error of sums
@@ -91,7 +94,7 @@ class Chain(NamedTuple):
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
-            error=ERROR * (_YIELDING if _slides_on(plant) else 1.0),
+            error=ERROR * (_YIELDING if _slides_on(plant) else 1.0) * _fineness(plant),
             mean_only_rate=_fastest(plant, p.gain_in_force * p.max_voltage),
             runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
         )
@@ -114,6 +117,12 @@ def _fastest(plant: Plant, stroke: float) -> float:
     force, way = contact.sigma_0 * limit + abs(plant.force), stroke + limit
     pushed = 2.0 * contact.sigma_1 * limit + contact.sigma_2 * way
     return math.sqrt(force * way / plant.mass) + pushed / plant.mass
+
+
+def _fineness(plant: Plant) -> float:
+    """Return the share of the deviation that the lines may have for so small a deflection."""
+    least = min(plant.contact.z_s, plant.contact.z_k)
+    return min(max(least / _FELT, _FINEST), 1.0)
 
 
 def _slides_on(plant: Plant) -> bool:

@@ -122,6 +122,13 @@ CHANGES: tuple[ModelChange, ...] = (
     ),
     ModelChange(
         8,
+        "lines behind amplifier and actuator are finer for a contact that slides from less than "
+        "0.5 nm of deflection on",
+        lambda p: has_chain(p.actuator),
+        "0.02 nm a cycle",
+    ),
+    ModelChange(
+        8,
         "a slip too short for the clock ends the dwell, too",
         lambda p: bool(p.friction.dwell_growth),
         "16 nm a cycle, where a slip takes less than 1e-16 s",

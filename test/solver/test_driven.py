@@ -193,7 +193,8 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
 
 #: Found by lot: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines beside
 #: their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
-#: which each was off by as much as in a cycle of a millisecond; bends made of what rounding left
+#: which each was off by as much as in a cycle of a millisecond; bends made of what rounding left;
+#: lines 5 pm off their curve, which a contact feels that slides from 51 pm on
 FOUND: dict[str, dict[str, Any]] = {
     "bend within rounding": {
         **{"model": "ceim_without_mu", "preload": 3.7356428500744094, "mass": 0.29507838037333595},
@@ -213,6 +214,13 @@ FOUND: dict[str, dict[str, Any]] = {
         **{"model": "ceim_ageing", "preload": 0.2474, "mu": 0.423, "sigma_1": 2.512},
         **{"z_ba": 1.563e-9, "mass": 0.2274, "force": -0.03135, "slewrate": 174.4},
         **{"amplitude": 81.77, "frequency": 1.02755},
+    },
+    "a contact of 51 pm": {
+        **{"model": "epm_fix", "preload": 0.04135554, "mu_s": 0.001224192774, "mu_k": 0.0742760836},
+        **{"v_stribeck": 0.002422382, "sigma_0": 1e6, "sigma_1": 7.584417, "z_ba": 5e-8},
+        **{"z_ss": 1e-7, "mass": 0.002508584625, "spring": 182142.863547, "amplitude": 276.51053},
+        **{"amplifier_bandwidth": 1.2987982e7, "slewrate": 323200.598, "frequency": 5292.417332},
+        **{"waveform": "hold", "hold_before": 0.3390318936, "hold_after": 0.0862076},
     },
     "a slip of a picosecond": {
         **{"preload": 0.001, "sigma_0": 5.43e8, "sigma_1": 1137.0, "mass": 11.8},
