@@ -374,8 +374,14 @@ def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
 def test_the_contact_never_creates_energy(
     name: str, seed: int, load: float, ageing: dict[str, float]
 ) -> None:
-    """Over each cycle, of any drive with any effect, it turns work into heat."""
+    """Over each cycle, of any drive with any effect, it turns work into heat.
+
+    But for a friction that falls with the rate: then z may be larger than what sliding holds, and
+    its damping sigma_1 z' gives back more than it takes (docs/friction.md).
+    """
     p = next(drives(name, seed, True, RADIANS)).replace(force=load, **ageing)
+    contact = Plant.column(p).contact
+    assume(contact.z_s <= contact.z_k)
     simulation = simulation_of(p, Plant.of(p))
     before = simulation.state
     try:
