@@ -27,14 +27,14 @@ _AVERAGED = 10
 _FIRST_STEPS = 10
 #: Share of the predicted steps that is run when there are more than that: the rest corrects
 _CAUTION = 0.9
-#: Ways that the steps of one train may come to if none of the stroke is lost
+#: Longest train as a multiple of the way to the target, if none of the stroke is lost
 _FARTHEST = 2.0
 #: Step size at least assumed, of the stroke: trains end although hardly a step was seen
 _SMALLEST = 0.05
-#: Strokes away from the target beyond what the steps since the last look can do: something else has
-#: carried the runner, for steps take it a stroke each at most
+#: Strokes beyond those of the steps since the last check from which on something else has moved the
+#: runner: a step takes it a stroke at most
 _CARRIED = 10.0
-#: Of these ways between two looks: steps that run backwards have taken it away
+#: Times that limit, away from the nearest place, from which on the target is lost
 _LOST = 10.0
 #: s, how far ahead of time a trajectory is stepped along: what one look of the supervisor covers
 _LOOKAHEAD = 0.01
@@ -115,7 +115,7 @@ class ClosedLoop:
         self._nearer_at = 0.0  # when it last became less, s
         self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
         self._carried = False  # away from the goal, since it was left or set
-        self._flies = False  # the same in each look since that
+        self._moves_away = False  # the same in each look since that
         self._better_places = 0  # how often another one to reach the goal from was looked for
         self._coming: deque[LoopReading] = deque()  # readings that have not arrived
         # the last reading, or the mean of those since
@@ -172,10 +172,10 @@ class ClosedLoop:
         (looked, before), self._looked = self._looked, (t, distance)
         steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
         far = steps * config.stroke(config.amplitude)
-        self._flies = distance - before > far and (self._flies or not self._carried)
+        self._moves_away = distance - before > far and (self._moves_away or not self._carried)
         if t < self.trajectory.end or self.there:
             self._nearest, self._nearer_at, self._carried = math.inf, t, False
-        elif self._flies:
+        elif self._moves_away:
             self._nearest, self._nearer_at = distance, self._nearer_at if self._carried else t
             self._carried = True
         elif distance < self._nearest - p.target_tolerance:

@@ -126,7 +126,7 @@ class SimLoop:
         self._to_report: list[AxisOfLoop] = []  # that have their turn in this period
         self._in_step: Callable[[], None] = lambda: None
         self._followed_up = 0.0  # s, when a state was published out of turn
-        self._asked = False
+        self._asked_for_priority = False
         self._is_due = False  # the state, since a deadline at which not all axes were there
         self._block_ns = round(1e9 / values.publish_rate)
         self._factor = values.real_time_factor
@@ -139,7 +139,7 @@ class SimLoop:
             raise ParameterError(_FOLLOWS)
         self._clock = publisher_of(node, CLOCK) if values.publish_clock else None
         self._ready = publisher_of(node, READY)
-        self._told = 0  # who waited for that
+        self._ready_readers = 0  # subscribers when "active" was sent last
 
     def start(self, axes: Sequence[AxisOfLoop], in_step: Callable[[], None] = lambda: None) -> None:
         """Let the time of these axes begin, at 0; in_step is called when all have one time."""
@@ -267,7 +267,7 @@ class SimLoop:
         return (self._steady.now().nanoseconds - self._start) * 1e-9
 
     def _paced(self) -> None:
-        if not self._asked:
+        if not self._asked_for_priority:
             self._ask_for_priority()
         if not self.begun:
             self._begin()
@@ -291,7 +291,7 @@ class SimLoop:
 
     def _ask_for_priority(self) -> None:
         """Ask for the thread that runs the timers, which is known only when it does."""
-        self._asked = True
+        self._asked_for_priority = True
         self.priority = request_priority(self._values.real_time_priority)
         if self.priority != "off":
             self._node.get_logger().info(f"real-time priority {self.priority}")
@@ -320,9 +320,9 @@ class SimLoop:
     def _report(self) -> None:
         """Have one axis report, each in its turn: those of fifty at once would cost deadlines."""
         waiting = self._ready.get_subscription_count()
-        if self.begun and waiting > self._told:
+        if self.begun and waiting > self._ready_readers:
             self._tell_ready()
-        self._told = waiting
+        self._ready_readers = waiting
         if not self._to_report:
             self._to_report = list(self._axes)
             self.last_report = self.pace.report(self._steady.now().nanoseconds)

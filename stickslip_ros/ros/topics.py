@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-JOINT_STATE, STATUSES = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
+from stickslip_ros.axis.command import FLOAT64, JOINT_STATE, TRAJECTORY
+from stickslip_ros.recordings.cdr import STATUS_TYPE as STATUSES
 
 
 @dataclass(frozen=True)
@@ -87,12 +88,12 @@ TWIN_OUTPUTS = (
     OutputTopic(
         "~/joint_states", JOINT_STATE, "position that was expected; effort: half its 95 % band (m)"
     ),
-    OutputTopic("~/residual", "std_msgs/msg/Float64", "measured less expected position (m)"),
-    OutputTopic("~/step_size", "std_msgs/msg/Float64", "the step as known now (m)", kept=1),
+    OutputTopic("~/residual", FLOAT64, "measured less expected position (m)"),
+    OutputTopic("~/step_size", FLOAT64, "the step as known now (m)", kept=1),
     OutputTopic("~/estimates", STATUSES, "parameters with their 95 % intervals, once a second"),
     OutputTopic(
         "~/prediction",
-        "trajectory_msgs/msg/JointTrajectory",
+        TRAJECTORY,
         "begin and end of the move that was asked for; `/diagnostics` has its steps and band",
     ),
     OutputTopic("/diagnostics", STATUSES, "once a second: level, reason, drift, troubles"),

@@ -39,19 +39,19 @@ class RunSearchSettings:
     rival: float = 0.6
     rival_differs: float = 0.015
     same_period: float = 0.05  #: part by which a period that is seen may be off one that is known
-    off: float = 0.5  #: periods at most that this adds up to over the run, but
-    clocks: float = 2e-3  #: so great a part at least, by which clocks differ
+    off: float = 0.5  #: periods at most that this difference adds up to over a run
+    clocks: float = 2e-3  #: part by which clocks differ, which is tolerated over any run
     smallest: float = 0.1  #: least step as part of the largest of all runs
     rings_from: tuple[float, float] = (0.1, 1.1)  #: periods after the last slip: ringing, or a rise
     late: float = 3e-4  #: s, from so late at most: slow drives have long periods
     near: float = 0.02  #: periods within which a slip is sought that is known to a phase or two
     rings_for: float = 5e-3  #: s, in which ringing dies away
-    slow_slips: int = 8  #: of drives slower than that, whose single cycles ring down, too
+    slow_slips: int = 8  #: last slips of a slow drive, after each of which the ringing dies away
     samples: int = 16  #: that ringing is fitted to, at least
     same_ringing: float = 0.03  #: part to which frequencies of one ringing are the same
     rounds: int = 6  #: fits of a run whose number of cycles changes
     recounted: float = 0.3  #: part by which that changes before the clock is fitted again
-    a_swing: float = 8.0  #: samples of the ringing, with fewer of which it passes for noise
+    samples_a_swing: float = 8.0  #: samples of the ringing, with fewer of which it passes for noise
     all_but_noise: float = 1.5  #: times the noise up to which a fit leaves nothing to look for
     beside: float = 1.0  #: periods beside a run that its ringing, or a rise, may move the runner
     places: int = 40  #: at which the runner is looked at beyond, as for other runs
@@ -125,7 +125,7 @@ def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
     """
     if not fits or any(fit.left > SETTINGS.all_but_noise * fit.chance for fit in fits):
         return False
-    if any(fit.ringing.frequency * even.tick * SETTINGS.a_swing > 1.0 for fit in fits):
+    if any(fit.ringing.frequency * even.tick * SETTINGS.samples_a_swing > 1.0 for fit in fits):
         return False
     if any(shorter_period(even, fit.grid) is not None for fit in fits):
         return False

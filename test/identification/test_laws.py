@@ -76,9 +76,9 @@ def test_one_more_constant_has_to_predict_better_beyond_chance() -> None:
 
 
 def test_a_law_that_is_not_known_is_refused() -> None:
-    with pytest.raises(IdentificationError, match=r"dahl is no law to rank; known are ceim, "):
-        identify([small()[1]], laws=["dahl"])
-    assert set(RANKED_LAWS) == {"ceim", "lugre", "epm_calc", "epm_fix", "free"}
+    with pytest.raises(IdentificationError, match=r"no_law is no law to rank; known are ceim, "):
+        identify([small()[1]], laws=["no_law"])
+    assert set(RANKED_LAWS) >= {"ceim", "lugre", "epm_calc", "epm_fix", "free"}
 
 
 def test_a_table_alone_predicts_no_run(tmp_path: Path) -> None:

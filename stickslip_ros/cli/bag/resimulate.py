@@ -11,7 +11,6 @@ from stickslip_ros.cli.options import add_outputs, option, print_result, progres
 from stickslip_ros.parameters import parse_assignment
 from stickslip_ros.reporting.terminal import announce_if_slow
 
-_STATE = "sensor_msgs/msg/JointState"
 _DIFFERENT = 1
 
 
@@ -30,12 +29,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.axis.command import JOINT_STATE
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.recordings import open_bag, recorded_runs, resimulate
 
     changes = dict(parse_assignment(text) for text in args.set)
     with open_bag(args.bag) as bag, report_compilation():
-        states = sum(bag.counts[name] for name, one in bag.topics.items() if one.type == _STATE)
+        states = sum(
+            bag.counts[name] for name, one in bag.topics.items() if one.type == JOINT_STATE
+        )
         # An axis may have lived long before it was recorded.
         lived = [(run.end_ns or bag.end_ns) - run.start_ns for run in recorded_runs(bag)]
         motion = f"computing {1e-9 * sum(lived):.0f} s of motion"
