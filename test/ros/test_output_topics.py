@@ -15,10 +15,11 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from stickslip_ros.axis.command import JOINT_STATE
 from stickslip_ros.recordings import BagReader, resimulate
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recorder_node import RecorderNode
-from stickslip_ros.ros.topics import EVENTS, JOINT_STATE, OUTPUTS, OutputTopic
+from stickslip_ros.ros.topics import EVENTS, OUTPUTS, OutputTopic
 
 Record = Callable[[Callable[[], Any]], BagReader]
 HEAT = OutputTopic("~/heat", JOINT_STATE, "heat")
