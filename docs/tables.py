@@ -107,14 +107,32 @@ def _allowed(*but: OutputTopic) -> str:
     return "\n".join(f"            <topic>{name}</topic>" for name in names)
 
 
+def _commanded(tag: str) -> str:
+    """Return the topics or services of the commands of an axis, as the policy allows them."""
+    names = sorted(
+        f"/stickslip_axis/{command.interface}"
+        for command in COMMANDS.values()
+        if command.is_service == (tag == "service") and command.arguments is not None
+    )
+    return "\n".join(f"            <{tag}>{name}</{tag}>" for name in names)
+
+
 TABLES: dict[str, list[Callable[[], str]]] = {
     "states.md": [_table(_states)],
     "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values()))],
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
     "control.md": [_table(_tasks), _table(_scores)],
-    # What an axis publishes, and what a recorder hears.
-    "../config/sros2_policy.xml": [_allowed, lambda: _allowed(READY)],
+    # What an axis offers, publishes and hears; what a recorder hears; what a commander may ask.
+    "../config/sros2_policy.xml": [
+        lambda: _commanded("service"),
+        _allowed,
+        lambda: _commanded("topic"),
+        lambda: _allowed(READY),
+        lambda: _commanded("topic"),
+        lambda: _commanded("service"),
+        lambda: _commanded("topic"),
+    ],
 }
 
 
