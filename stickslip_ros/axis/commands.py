@@ -155,6 +155,11 @@ def _set_load(axis: Device, newtons: float) -> None:
     axis.supervisor.task_began(axis.actuation)
 
 
+def _check_reset(axis: Device) -> None:
+    if not math.isfinite(axis.actuation.x):
+        raise ParameterError("the solver has lost the state of the axis: start the node anew")
+
+
 def _check_zero(axis: Device) -> None:
     if math.isnan(axis.measured):
         raise ParameterError("the sensor gives no reading to count from")
@@ -321,6 +326,7 @@ COMMANDS: dict[str, Command] = {
             "leave a fault",
             row(SAME, fault=STOPPED, disabled=SAME),
             arguments=(),
+            check=_check_reset,
             effect=lambda axis: axis.clear_fault(),
         ),
         Command(

@@ -79,7 +79,7 @@ class Sensor:
             x += float(self._drawn[place])
         if self._drift:
             x += self._drift * self.time_of(k)
-        if self._resolution:
+        if self._resolution and math.isfinite(x):  # what a failed solver leaves may be no number
             x = round(x / self._resolution) * self._resolution
         return x
 

@@ -110,7 +110,10 @@ def _implicit(arc: np.record, plant: np.record, t: float) -> Moved:
 def resolve(arc: np.record, plant: np.record, branch: Branch, t: float) -> Moved:
     """Return the state after t (s) of an implicit arc on a branch, mirrored."""
     state = arc.mirror * arc.z, arc.mirror * arc.w
-    return stiff_step(plant, branch, state, t, plant.inv_omega, EXACT * plant.tolerance)[0]
+    found = stiff_step(plant, branch, state, t, plant.inv_omega, EXACT * plant.tolerance)[0]
+    if math.isnan(found.z):  # rounding hides so small a correction; the arc converged without it
+        found = stiff_step(plant, branch, state, t, plant.inv_omega, plant.tolerance)[0]
+    return found
 
 
 @compiled

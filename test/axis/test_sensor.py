@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated sensor: noise that hangs on seed and number only, grid, latency."""
 
+import math
 from typing import Any
 
 import numpy as np
 import pytest
 from table_1 import TABLE_1, table_1
 
-from stickslip_ros.axis import Axis
+from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.sensor import Sensor
+from stickslip_ros.solver import Simulation
 
 
 def _sensor(**changes: Any) -> Sensor:
@@ -47,6 +49,17 @@ def test_readings_lie_on_the_grid() -> None:
 
 def test_a_perfect_sensor_reads_the_position() -> None:
     assert _sensor(sensor_noise=0.0).reading(1.23456789e-7, 5) == 1.23456789e-7
+
+
+def test_a_position_that_the_solver_lost_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each status of the axis raised an error, so that its node said nothing more."""
+    axis = Axis(TABLE_1)
+    axis.trip("the solver failed")
+    monkeypatch.setattr(Simulation, "x", property(lambda simulation: math.nan))
+    assert math.isnan(axis.status.position)
+    assert axis.status.fault == "the solver failed"
+    with pytest.raises(CommandRefused, match="start the node anew"):
+        axis.reset()
 
 
 @pytest.mark.parametrize(("latency", "readings"), [(0.0, 0), (1e-3, 1), (1.01e-3, 2), (7e-3, 7)])

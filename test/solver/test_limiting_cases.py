@@ -87,3 +87,20 @@ def test_no_bias_adds_up(preload: float, mass: float, most: float, cycles: int) 
         simulation.start(drive_of(p), cycles)
         ends.append(simulation.run_cycles(cycles).position[-1])
     assert abs(ends[0] - ends[1]) / cycles < most
+
+
+def test_a_slide_settles_however_long_it_lasts() -> None:
+    """After a second, a correction smaller than rounding was waited for, and the solver failed."""
+    friction = {"mu": 0.1405525, "sigma_0": 7027641.698338617, "sigma_2": 1e6}
+    contact = {
+        "sigma_0ss": 7027641.698338617,
+        "sigma_1": 5.0,
+        "preload": 0.00552834,
+        "z_ba": 1.0110566793354467e-08,
+        "z_ss": 1e-3,
+    }
+    p = Parameters.of({**friction, **contact, "mass": 1000.0, "force": -47.434934970337984})
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
+    for k in range(1, 201):
+        simulation.advance(0.01 * k)
+    assert simulation.state.v == pytest.approx(-2.242609e-5, rel=1e-6)
