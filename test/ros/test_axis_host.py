@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Several axes in one process: names, parameters of each, one time for all; the nanorobot."""
 
+import statistics
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from heard import Heard
 from live import Ros, Start
 from rclpy.parameter import Parameter
@@ -83,6 +86,18 @@ def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> No
     for (at_x, at_y), (to_x, to_y) in zip(reached, wanted, strict=True):
         assert at_x == pytest.approx(to_x, abs=5.0)
         assert at_y == pytest.approx(to_y, abs=5.0)
+
+
+def test_axes_report_one_after_the_other(ros: Ros, host: AxisHost) -> None:
+    """All at once, fifty of them took 60 ms, in which deadlines passed."""
+    stamps: list[float] = []
+
+    def hear(message: DiagnosticArray) -> None:
+        stamps.append(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+
+    ros.node().create_subscription(DiagnosticArray, "/diagnostics", hear, 100)
+    ros.wait_until(lambda: len(stamps) > 9)
+    assert statistics.median(late - early for early, late in pairwise(stamps)) > 0.2
 
 
 def test_a_trajectory_of_several_axes_is_taken_by_all_or_by_none(ros: Ros, host: AxisHost) -> None:
