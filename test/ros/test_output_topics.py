@@ -120,6 +120,7 @@ def test_states_are_published_to_those_who_subscribe_only(ros: Ros, make_axis: M
     def hear(message: JointState, info: dict[str, int]) -> None:
         numbers.append(info["publication_sequence_number"])
 
-    ros.node("late").create_subscription(JointState, "/joint_states", hear, 10)
+    node = ros.node("late")
+    node.create_subscription(JointState, "/joint_states", hear, 10)  # type: ignore[arg-type]
     ros.wait_until(lambda: numbers, "a state")
     assert numbers[0] < 25

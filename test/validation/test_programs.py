@@ -24,7 +24,7 @@ from validation.benchmark import LIMIT, Effort, accuracy
 from validation.benchmark.__main__ import main as bench
 from validation.benchmark.accuracy import BAR, CYCLES
 from validation.benchmark.unstable import growth_of
-from validation.campaigns import interrupts, parameter_sets, targets
+from validation.campaigns import commands, interrupts, parameter_sets, targets
 from validation.campaigns.__main__ import CAMPAIGNS
 from validation.campaigns.__main__ import main as campaigns
 from validation.campaigns.intervals import experiment, judged, pulls
@@ -117,6 +117,11 @@ def test_sets_over_all_ranges_give_a_result_or_a_word() -> None:
     for number in (*range(6), 1489):
         values = parameter_sets.drawn(number)
         assert parameter_sets.judged(values) in ("result", "refused", "budget"), values
+
+
+def test_axes_under_random_commands_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(commands, "TAKES", 1.0)
+    assert commands.main(["--axes", "2"]) == 0
 
 
 def test_targets_are_reached_or_given_up(capsys: pytest.CaptureFixture[str]) -> None:

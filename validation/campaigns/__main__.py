@@ -79,6 +79,9 @@ CAMPAIGNS: dict[str, Campaign] = {
     "parameters": Campaign(
         "sets of parameters over all ranges", (f"{_STUDIES}parameter_sets", "--count", "20000")
     ),
+    "commands": Campaign(
+        "random commands and parameters on axes of any kind", (f"{_STUDIES}commands",)
+    ),
     "overload": Campaign(
         "changes at any cost: stops and signals are heard", (f"{_STUDIES}overload", "--sets", "200")
     ),
