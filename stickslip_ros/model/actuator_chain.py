@@ -94,7 +94,7 @@ class Chain(NamedTuple):
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
-            error=ERROR * (_YIELDING if _slides_on(plant) else 1.0) * _fineness(plant),
+            error=ERROR * (_YIELDING if _slides_on(plant) else 1.0) * fineness_of(plant),
             mean_only_rate=_fastest(plant, p.gain_in_force * p.max_voltage),
             runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
         )
@@ -119,7 +119,7 @@ def _fastest(plant: Plant, stroke: float) -> float:
     return math.sqrt(force * way / plant.mass) + pushed / plant.mass
 
 
-def _fineness(plant: Plant) -> float:
+def fineness_of(plant: Plant) -> float:
     """Return the share of the deviation that the lines may have for so small a deflection."""
     least = min(plant.contact.z_s, plant.contact.z_k)
     return min(max(least / _FELT, _FINEST), 1.0)

@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from dataclasses import dataclass
 
-from stickslip_ros.model.actuator_chain import has_chain
+from stickslip_ros.model.actuator_chain import fineness_of, has_chain
+from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import Parameters
 
 
@@ -124,7 +125,7 @@ CHANGES: tuple[ModelChange, ...] = (
         8,
         "lines behind amplifier and actuator are finer for a contact that slides from less than "
         "0.5 nm of deflection on",
-        lambda p: has_chain(p.actuator),
+        lambda p: has_chain(p.actuator) and fineness_of(Plant.column(p)) < 1.0,
         "0.02 nm a cycle",
     ),
     ModelChange(
