@@ -81,7 +81,7 @@ def test_every_target_is_reached_within_five_nanometres(
     for target in _targets(4, math.ceil(share * count)):
         approach = _approach(axis, target)
         assert approach.error < 5e-9, target
-        assert approach.turns <= 8, target
+        assert approach.turns <= 6, target
         assert approach.time < longest, target
     assert axis.status.state == "holding"
 
