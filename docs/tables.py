@@ -22,6 +22,7 @@ from stickslip_ros.gym.tasks import SCORES, TASKS
 from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 
 PAGES = Path(__file__).parent
+_AXIS = "/stickslip_axis"  # the node, as the policy names it
 
 
 def _markdown(rows: Iterator[Sequence[str]]) -> str:
@@ -103,18 +104,19 @@ def _table(rows: Callable[[], Iterator[Sequence[str]]]) -> Callable[[], str]:
 
 def _allowed(*but: OutputTopic) -> str:
     """Return the topics of an axis, but for some, as the policy for SROS 2 allows them."""
-    names = sorted(o.full_name("/stickslip_axis") for o in OUTPUTS.values() if o not in but)
-    return "\n".join(f"            <topic>{name}</topic>" for name in names)
+    return _entries("topic", (o.full_name(_AXIS) for o in OUTPUTS.values() if o not in but))
 
 
 def _commanded(tag: str) -> str:
     """Return the topics or services of the commands of an axis, as the policy allows them."""
-    names = sorted(
-        f"/stickslip_axis/{command.interface}"
-        for command in COMMANDS.values()
-        if command.is_service == (tag == "service") and command.arguments is not None
-    )
-    return "\n".join(f"            <{tag}>{name}</{tag}>" for name in names)
+    offered = [one for one in COMMANDS.values() if one.arguments is not None]
+    chosen = [one for one in offered if one.is_service == (tag == "service")]
+    return _entries(tag, (f"{_AXIS}/{one.interface}" for one in chosen))
+
+
+def _entries(tag: str, names: Iterable[str]) -> str:
+    """Return names as entries of the policy."""
+    return "\n".join(f"            <{tag}>{name}</{tag}>" for name in sorted(names))
 
 
 TABLES: dict[str, list[Callable[[], str]]] = {

@@ -196,7 +196,8 @@ def find_steps(
         grids.append(grid)
         ringings.append(ringing)
     estimates, disturbances = fit_steps(even, grids, ringings)
-    still, clipping = without_disturbances(even, disturbances), find_clipping(even)
+    still = without_disturbances(even, disturbances)
+    clipping, jumps = find_clipping(even), find_jumps(x)
     runs = []
     for part, grid, estimate, less in zip(parts, grids, estimates, shorter, strict=True):
         run = _analyse_found(t[part], x[part], grid, estimate)
@@ -204,8 +205,7 @@ def find_steps(
         less = less and shorter_period(even, grid)  # the onset may have bettered its period
         given = period is not None
         doubts = doubts_of(still, grid, others, run.mean_step, less, run.ringing, given)
-        jumps = find_jumps(x) if doubts else ()
-        runs.append(replace(run, doubts=(*clipping, *doubts, *jumps)))
+        runs.append(replace(run, doubts=(*clipping, *doubts, *(jumps if doubts else ()))))
     return Findings(runs, disturbances)
 
 

@@ -20,7 +20,8 @@ from typing import Any
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters.row import Parameter
 from validation.soak.run import RandomCommands
 
 #: s of simulated time of each axis, and of the processor at most
@@ -37,9 +38,6 @@ EFFECTS: tuple[tuple[float, dict[str, Any]], ...] = (
     (0.1, {"surface_spread": 0.2, "dwell_growth": 0.05}),
     (0.3, {"spring": 1e3}),
 )
-CHANGEABLE = [
-    row for row in PARAMETERS.values() if row.mutable and row.kind is float and row.default
-]
 
 
 def axis_by_lot(draw: random.Random) -> Axis:
@@ -49,10 +47,10 @@ def axis_by_lot(draw: random.Random) -> Axis:
     return Axis(Parameters.of({"frequency": 1e3, **drawn}))
 
 
-def changes(draw: random.Random) -> dict[str, float]:
+def changes(rows: Sequence[Parameter], draw: random.Random) -> dict[str, float]:
     """Return new values of some parameters, anywhere in their range."""
     found = {}
-    for row in draw.sample(CHANGEABLE, draw.randint(1, 3)):
+    for row in draw.sample(rows, draw.randint(1, 3)):
         value = draw.choice([row.low, row.high, row.default * 10.0 ** draw.uniform(-2.0, 2.0)])
         found[row.name] = min(max(value, row.low), row.high)
     return found
@@ -68,7 +66,7 @@ def command(axis: Axis, commands: RandomCommands, draw: random.Random) -> None:
     elif name == "trajectory":
         arguments = [joint], [list(point) for point in arguments[0]]
     elif name == "parameters":
-        arguments = (changes(draw),)
+        arguments = (changes(commands.changeable, draw),)
     try:
         if axis.fault:
             axis.reset()

@@ -135,7 +135,7 @@ class RandomCommands:
             "position": (-2e-5, 2e-5),
             "load": (-0.05, 0.05),
         }
-        self._rows = [
+        self.changeable = [
             row for row in PARAMETERS.values() if row.mutable and row.kind is float and row.default
         ]
 
@@ -168,7 +168,7 @@ class RandomCommands:
         """Return some parameters within a factor of two of their defaults, or one of no sense."""
         if self._dice.random() < 0.05:
             return {"preload": -1.0}
-        rows = self._dice.sample(self._rows, self._dice.randint(1, 2))
+        rows = self._dice.sample(self.changeable, self._dice.randint(1, 2))
         return {
             row.name: min(max(row.default * 2.0 ** self._dice.uniform(-1, 1), row.low), row.high)
             for row in rows
