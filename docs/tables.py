@@ -14,15 +14,16 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from stickslip_ros.axis.command import Command
+from stickslip_ros.axis.command import FLOAT64, INT32, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.axis.state_machine import STATES
 from stickslip_ros.gym.tasks import SCORES, TASKS
 from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
+from stickslip_ros.twin.recording import KNOWN, UNKNOWN
 
 PAGES = Path(__file__).parent
-_AXIS = "/stickslip_axis"  # the node, as the policy names it
+_AXIS, _TWIN = "/stickslip_axis", "/stickslip_twin"  # the nodes, as the policy names them
 
 
 def _markdown(rows: Iterator[Sequence[str]]) -> str:
@@ -107,6 +108,18 @@ def _allowed(*but: OutputTopic) -> str:
     return _entries("topic", (o.full_name(_AXIS) for o in OUTPUTS.values() if o not in but))
 
 
+def _of_twin() -> str:
+    """Return the topics of a twin, as the policy allows them."""
+    return _entries("topic", (one.full_name(_TWIN) for one in TWIN_OUTPUTS))
+
+
+def _heard_by_twin() -> str:
+    """Return the topics of commands that a twin hears from other programs."""
+    heard = [one for one in COMMANDS.values() if one.name in (*KNOWN, *UNKNOWN)]
+    plain = [one.interface for one in heard if one.type in (INT32, FLOAT64)]
+    return _entries("topic", (f"/{name}" for name in plain))
+
+
 def _commanded(tag: str) -> str:
     """Return the topics or services of the commands of an axis, as the policy allows them."""
     offered = [one for one in COMMANDS.values() if one.arguments is not None]
@@ -125,7 +138,8 @@ TABLES: dict[str, list[Callable[[], str]]] = {
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
     "control.md": [_table(_tasks), _table(_scores)],
-    # What an axis offers, publishes and hears; what a recorder hears; what a commander may ask.
+    # What an axis offers, publishes and hears; what a recorder hears; what a commander may ask;
+    # what a twin publishes, and hears of other programs.
     "../config/sros2_policy.xml": [
         lambda: _commanded("service"),
         _allowed,
@@ -134,6 +148,8 @@ TABLES: dict[str, list[Callable[[], str]]] = {
         lambda: _commanded("topic"),
         lambda: _commanded("service"),
         lambda: _commanded("topic"),
+        _of_twin,
+        _heard_by_twin,
     ],
 }
 

@@ -111,9 +111,10 @@ class RealAxis:
 
 
 def feed(twin: Any, log: Log) -> Iterator[Any]:
-    """Give a log to a twin; yield what it says of each reading."""
+    """Give a whole log to a twin; yield what it says of each reading."""
     for one in log:
         if isinstance(one, TwinCommand):
             twin.command(one)
         else:
             yield twin.measure(*one)
+    twin.settle()

@@ -12,13 +12,16 @@ from stickslip_ros.cli.options import (
     add_outputs,
     add_parameters,
     check_outputs,
+    flag,
     option,
     parameters_from,
     print_result,
     progress_bar,
     quantity,
+    require_ros,
     write_outputs,
 )
+from stickslip_ros.cli.page_server import add_page_server, serve
 from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.twin.settings import ASKED, TwinSettings
@@ -34,7 +37,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "the method, and what it cannot know."
     )
     text = "a bag, or a table of time and position with the columns steps, amplitude, frequency"
-    option(parser, "recording", "RECORDING", text, Path)
+    option(parser, "recording", "RECORDING", text, Path, nargs="?")
+    flag(parser, "--page", "show it on a page of this machine; live, if there is no RECORDING")
+    option(parser, "--node", "NODE", "the twin of a live page", default="/stickslip_twin")
+    add_page_server(parser)
     option(parser, "--drive", "FILE.csv", "commands as a table: time,command,value", Path)
     option(parser, "--joint", "NAME", "joint to use in a bag (default: the slider)")
     add_parameters(parser)
@@ -52,10 +58,12 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.library.ensemble import find_ensemble
-    from stickslip_ros.pages.twin import twin_page
+    from stickslip_ros.pages.twin import TwinStory, twin_page
     from stickslip_ros.twin import Twin, TwinCommand
     from stickslip_ros.twin.recording import read_log
 
+    if args.recording is None:
+        return _live(args)
     check_outputs(args)
     p = parameters_from(args)
     given = {name: getattr(args, name) for name in ASKED if getattr(args, name) is not None}
@@ -71,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
                 twin.command(one)
             elif update := twin.measure(*one):
                 updates.append(update)
+        twin.settle()
     if not updates:
         raise UsageError(
             f"{args.recording} has no two readings that follow each other; see --units"
@@ -78,9 +87,25 @@ def run(args: argparse.Namespace) -> int:
     forecasts = _forecasts(args, twin)
     heading, name = ("time", "measured", "expected", "deviation"), args.recording.name
     rows = [update[:4] for update in updates]
-    write_outputs(args, name, heading, rows, twin_page, twin, updates, name)
+    story = TwinStory.of(twin, updates, name)
+    write_outputs(args, name, heading, rows, twin_page, story)
     print_result(args, _content(twin, forecasts), lambda: "\n".join(_lines(twin, forecasts)))
+    if args.page:
+        from stickslip_ros.workbench.server import TwinPanel
+
+        serve(TwinPanel(story), args, "twin")
     return 0 if twin.level[0] in ("ok", "blind") and not twin.changes else 1
+
+
+def _live(args: argparse.Namespace) -> int:
+    if not args.page:
+        raise UsageError("give a RECORDING, or --page to see a twin that runs")
+    with require_ros():
+        from stickslip_ros.ros.twin_listener import TwinListener
+    from stickslip_ros.workbench.server import TwinPanel
+
+    with TwinListener(args.node) as twin:
+        return serve(TwinPanel(twin.story), args, "twin")
 
 
 def _forecasts(args: argparse.Namespace, twin: Twin) -> list[Forecast]:

@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.pages.measured import TINTS
-from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.reporting import CONFIDENCE, MEASURED, SIMULATED, format_si
-from stickslip_ros.reporting.page import PlotPlace, ResultPage
+from stickslip_ros.reporting.page import PlotPlace, ResultPage, page
 from stickslip_ros.reporting.plots import (
     Figure,
     axis_of,
@@ -20,76 +22,103 @@ from stickslip_ros.reporting.plots import (
     stretch_of,
     thin_columns,
 )
-from stickslip_ros.twin import Twin, Update
+from stickslip_ros.twin import TrackedParameter, Twin, Update
 
 Array = NDArray[np.float64]
+#: x, y, the ends of its band, name, colour
+Line = tuple[Array, Array, Array | None, Array | None, str, str]
 
-#: Points of a line; colour of a band
+#: Points of a line; colour of a band; readings and estimates that a live page keeps
 _POINTS, _BAND = 4000, "#9db4d8"
+_READINGS, _ESTIMATES = 20_000, 4000
 
 
-def twin_page(twin: Twin, updates: Sequence[Update], source: str) -> ResultPage:
-    """Return the page of a twin that has taken the readings of a source."""
-    level, reason = twin.level
-    parts = {
-        "source": source,
-        "level": level,
-        "reason": reason,
-        "readings": len(updates),
-        "stepping": format_si(twin.driven, "s"),
-        "estimates": twin.estimates(),
-        "changes": twin.changes,
-        "troubles": twin.troubles,
-    }
-    return ResultPage("twin.html", _plots(twin, updates), parts)
+@dataclass
+class TwinStory:
+    """What a page shows of a twin that has run, or of one that runs elsewhere. Times in s."""
+
+    source: str
+    level: str = "blind"
+    reason: str = "nothing was heard of the twin yet"
+    stepping: float = 0.0
+    #: time, measured, expected, standard deviation (m)
+    readings: deque[tuple[float, ...]] = field(default_factory=lambda: deque(maxlen=_READINGS))
+    history: deque[tuple[float, list[TrackedParameter]]] = field(
+        default_factory=lambda: deque(maxlen=_ESTIMATES)
+    )
+    #: onset, when it was told, text
+    changes: list[tuple[float, float, str]] = field(default_factory=list)
+    troubles: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, twin: Twin, updates: Sequence[Update], source: str) -> TwinStory:
+        """Return that of a twin that has taken the readings of a source."""
+        told = [(one.onset, one.told, one.text) for one in twin.changes]
+        readings = deque[tuple[float, ...]](one[:4] for one in updates)
+        history = deque(twin.history)
+        history.append((twin.t, twin.estimates()))
+        troubles = dict(twin.troubles)
+        return cls(source, *twin.level, twin.driven, readings, history, told, troubles)
 
 
-def _plots(twin: Twin, updates: Sequence[Update]) -> list[PlotPlace]:
+def twin_page(story: TwinStory, live: bool = False) -> ResultPage:
+    """Return the page of a twin; a live one asks for `live_parts` at ``/twin``."""
+    return ResultPage("twin.html", _plots(story), {**_parts(story), "live": live})
+
+
+def live_parts(story: TwinStory) -> dict[str, Any]:
+    """Return what changes on a live page: its first section, and the plots by name."""
+    figures = {plot.name: plot.figure for plot in _plots(story)}
+    return {"known": page("twin_known.html", **_parts(story)), "figures": figures}
+
+
+def _parts(story: TwinStory) -> dict[str, Any]:
+    return {
+        "source": story.source, "level": story.level, "reason": story.reason,
+        "readings": len(story.readings), "stepping": format_si(story.stepping, "s"),
+        "estimates": story.history[-1][1] if story.history else [],
+        "changes": [text for *_, text in story.changes], "troubles": story.troubles,
+    }  # fmt: skip
+
+
+def _plots(story: TwinStory) -> list[PlotPlace]:
     """Return the plots with their descriptions; changes are marked in each."""
-    t, measured, expected, deviation = np.array([one[:4] for one in updates]).T
-    nm = 1e9
-    places = [
+    t, measured, expected, deviation = np.array(list(story.readings)).reshape(-1, 4).T
+    nm, um = 1e9, 1e6
+    places: list[tuple[str, str, str, list[Line]]] = [
         ("position", "Measured and expected", "position (µm)",
-         [(t, 1e-3 * nm * measured, None, "measured", MEASURED),
-          (t, 1e-3 * nm * expected, None, "expected", SIMULATED)]),
+         [(t, um * measured, None, None, "measured", MEASURED),
+          (t, um * expected, None, None, "expected", SIMULATED)]),
         ("residual", "Residual", "measured less expected (nm)",
-         [(t, nm * (measured - expected), CONFIDENCE * nm * deviation, "residual", MEASURED)]),
+         [(t, nm * (measured - expected), -CONFIDENCE * nm * deviation, CONFIDENCE * nm * deviation,
+           "residual", MEASURED)]),
     ]  # fmt: skip
-    history = twin.history
-    if len(history) > 1:
-        when = np.array([one.t for one in history])
-        steps = np.array([(one.step_size, one.step_deviation) for one in history]).T
+    tracked: dict[str, list[tuple[float, TrackedParameter]]] = {}
+    for when, estimates in list(story.history):
+        for one in estimates:
+            tracked.setdefault(one.name, []).append((when, one))
+    for k, (name, found) in enumerate(tracked.items()):
+        unit = found[0][1].unit
+        at, value, low, high = np.array([(t, one.value, one.low, one.high) for t, one in found]).T
         places.append(
-            ("step", "Step size", "step size (nm)",
-             [(when, nm * steps[0], CONFIDENCE * nm * steps[1], "step size", SIMULATED)])
+            (f"estimate-{k}", name.capitalize(), f"{name} ({unit})",
+             [(at, value, low, high, name, SIMULATED)])
         )  # fmt: skip
-        for k, name in enumerate(twin.tracker.names):
-            value = np.array([one.values[k] for one in history])
-            wide = CONFIDENCE * value * np.array([one.deviations[k] for one in history])
-            places.append(
-                (f"parameter-{k}", f"Parameter {name}", f"{name} ({PARAMETERS[name].unit})",
-                 [(when, value, wide, name, SIMULATED)])
-            )  # fmt: skip
-    found = []
+    made = []
     for name, heading, y_name, lines in places:
         about = f"{heading} over time{', with 95 % bands' if lines[0][2] is not None else ''}."
-        found.append(PlotPlace(name, heading, about, _figure(twin, y_name, lines)))
-    return found
+        made.append(PlotPlace(name, heading, about, _figure(story, y_name, lines)))
+    return made
 
 
-def _figure(
-    twin: Twin, y_name: str, lines: Sequence[tuple[Array, Array, Array | None, str, str]]
-) -> Figure:
+def _figure(story: TwinStory, y_name: str, lines: Sequence[Line]) -> Figure:
     data = []
-    for t, y, band, name, color in lines:
-        columns = (y,) if band is None else (y, band)
-        at, values, *wide = thin_columns(t, *columns, count=_POINTS)
-        # The band of the residual lies about what is expected.
-        middle = 0.0 if name == "residual" else values
-        for half in (wide[0], -wide[0]) if wide else ():
-            data.append(line_of(at, middle + half, "95 %", _BAND, "", "s"))
+    for t, y, low, high, name, color in lines:
+        columns = (y,) if low is None or high is None else (y, low, high)
+        at, values, *band = thin_columns(t, *columns, count=_POINTS)
+        data += [line_of(at, edge, "95 %", _BAND, "", "s") for edge in band]
         data.append(line_of(at, values, name, color, "", "s"))
-    shapes = [stretch_of(one.onset, one.told, TINTS[1]) for one in twin.changes]
+    shapes = [stretch_of(onset, told, TINTS[1]) for onset, told, _ in story.changes]
     frame = layout_of(
         300, xaxis=axis_of("time (s)"), yaxis=axis_of(y_name), shapes=shapes, showlegend=False
     )

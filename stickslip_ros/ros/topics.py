@@ -86,11 +86,17 @@ OUTPUTS = {one.name: one for one in tuple(globals().values()) if isinstance(one,
 #: What a twin publishes beside an axis
 TWIN_OUTPUTS = (
     OutputTopic(
-        "~/joint_states", JOINT_STATE, "position that was expected; effort: half its 95 % band (m)"
+        "~/joint_states",
+        JOINT_STATE,
+        "the joint as it was expected, effort: half its 95 % band (m); `<joint>_measured`",
     ),
     OutputTopic("~/residual", FLOAT64, "measured less expected position (m)"),
     OutputTopic("~/step_size", FLOAT64, "the step as known now (m)", kept=1),
-    OutputTopic("~/estimates", STATUSES, "parameters with their 95 % intervals, once a second"),
+    OutputTopic(
+        "~/estimates",
+        STATUSES,
+        "parameters with 95 % intervals, and the last changes, once a second",
+    ),
     OutputTopic(
         "~/prediction",
         TRAJECTORY,

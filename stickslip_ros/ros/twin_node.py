@@ -10,6 +10,7 @@ import heapq
 import math
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.library.ensemble import find_ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.device_groups import AXIS_NODE, SLIDER
+from stickslip_ros.recordings.cdr import nanoseconds
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
@@ -46,7 +48,7 @@ from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_
 from stickslip_ros.ros.process import StopRequested, run
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Forecast, Twin, TwinCommand, TwinSettings
-from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of
+from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of, event_ns
 from stickslip_ros.twin.settings import ASKED, TwinError
 
 NODE_NAME = "stickslip_twin"
@@ -57,6 +59,7 @@ _MOST = 20_000
 _EVENTS_KEPT = 1000
 #: Readings that may come while causes are judged, which takes seconds
 _QUEUE = 10_000
+_CHANGES = 20  # the last ones, which estimates tell
 _LEVELS = {"ok": DiagnosticStatus.OK, "unlike the model": DiagnosticStatus.ERROR}
 
 PARAMETERS = (
@@ -96,10 +99,10 @@ class TwinNode(GuardedNode):
         settings = {name: given[name] for name in ASKED}
         ensemble = find_ensemble(Path(config)) if config else None
         self.twin = Twin(Parameters.of(config), TwinSettings(**settings), ensemble)
-        self._origin: int | None = None  # ns that the twin's times count from
-        self._start: float | None = None  # s, when the simulated time of the axis was 0
-        # What waits for its turn: time, whether it is a reading, number of arrival, and itself
-        self._waiting: list[tuple[float, bool, int, TwinCommand | float]] = []
+        self._origin: int | None = None  # ns that the twin's times count from: the oldest heard
+        self._start: int | None = None  # ns, when the simulated time of the axis was 0
+        # What waits for its turn: time (ns), whether it is a reading, number of arrival, and itself
+        self._waiting: list[tuple[int, bool, int, TwinCommand | float]] = []
         self._arrived = 0
         self._told = 0
         latched = QoSProfile(depth=_EVENTS_KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -133,22 +136,16 @@ class TwinNode(GuardedNode):
 
     # -- hearing
 
-    def _seconds(self, stamped: Any) -> float:
-        ns = int(stamped.sec) * 1_000_000_000 + int(stamped.nanosec)
-        if self._origin is None:
-            self._origin = ns
-        return 1e-9 * (ns - self._origin)
-
-    def _wait(self, t: float, what: TwinCommand | float) -> None:
+    def _wait(self, ns: int, what: TwinCommand | float) -> None:
         if len(self._waiting) >= _MOST:
             self.twin.troubles["messages of a flood"] += 1
             return
         self._arrived += 1
         is_reading = not isinstance(what, TwinCommand)  # of one time, commands go first
-        heapq.heappush(self._waiting, (t, is_reading, self._arrived, what))
+        heapq.heappush(self._waiting, (ns, is_reading, self._arrived, what))
 
     def _on_events(self, message: Any) -> None:
-        published = self._seconds(message.header.stamp)
+        published = nanoseconds(message.header.stamp)
         for status in message.status:
             event = Event.of({pair.key: pair.value for pair in status.values})
             if event is None:
@@ -156,16 +153,16 @@ class TwinNode(GuardedNode):
             if event.name == START:
                 self._start = published
             # The message comes when the axis may have gone on already.
-            t = published if self._start is None else self._start + event.time
-            for command in commands_of(event, t):
-                self._wait(t, command)
+            ns = published if self._start is None else event_ns(self._start, event)
+            for command in commands_of(event, math.nan):
+                self._wait(ns, command)
 
     def _on_command(self, name: str) -> Callable[[Any], None]:
         """Return what takes a command that says no time: it is given when it arrives."""
 
         def take(message: Any) -> None:
-            t = self._seconds(self.get_clock().now().to_msg())
-            self._wait(t, TwinCommand(t, name, float(message.data)))
+            command = TwinCommand(math.nan, name, float(message.data))
+            self._wait(self.get_clock().now().nanoseconds, command)
 
         return take
 
@@ -174,38 +171,43 @@ class TwinNode(GuardedNode):
         if not self._joint:
             self._joint = next((name for name in names if name.endswith(SLIDER)), "")
         if self._joint in names and len(message.position) == len(names):
-            self._read(message.header.stamp, message.position[names.index(self._joint)])
+            ns = nanoseconds(message.header.stamp)
+            self._read(ns, message.position[names.index(self._joint)])
 
     def _on_point(self, message: PointStamped) -> None:
         place = message.point.x, message.point.y, message.point.z
         way = sum(one * along for one, along in zip(place, self._direction, strict=True))
-        self._read(message.header.stamp, way)
+        self._read(nanoseconds(message.header.stamp), way)
 
     def _on_number(self, message: Float64) -> None:
-        self._read(self.get_clock().now().to_msg(), message.data)
+        self._read(self.get_clock().now().nanoseconds, message.data)
 
-    def _read(self, stamped: Any, position: float) -> None:
-        self._wait(self._seconds(stamped), self._unit * position)
+    def _read(self, ns: int, position: float) -> None:
+        self._wait(ns, self._unit * position)
 
     def _poll(self) -> None:
         if self._stop_requested() and not self.finished.done():
             self.finished.set_result(None)
-        newest = max((t for t, *_ in self._waiting), default=-math.inf)
-        self._take(newest - self._patience)
+        newest = max((ns for ns, *_ in self._waiting), default=0)
+        self._take(newest - round(1e9 * self._patience))
 
     def _take(self, until: float) -> None:
-        """Give the twin all that is older than a time (s), and publish what it says."""
+        """Give the twin all that is older than a time (ns), and publish what it says."""
         while self._waiting and self._waiting[0][0] <= until:
-            t, _, _, what = heapq.heappop(self._waiting)
+            ns, _, _, what = heapq.heappop(self._waiting)
+            if self._origin is None:
+                self._origin = ns
+            t = 1e-9 * (ns - self._origin)
             if isinstance(what, TwinCommand):
-                self.twin.command(what)
+                self.twin.command(replace(what, t=t))
                 continue
             update = self.twin.measure(t, what)
             if update is None:
                 continue
-            expected = JointState(name=[self._joint], position=[update.expected])
+            names = [self._joint, f"{self._joint}_measured"]
+            expected = JointState(name=names, position=[update.expected, update.measured])
             expected.header.stamp = self._stamp(update.t)
-            expected.effort = [CONFIDENCE * update.deviation]
+            expected.effort = [CONFIDENCE * update.deviation, 0.0]
             self._out["~/joint_states"].publish(expected)
             self._out["~/residual"].publish(Float64(data=update.measured - update.expected))
 
@@ -213,6 +215,10 @@ class TwinNode(GuardedNode):
 
     def _stamp(self, t: float) -> Any:
         return stamp((self._origin or 0) + round(1e9 * t))
+
+    def _epoch(self, t: float) -> float:
+        """Return a time of the twin in s since 1970."""
+        return 1e-9 * (self._origin or 0) + t
 
     def _report(self) -> None:
         twin, name = self.twin, self.get_fully_qualified_name().lstrip("/")
@@ -230,13 +236,20 @@ class TwinNode(GuardedNode):
             )
             for one in estimates
         ]  # fmt: skip
-        self._out["~/estimates"].publish(diagnostic_array(now, statuses))
+        for number, change in enumerate(twin.changes[-_CHANGES:], 1):
+            times = {"since (s)": self._epoch(change.onset), "told (s)": self._epoch(change.told)}
+            what = f"{name}: change {number}"
+            statuses.append(
+                diagnostic_status(what, DiagnosticStatus.WARN, change.text, times, name)
+            )
+        heard = now if math.isnan(twin.t) else self._stamp(twin.t)
+        self._out["~/estimates"].publish(diagnostic_array(heard, statuses))
         rate, deviation = twin.drift
         values = {
             "level": level, "stepping (s)": twin.driven, "drift (1/s)": rate,
             "drift, standard error (1/s)": deviation, "changes": len(twin.changes),
             "waiting messages": len(self._waiting),
-            **twin.troubles,
+            **{f"trouble: {what}": count for what, count in twin.troubles.items()},
         }  # fmt: skip
         self._say("twin", _LEVELS.get(level, DiagnosticStatus.WARN), f"{level}: {reason}", values)
         step = next((one.value for one in estimates if one.name == "step size"), None)

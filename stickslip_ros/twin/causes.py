@@ -2,18 +2,18 @@
 """What a change may come from: the likelihood of named causes, and which cannot be told apart.
 
 Each cause is one parameter of unknown size, uniform over its range. The readings since the change
-have a likelihood for each size, from the same filter as `tracker` with the position alone; the
-mean over sizes is the evidence of the cause, and with equal odds beforehand its posterior follows
-(Kass, Raftery 1995). Two causes that move the step by the same share in all drives seen have the
-same evidence: they are named together.
+have a likelihood for each size, from the same filter as `tracker`, which knows the parameters of
+before as well as that did; the mean over sizes is the evidence of the cause, and with equal odds
+beforehand its posterior follows (Kass, Raftery 1995). Two causes that move the step by the same
+share in all drives seen have the same evidence: they are named together.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.twin.response import Blur, CycleCurve, Model, parts_of_cycles
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import OperatingPoint, Piece
-from stickslip_ros.twin.tracker import Seen
+from stickslip_ros.twin.tracker import THETA, ReadingFilter, Seen
 
 Array = NDArray[np.float64]
 
@@ -36,6 +36,11 @@ _TRIED = 65
 #: A cause less likely than this is left out of those that cannot be told apart
 _LEAST = 0.01
 _REST = Piece(0.0, None, 0.0)
+#: Readings between pauses
+_PIECE = 50
+T = TypeVar("T")
+#: What is computed in pieces of some milliseconds; yields the s until the next, None: later
+Pieces = Generator[float | None, None, T]
 #: For each drive: numbers of readings, cycles and rests (2, parts) where parts begin and end
 Parts = list[tuple[OperatingPoint, NDArray[np.int64], Array, Array]]
 #: Standard deviations of the sum of squares beyond which no cause explains the readings
@@ -142,28 +147,37 @@ class Attribution:
 
 
 def attribute(
-    model: Model, sensor_gain: float, seen: Sequence[Seen], place: float, settings: TwinSettings
-) -> Attribution:
-    """Return what explains readings since a change at a place (m).
+    model: Model,
+    covariance: Array,
+    sensor_gain: float,
+    seen: Sequence[Seen],
+    place: float,
+    settings: TwinSettings,
+) -> Pieces[Attribution]:
+    """Return what explains readings since a change at a place (m); pauses every few milliseconds.
 
-    model and the gain of the sensor are those of before. The first reading is where they begin.
+    model, covariance (of logarithms of parameters) and the gain of the sensor are those of before.
+    The first reading is where they begin.
     """
     p = model.p
     warms = p.actuator.gain_temperature or p.friction.friction_temperature
     causes = [name for name in CAUSES if name != "temperature" or warms]
     reaches = {name: CAUSES[name].reach(p) for name in causes}
     known = {name: CAUSES[name] for name, (low, high) in reaches.items() if low < high}
-    since = _Since(p, sensor_gain, seen, _parts_of(seen), place, settings)
-    blurs = since.blurs(model)
+    yield None
+    since = _Since(p, covariance, sensor_gain, seen, _parts_of(seen), place, settings)
+    blurs = yield from since.blurs(model)
     best: dict[str, float] = {}
     evidence: dict[str, float] = {}
     for name, cause in known.items():
-        best[name], evidence[name] = _seek(since, cause, reaches[name], blurs)
+        best[name], evidence[name] = yield from _seek(since, cause, reaches[name], blurs)
     top = max(evidence, key=lambda name: evidence[name])
     shares = {name: math.exp(one - evidence[top]) for name, one in evidence.items()}
     total, count = sum(shares.values()), len(seen) - 1
-    own = since.blurs(Model(known[top].applied(p, best[top])))  # another mass rings in another way
-    _, squares = since.likelihood(since.ways(known[top], np.array([best[top]])), own)
+    # Another mass rings in another way.
+    own = yield from since.blurs(Model(known[top].applied(p, best[top])))
+    ways = yield from since.ways(known[top], np.array([best[top]]))
+    _, squares = yield from since.likelihood(ways, own)
     return Attribution(
         {name: share / total for name, share in shares.items()},
         best,
@@ -177,59 +191,73 @@ class _Since:
     """Readings since a change, and the axis before it."""
 
     p: Parameters
+    covariance: Array
     sensor_gain: float
     seen: Sequence[Seen]
     parts: Parts
     place: float  #: where it changed, m
     settings: TwinSettings
 
-    @cached_property
-    def before(self) -> Array:
-        """The ways (readings - 1,) without a change, m."""
-        return self._ways(self.p)
-
-    def ways(self, cause: Cause, sizes: Array) -> Array:
+    def ways(self, cause: Cause, sizes: Array) -> Pieces[Array]:
         """Return the ways (sizes, readings - 1) of a cause, m."""
-        if not cause.parameter:
-            return np.asarray(self.before * np.exp(sizes)[:, None])
-        ways = np.array([self._ways(cause.applied(self.p, size)) for size in sizes.tolist()])
+        if not cause.parameter or cause.local:
+            before = yield from self._ways(self.p)  # without a change
+            if not cause.parameter:
+                return np.asarray(before * np.exp(sizes)[:, None])
+        ways = np.empty((len(sizes), len(self.seen) - 1))
+        for k, size in enumerate(sizes.tolist()):
+            ways[k] = yield from self._ways(cause.applied(self.p, size))
         if not cause.local:
             return ways
         positions = np.array([one.reading for one in self.seen[1:]])
         beyond = (positions - self.place) * (positions[0] - self.place) >= 0.0
-        return np.where(beyond, ways, self.before)
+        return np.where(beyond, ways, before)
 
-    def _ways(self, p: Parameters) -> Array:
+    def _ways(self, p: Parameters) -> Pieces[Array]:
         found = np.zeros(len(self.seen) - 1)
         for drive, number, cycles, rest in self.parts:
             curve = CycleCurve.of(p, drive)
             way = curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0])
             found += np.bincount(number, way, len(found))
+            yield None
         return self.sensor_gain * found
 
-    def blurs(self, model: Model) -> list[float]:
-        """Return the deviation (m) of each reading that ringing and its uncertain time make."""
+    def blurs(self, model: Model) -> Pieces[list[Blur]]:
+        """Return the blur of each reading."""
         found = []
         for one in self.seen:
             piece, _, end = one.parts[-1] if one.parts else (_REST, 0.0, one.t)
             curve = model.curve(piece.drive) if piece.drive else None
-            blur = curve.blur(piece, end, self.settings.timing) if curve else Blur()
-            found.append(blur.deviation)
+            found.append(curve.blur(piece, end, self.settings.timing) if curve else Blur())
+            if len(found) % _PIECE == 0:
+                yield None
         return found
 
-    def likelihood(self, ways: Array, blurs: Sequence[float]) -> tuple[Array, Array]:
+    def likelihood(self, ways: Array, blurs: Sequence[Blur]) -> Pieces[tuple[Array, Array]]:
         """Return logarithms of likelihoods and sums of squares of ways, (sizes,) each."""
-        return _log_likelihood(ways, self.seen, blurs, self.settings.noise)
+        likely = ReadingFilter(len(self.covariance), self.settings.noise, ways.shape[:1])
+        likely.covariance[THETA, THETA] = self.covariance
+        likely.anchor(self.seen[0].reading, blurs[0].deviation)
+        logs, squares = np.zeros(len(ways)), np.zeros(len(ways))
+        for k, one in enumerate(self.seen[1:]):
+            likely.go(ways[:, k], one.motion.slope, one.motion.scatter)
+            found = likely.see(one.reading, blurs[k + 1])
+            logs -= 0.5 * found.z**2 + math.log(found.deviation)
+            squares += found.z**2
+            if k % _PIECE == 0:
+                yield None
+        return logs, squares
 
 
 def _seek(
-    since: _Since, cause: Cause, reach: tuple[float, float], blurs: Sequence[float]
-) -> tuple[float, float]:
+    since: _Since, cause: Cause, reach: tuple[float, float], blurs: Sequence[Blur]
+) -> Pieces[tuple[float, float]]:
     """Return the likeliest size of a cause within its reach, and the logarithm of its evidence."""
     (low, high), count = reach, cause.solved
     for _ in range(_ROUNDS):
         solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
-        logs, _ = since.likelihood(CubicSpline(solved, since.ways(cause, solved))(sizes), blurs)
+        ways = yield from since.ways(cause, solved)
+        logs, _ = yield from since.likelihood(CubicSpline(solved, ways)(sizes), blurs)
         k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
         mean = float(np.exp(logs - logs[k]).sum()) * width
         if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
@@ -251,23 +279,3 @@ def _parts_of(seen: Sequence[Seen]) -> Parts:
         number, cycles, rests = zip(*all_of, strict=True)
         parts.append((drive, np.array(number), np.array(cycles).T, np.array(rests).T))
     return parts
-
-
-def _log_likelihood(
-    ways: Array, seen: Sequence[Seen], blurs: Sequence[float], noise: float
-) -> tuple[Array, Array]:
-    """Return logarithms of likelihoods and sums of squares of ways (sizes, readings - 1)."""
-    x, variance = np.full(len(ways), seen[0].reading), noise**2 + blurs[0] ** 2
-    logs, squares = np.zeros(len(ways)), np.zeros(len(ways))
-    for k, one in enumerate(seen[1:]):
-        x = x + ways[:, k]
-        variance += one.motion.scatter
-        of_reading = noise**2 + blurs[k + 1] ** 2
-        total = variance + of_reading
-        off = one.reading - x
-        z = off**2 / total
-        logs -= 0.5 * (z + math.log(total))
-        squares += z
-        x = x + variance / total * off
-        variance *= of_reading / total
-    return logs, squares

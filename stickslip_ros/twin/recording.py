@@ -76,21 +76,28 @@ def read_log(
     if not is_bag(path):
         return _of_table(path, how, drive)
     found = load_motion(path, how, joint)
-    motion, origin = found.motion, found.origin_ns or 0
+    motion, first = found.motion, found.origin_ns or 0
     if drive is not None:
-        commands = _of_file(drive)
-    else:
-        with open_bag(path) as bag:
-            runs = recorded_runs(bag)
-        of_joint = [run for run in runs if f"{run.axis_name}{SLIDER}" == joint] or runs[:1]
-        of_axis = [run for run in runs if run.node == of_joint[0].node]
-        commands = [
-            command
-            for run in of_axis
-            for event in run.events
-            for command in commands_of(event, 1e-9 * (run.start_ns - origin) + event.time)
-        ]
-    return _merged(commands, zip(motion.t.tolist(), motion.x.tolist(), strict=True))
+        return _merged(_of_file(drive), zip(motion.t.tolist(), motion.x.tolist(), strict=True))
+    with open_bag(path) as bag:
+        runs = recorded_runs(bag)
+    of_joint = [run for run in runs if f"{run.axis_name}{SLIDER}" == joint] or runs[:1]
+    of_axis = [run for run in runs if run.node == of_joint[0].node]
+    # Times count from what is oldest, as they do in the node: so they have the same bits.
+    origin = min(first, *(run.start_ns for run in of_axis))
+    commands = [
+        command
+        for run in of_axis
+        for event in run.events
+        for command in commands_of(event, 1e-9 * (event_ns(run.start_ns, event) - origin))
+    ]
+    stamps = first - origin + np.rint(1e9 * motion.t).astype(np.int64)
+    return _merged(commands, zip((1e-9 * stamps).tolist(), motion.x.tolist(), strict=True))
+
+
+def event_ns(start_ns: int, event: Event) -> int:
+    """Return the time (ns) of an event of an axis whose simulated time was 0 at another."""
+    return start_ns + round(1e9 * event.time)
 
 
 def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:

@@ -15,10 +15,11 @@ Steps scatter, and the parameters walk at random; what no reading shows keeps it
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,13 @@ _RECENTRE, FARTHEST = 0.04, math.log(3.0)
 THETA = slice(1, -1)
 #: Times that readings after a change are gone through
 _REFITS = 2
+#: Readings that are gone through while one comes
+_FASTER = 3
 #: How well the size of a change is known then, a logarithm
 _ABOUT = 0.05
-#: Standard deviations beyond which a reading is a glitch, which moves no estimate
-GLITCH = 5.0
+#: Standard deviations beyond which a reading is a glitch, which moves no estimate; glitches in a
+#: row after which the position has jumped
+_GLITCH, _JUMP = 5.0, 2
 
 
 class ModelledWay(NamedTuple):
@@ -70,18 +74,78 @@ class Seen(NamedTuple):
 class Innovation(NamedTuple):
     """A reading against what was expected."""
 
-    expected: float  #: m
+    expected: Any  #: m
     deviation: float  #: standard deviation of the difference, m
-    z: float  #: the difference in these
+    z: Any  #: the difference in these
+    jumped: bool = False  #: whether the position has, so that it is taken anew
 
 
-class Tracker:
+class ReadingFilter:
+    """Position, logarithms of n parameters and ringing: the state (..., 2 + n), from readings.
+
+    Leading axes are ways that the axis may have gone, whose covariance is one.
+    """
+
+    def __init__(self, n: int, noise: float, ways: tuple[int, ...] = ()) -> None:
+        """Begin at zero, known well; noise (m) is the standard deviation of a reading."""
+        self.state = np.zeros((*ways, 2 + n))
+        self.covariance = np.zeros((2 + n, 2 + n))
+        self._noise, self._blur = noise, Blur()  # that of the last reading
+        self._going, self._glitches = np.eye(2 + n), 0  # in a row
+
+    def anchor(self, reading: float, blur: float = 0.0) -> None:
+        """Take the position (m) from a reading alone; blur is its deviation beside the noise."""
+        self.state[..., [0, -1]] = reading, 0.0
+        self.covariance[[0, -1], :] = 0.0
+        self.covariance[:, [0, -1]] = 0.0
+        self._blur, self._glitches = Blur(), 0
+        self.covariance[0, 0] = self._noise**2 + blur**2
+
+    def go(self, way: Array | float, slope: Array, scatter: float) -> None:
+        """Go on by a way (m), its slope by the logarithms, and its variance (m^2)."""
+        self.state[..., 0] += way + self.state[..., THETA] @ slope
+        self._going[0, THETA] = slope
+        self.covariance = self._going @ self.covariance @ self._going.T
+        self.covariance[0, 0] += scatter
+
+    def see(self, reading: float, blur: Blur, glitch: float = math.inf) -> Innovation:
+        """Take a reading (m) after `go`; one beyond so many deviations is told but not taken.
+
+        Where readings meet the same phase of the ringing they differ from the curve alike: only its
+        phase after the slip is unknown, so their covariance is a cosine of what it has turned.
+        """
+        last, self._blur = self._blur, blur
+        alike = math.cos(blur.turned - last.turned) * blur.coherence if last.ringing else 0.0
+        kept = alike * blur.ringing / last.ringing if last.ringing else 0.0
+        self.state[..., -1] *= kept
+        self.covariance[-1] *= kept
+        self.covariance[:, -1] *= kept
+        self.covariance[-1, -1] += (1.0 - alike**2) * blur.ringing**2
+        shared = self.covariance[:, 0] + self.covariance[:, -1]  # of the state with the reading
+        expected = self.state[..., 0] + self.state[..., -1]
+        total = float(shared[0] + shared[-1]) + self._noise**2 + blur.timing**2
+        z = (reading - expected) / math.sqrt(total)
+        if glitch < math.inf and abs(z) > glitch:
+            self._glitches += 1
+            jumped = self._glitches == _JUMP
+            if jumped:
+                self.anchor(reading)
+            return Innovation(expected, math.sqrt(total), z, jumped)
+        self._glitches, gain = 0, shared / total
+        self.state = self.state + np.multiply.outer(reading - expected, gain)
+        self.covariance = self.covariance - np.outer(gain, shared)
+        self.covariance = 0.5 * (self.covariance + self.covariance.T)
+        return Innovation(expected, math.sqrt(total), z)
+
+
+class Tracker(ReadingFilter):
     """Position and parameters with their covariance, from reading to reading."""
 
     def __init__(self, p: Parameters, settings: TwinSettings, ensemble: Ensemble | None) -> None:
         """Start from parameters, and from their covariance where a fit says it."""
         given = ensemble.names if ensemble else ()
         self.names = (*given, *(name for name in WALKING if name not in given))
+        super().__init__(len(self.names), settings.noise)
         self._settings, self._origin = settings, Model(p)
         self.model, self._centre = self._origin, np.zeros(len(self.names))
         #: Whether no axis has the estimates, or they are far off; the model is the last one then
@@ -94,10 +158,7 @@ class Tracker:
             deviations = (np.log(ensemble.high) - np.log(ensemble.low)) / (2.0 * CONFIDENCE)
             prior[:n, :n] = np.array(ensemble.correlations) * np.outer(deviations, deviations)
         self.prior = np.sqrt(np.diag(prior))
-        self.state = np.zeros(2 + len(self.names))  #: position, logarithms, ringing as read
-        self.covariance = np.zeros((2 + len(self.names),) * 2)
         self.covariance[THETA, THETA] = prior
-        self._blur = Blur()  # of the last reading
         self.sensor_gain = 1.0  #: by which the readings are too large
         self._walks = np.array([name in WALKING for name in self.names], dtype=np.float64)
 
@@ -137,14 +198,6 @@ class Tracker:
 
     # -- going on
 
-    def anchor(self, reading: float) -> None:
-        """Take the position (m) from a reading alone."""
-        self.state[[0, -1]] = reading, 0.0
-        self.covariance[[0, -1], :] = 0.0
-        self.covariance[:, [0, -1]] = 0.0
-        self._blur = Blur()
-        self.covariance[0, 0] = self._settings.noise**2
-
     def reopen(self, name: str, deviation: float) -> None:
         """Let a parameter be anywhere within a standard deviation of its logarithm."""
         k = 1 + self.names.index(name)
@@ -181,13 +234,8 @@ class Tracker:
 
     def advance(self, motion: ModelledWay, duration: float) -> None:
         """Go on by a motion that takes a duration (s)."""
-        settings, n = self._settings, len(self.names)
-        self.state[0] += motion.way + float(motion.slope @ (self.theta - self._centre))
-        going = np.eye(2 + n)
-        going[0, THETA] = motion.slope
-        self.covariance = going @ self.covariance @ going.T
-        self.covariance[0, 0] += motion.scatter
-        hours = duration / 3600.0
+        settings, hours = self._settings, duration / 3600.0
+        self.go(motion.way - float(motion.slope @ self._centre), motion.slope, motion.scatter)
         walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.way)
         self.covariance[THETA, THETA] += np.diag(self._walks * walk)
 
@@ -199,53 +247,39 @@ class Tracker:
         self.state, self.covariance = kept
         return found
 
-    def rebase(
+    def take(self, one: Seen, duration: float) -> Innovation:
+        """Go on to a reading, and take it."""
+        self.advance(one.motion, duration)
+        return self.see(one.reading, one.motion.blur, _GLITCH)
+
+    def rebased(
         self, p: Parameters, name: str, sensor_gain: float, covariance: Array, seen: Sequence[Seen]
-    ) -> None:
-        """Start anew from other parameters, and go through readings once more.
+    ) -> Generator[float, None, Tracker]:
+        """Return one that starts from other parameters and has gone through readings once more.
 
         The named parameter, if it is tracked, may be off by a little; covariance is that of all
         before. A change makes the first curves wrong ones: this is the iterated filter (Jazwinski
-        1970, section 8.3). The first of the readings is where they begin.
+        1970, section 8.3). The first of the readings is where they begin; others may come to their
+        end meanwhile.
         """
-        self._origin, self.sensor_gain = Model(p), sensor_gain
-        self.state[THETA] = 0.0
+        new = copy.copy(self)
+        new._origin, new.sensor_gain = Model(p), sensor_gain
+        new.state, new._going = np.zeros_like(self.state), self._going.copy()
         opened = np.array([_ABOUT * (one == name) for one in self.names])
         for _ in range(_REFITS):
-            self._renew()
-            self._first = self.model
-            self.state[THETA] = 0.0
-            self.covariance[THETA, THETA] = covariance + np.diag(opened**2)
-            self.prior = self.deviations
-            self.anchor(seen[0].reading)
-            for before, one in pairwise(seen):
-                motion = self.motion(one.parts)
-                self.advance(motion, one.t - before.t)
-                self.see(one.reading, motion.blur)
-
-    def see(self, reading: float, blur: Blur) -> Innovation:
-        """Take a reading (m) after `advance`; a glitch is told but not taken.
-
-        Where readings meet the same phase of the ringing they differ from the curve alike: only its
-        phase after the slip is unknown, so their covariance is a cosine of what it has turned.
-        """
-        last, self._blur = self._blur, blur
-        alike = math.cos(blur.turned - last.turned) * blur.coherence if last.ringing else 0.0
-        kept = alike * blur.ringing / last.ringing if last.ringing else 0.0
-        self.state[-1] *= kept
-        self.covariance[-1] *= kept
-        self.covariance[:, -1] *= kept
-        self.covariance[-1, -1] += (1.0 - alike**2) * blur.ringing**2
-        shared = self.covariance[:, 0] + self.covariance[:, -1]  # of the state with the reading
-        expected = self.x + float(self.state[-1])
-        total = float(shared[0] + shared[-1]) + self._settings.noise**2 + blur.timing**2
-        z = (reading - expected) / math.sqrt(total)
-        if abs(z) <= GLITCH:
-            gain = shared / total
-            self.state = self.state + gain * (reading - expected)
-            self.covariance = self.covariance - np.outer(gain, shared)
-            self.covariance = 0.5 * (self.covariance + self.covariance.T)
-        return Innovation(expected, math.sqrt(total), z)
+            new._renew()
+            new._first = new.model
+            new.state[THETA] = 0.0
+            new.covariance = np.zeros_like(self.covariance)
+            new.covariance[THETA, THETA] = covariance + np.diag(opened**2)
+            new.prior = new.deviations
+            new.anchor(seen[0].reading)
+            for k, (before, one) in enumerate(pairwise(seen)):
+                again = one._replace(motion=new.motion(one.parts))
+                new.take(again, one.t - before.t)
+                if k % _FASTER == 0:
+                    yield 1e-9
+        return new
 
     def model_at(self, theta: Array) -> Model | None:
         """Return the model with other logarithms of the parameters, None where there is none."""

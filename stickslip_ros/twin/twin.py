@@ -19,11 +19,11 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.reporting import CONFIDENCE, format_si
-from stickslip_ros.twin.causes import CAUSES, Attribution, attribute
+from stickslip_ros.twin.causes import CAUSES, Attribution, Pieces, attribute
 from stickslip_ros.twin.detector import ChangeDetector
 from stickslip_ros.twin.settings import TwinError, TwinSettings
 from stickslip_ros.twin.timeline import RESTED, OperatingPoint, Timeline, TwinCommand
-from stickslip_ros.twin.tracker import GLITCH, THETA, Seen, Tracker
+from stickslip_ros.twin.tracker import THETA, Seen, Tracker
 
 Array = NDArray[np.float64]
 
@@ -33,8 +33,8 @@ OK, DRIFTING, CHANGED, UNLIKE, BLIND = "ok", "drifting", "changed", "unlike the 
 _KEPT, _UNSURE = 4000, 10
 #: Factor between the numbers of readings at which a change is judged again
 _AGAIN = 4
-#: Glitches in a row after which the position has jumped
-_JUMP = 2
+#: s of readings between pieces of a judgement, each of which takes some milliseconds
+_PACE = 0.01
 #: What the logarithm of the preload may be after a change, until its cause is judged
 _REOPENED = 0.3
 #: s between the entries of the history, and their number, from which every second is dropped
@@ -51,16 +51,6 @@ class Update(NamedTuple):
     expected: float  #: m
     deviation: float  #: standard deviation of the difference, m
     changed: bool  #: whether this reading tells a change
-
-
-class Entry(NamedTuple):
-    """The estimates at one time."""
-
-    t: float  #: s
-    step_size: float  #: m
-    step_deviation: float  #: m
-    values: Array  #: of the parameters, (names,)
-    deviations: Array  #: standard deviations of their logarithms
 
 
 class TrackedParameter(NamedTuple):
@@ -122,14 +112,16 @@ class Twin:
         self.timeline = Timeline(p.drive.amplitude, p.drive.frequency)
         self.detector = ChangeDetector(self.settings.false_alarm_interval)
         self.changes: list[Change] = []
-        self.history: list[Entry] = []
+        self.history: list[tuple[float, list[TrackedParameter]]] = []  #: times (s), estimates
         self.troubles: Counter[str] = Counter()  #: gaps, doubled readings and the like, by name
         self.t = math.nan  #: of the last reading, s
         self.driven = 0.0  #: s of stepping seen
         self._steady = -math.inf  # since when nothing was told, s
         self._begun = math.nan  # time of the first reading that showed cycles, s
         self._excited = -math.inf  # time of the last reading that showed cycles, s
-        self._glitches = 0  # in a row
+        self._judging: Pieces[None] | None = None
+        self._go_on_at = 0.0  # s, when the next piece of the judgement is due
+        self._fresh: list[Seen] = []  # those that come while it ends
         self._seen: deque[tuple[Seen, Array]] = deque(maxlen=_KEPT)
         self._judge_at = 0  # readings since the last change at which it is judged, 0: never
         self._since = 0
@@ -200,24 +192,22 @@ class Twin:
         self.tracker.anchor(reading)
         self.timeline.forget(t)
         self._seen.clear()
-        self._judge_at = self._glitches = 0
+        self._judge_at, self._judging = 0, None
         self.t = t
 
     def _take(self, t: float, reading: float, duration: float) -> Update:
         tracker, before = self.tracker, self.tracker.theta.copy()
         parts = list(self.timeline.between(self.t, t))
         motion = tracker.motion(parts)
-        tracker.advance(motion, duration)
-        found = tracker.see(reading, motion.blur)
-        self._seen.append((Seen(t, reading, parts, motion), before))
+        seen = Seen(t, reading, parts, motion)
+        found = tracker.take(seen, duration)
+        self._seen.append((seen, before))
+        self._fresh.append(seen)
         self._since += 1
         self.t = t
         self.timeline.forget(t)
-        self._glitches = self._glitches + 1 if abs(found.z) > GLITCH else 0
-        if self._glitches == _JUMP:
+        if found.jumped:
             self.troubles["jumps of the position"] += 1
-            tracker.anchor(reading)
-            self._glitches = 0
         changed = False
         if motion.direction:
             if not self.driven:
@@ -225,12 +215,10 @@ class Twin:
             self.driven += duration
             self._excited = t
             self._drive = next(p.drive for p, _, _ in reversed(parts) if p.drive)
-            judging = self._judge_at == self.settings.judged_from  # one change at a time
-            if not judging and self.detector.see(t, duration, motion.direction * found.z):
+            if not self._pending and self.detector.see(t, duration, motion.direction * found.z):
                 self._change(reading)
                 changed = True
-        if self._judge_at and self._since >= self._judge_at:
-            self._judge()
+        self._go_on_judging()
         self._note()
         return Update(t, reading, found.expected, found.deviation, changed)
 
@@ -240,10 +228,8 @@ class Twin:
             return
         if self.changes and self._judge_at:
             self.changes[-1].step_after = self.tracker.step_size(self.changes[-1].drive)[0]
-        if not self.history or not 0.0 <= self.t - self.history[-1].t < _PERIOD:
-            step, deviation = self.tracker.step_size(self._drive)
-            entry = Entry(self.t, step, deviation, self.tracker.values, self.tracker.deviations)
-            self.history.append(entry)
+        if not self.history or not 0.0 <= self.t - self.history[-1][0] < _PERIOD:
+            self.history.append((self.t, self.estimates()))
             if len(self.history) > _MOST:
                 del self.history[::2]
 
@@ -263,27 +249,55 @@ class Twin:
         self._judge_at = self.settings.judged_from
         self._known = tracker.covariance[THETA, THETA].copy(), tracker.sensor_gain
         tracker.reopen("preload", _REOPENED)
+        self._judging = None
         tracker.anchor(reading)
         self.detector.reset()
         self._steady = self.t
 
-    def _judge(self) -> None:
-        """Judge the last change by all readings since, and later once more."""
-        again = self._judge_at * _AGAIN
-        self._judge_at = again if again <= _KEPT else 0
-        change, readings = self.changes[-1], [one for one, _ in self._seen]
+    @property
+    def _pending(self) -> bool:
+        """Whether a change waits for its first verdict: until then, one is told at a time."""
+        judging = self._judging is not None and self.changes[-1].verdict is None
+        return judging or self._judge_at == self.settings.judged_from
+
+    def _go_on_judging(self) -> None:
+        """Judge the last change, later once more: a piece now and then."""
+        if self._judge_at and self._since >= self._judge_at:
+            again = self._judge_at * _AGAIN
+            self._judge_at = again if again <= _KEPT else 0
+            self._judging, self._go_on_at = self._judge(self.changes[-1]), self.t
+        if self._judging is None:
+            self._fresh.clear()
+        elif self.t >= self._go_on_at:
+            try:
+                self._go_on_at = self.t + (next(self._judging) or _PACE)
+            except StopIteration:
+                self._judging = None
+
+    def settle(self) -> None:
+        """End the judgement of a change that still goes on: there are no more readings."""
+        for _ in self._judging or ():
+            pass
+        self._judging = None
+
+    def _judge(self, change: Change) -> Pieces[None]:
+        """Judge a change by all readings since; those that come meanwhile count at the end."""
+        readings = [one for one, _ in self._seen]
         first = next((k for k, one in enumerate(readings) if one.t > change.onset), 0)
-        kept = readings[first + _UNSURE :]
-        if len(kept) > self.settings.judged_from // 2:
-            covariance, gain = self._known
-            verdict = attribute(self._before, gain, kept, readings[first].reading, self.settings)
-            new = not change.verdict or change.verdict.likeliest != verdict.likeliest
-            change.verdict = verdict
-            if verdict.explained and new:
-                p, factor = verdict.applied(self._before.p, verdict.likeliest)
-                name, last = CAUSES[verdict.likeliest].parameter, kept[-self.settings.judged_from :]
-                self.tracker.rebase(p, name, gain * factor, covariance, last)
-                self._steady = self.t
+        kept, (covariance, gain) = readings[first + _UNSURE :], self._known
+        if len(kept) <= self.settings.judged_from // 2:
+            return
+        place = readings[first].reading
+        verdict = yield from attribute(self._before, covariance, gain, kept, place, self.settings)
+        new = not change.verdict or change.verdict.likeliest != verdict.likeliest
+        if verdict.explained and new:
+            p, factor = verdict.applied(self._before.p, verdict.likeliest)
+            name, count = CAUSES[verdict.likeliest].parameter, self.settings.judged_from
+            self._fresh[:] = [one for one, _ in self._seen][-count:]
+            rebased = self.tracker.rebased(p, name, gain * factor, covariance, self._fresh)
+            self.tracker = yield from rebased
+            self._steady = self.t
+        change.verdict = verdict
 
     # -- what is known
 
@@ -311,14 +325,15 @@ class Twin:
         """Rate of the step over the last window as a share of it, 1/s, and its standard error."""
         if not self.history:
             return 0.0, math.inf
-        now = self.history[-1]
-        first = max(now.t - self.settings.drift_window, self._steady)
-        then = next((one for one in self.history if one.t > first), now)
-        if now.t - then.t < 0.5 * self.settings.drift_window:
+        window, last = self.settings.drift_window, self.history[-1]
+        first = max(last[0] - window, self._steady)
+        begin, *then = next((one for one in self.history if one[0] > first), last)
+        if (lasts := last[0] - begin) < 0.5 * window:
             return 0.0, math.inf
-        scale = abs(then.step_size) * (now.t - then.t)
-        deviation = math.hypot(now.step_deviation, then.step_deviation)
-        return (now.step_size - then.step_size) / scale, deviation / scale
+        old, new = then[0][-1], last[1][-1]  # the step is the last of the estimates
+        scale = abs(old.value) * lasts
+        width = math.hypot(new.high - new.low, old.high - old.low)
+        return (new.value - old.value) / scale, 0.5 * width / (CONFIDENCE * scale)
 
     def estimates(self) -> list[TrackedParameter]:
         """Return the parameters, the breakaway distance and the step size with their intervals."""

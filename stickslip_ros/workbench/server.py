@@ -13,6 +13,7 @@ import re
 import sys
 import tempfile
 import threading
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -22,6 +23,7 @@ from urllib.parse import parse_qsl
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading, typed_pairs
+from stickslip_ros.pages.twin import TwinStory, live_parts, twin_page
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting.page import page
@@ -46,17 +48,48 @@ _LARGEST = 200_000_000
 _LONGEST_NAME = 60
 #: Options of a command that the page has fields for.
 _OPTION = r"--(columns|units|scale|rate)"
+Answers = Mapping[str, Callable[[dict[str, str]], dict[str, Any]]]
 _POLICY = (
     "default-src 'none'; script-src 'self'; connect-src 'self'; style-src 'unsafe-inline'; "
     "img-src data: blob:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
 )
 
 
-class Workbench:
+class Panel:
+    """A page that the server shows; `answers` are what its paths say to what they are asked."""
+
+    policy = _POLICY
+
+    def __init__(self, answers: Answers) -> None:
+        """Answer on these paths."""
+        self.answers = answers
+
+    def html(self) -> str:
+        """Return the page."""
+        raise NotImplementedError
+
+
+class TwinPanel(Panel):
+    """What a twin says, while it says it."""
+
+    policy = _POLICY.replace("script-src 'self'", "script-src 'unsafe-inline' 'unsafe-eval'")
+
+    def __init__(self, story: TwinStory) -> None:
+        """Show this, as it is when it is asked for."""
+        super().__init__({"/twin": lambda _: live_parts(story)})
+        self._story = story
+
+    def html(self) -> str:
+        """Return the page."""
+        return twin_page(self._story, live=True).html("stickslip twin --page")
+
+
+class Workbench(Panel):
     """The start of the page: parameters, and a measurement if there is one."""
 
     def __init__(self, base: Parameters, overlay: Overlay | None = None) -> None:
         """Start from these."""
+        super().__init__({"/curves": self.answer, "/fit": lambda _: self.fitting.state})
         self._lock = threading.Lock()
         self._base, self._overlay = base, overlay
         self.fitting = Fitting(self._take)
@@ -141,9 +174,9 @@ class WorkbenchServer(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, workbench: Workbench, port: int = 0) -> None:
+    def __init__(self, panel: Panel, port: int = 0) -> None:
         """Listen on a port (0: a free one). Raises OSError."""
-        self.workbench = workbench
+        self.panel = panel
         self.taking = threading.Lock()  # one file at a time: together they would fill the memory
         super().__init__((HOST, port), _Handler)
 
@@ -179,14 +212,12 @@ class _Handler(BaseHTTPRequestHandler):
             return
         path, _, query = self.path.partition("?")
         if path == "/":
-            self._send(self.server.workbench.html().encode(), "text/html; charset=utf-8")
+            self._send(self.server.panel.html().encode(), "text/html; charset=utf-8")
         elif path in _SCRIPTS:
             script = (Path(__file__).parent / path[1:]).read_bytes()
             self._send(script, "text/javascript; charset=utf-8")
-        elif path == "/fit":
-            self._say(lambda: self.server.workbench.fitting.state)
-        elif path == "/curves":
-            self._say(lambda: self.server.workbench.answer(dict(parse_qsl(query, True))))
+        elif answer := self.server.panel.answers.get(path):
+            self._say(lambda: answer(dict(parse_qsl(query, True))))
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
@@ -196,13 +227,15 @@ class _Handler(BaseHTTPRequestHandler):
             return
         path, _, query = self.path.partition("?")
         origin, length = self.headers.get("Origin", ""), self.headers.get("Content-Length", "")
+        workbench = self.server.panel
         known = path in ("/open", "/fit", "/cancel")
-        if not known or origin not in {f"http://{name}" for name in self.server.names}:
+        known &= origin in {f"http://{name}" for name in self.server.names}
+        if not (known and isinstance(workbench, Workbench)):
             self._refuse(HTTPStatus.FORBIDDEN, "files and fits are taken from the page only")
         elif path == "/fit":
-            self._say(lambda: self.server.workbench.fit(dict(parse_qsl(query, True))))
+            self._say(lambda: workbench.fit(dict(parse_qsl(query, True))))
         elif path == "/cancel":
-            self._say(self.server.workbench.fitting.cancel)
+            self._say(workbench.fitting.cancel)
         elif not re.fullmatch("[0-9]{1,12}", length) or int(length) > _LARGEST:
             limit = f"{_LARGEST // 1_000_000} MB"
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a file may have {limit}")
@@ -213,7 +246,7 @@ class _Handler(BaseHTTPRequestHandler):
                 content = self.rfile.read(int(length))
                 how = dict(parse_qsl(query))
                 name = how.pop("name", "")
-                self._say(lambda: self.server.workbench.open(name, content, how))
+                self._say(lambda: workbench.open(name, content, how))
             finally:
                 self.server.taking.release()
 
@@ -242,7 +275,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Cache-Control", "no-store")
-        self.send_header("Content-Security-Policy", _POLICY)
+        self.send_header("Content-Security-Policy", self.server.panel.policy)
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Referrer-Policy", "no-referrer")
         if self.close_connection:

@@ -11,6 +11,7 @@ from live import Ros
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recorder_node import RecorderNode
+from stickslip_ros.ros.twin_node import TwinNode
 
 pytestmark = pytest.mark.slow
 
@@ -32,12 +33,14 @@ def test_the_policy_allows_what_the_nodes_have_and_no_more(
     axis = AxisNode(context=ros.context)
     ros.add(axis)
     client = AxisClient(node=ros.node("stickslip_client"))
+    ros.add(TwinNode(cli_args=["--ros-args", "-r", "measured:=/joint_states"], context=ros.context))
     recorder = RecorderNode(context=ros.context)  # not spun, so that it can be closed from here
     try:
         for enclave, node in (
             ("axis", "stickslip_axis"),
             ("recorder", "stickslip_recorder"),
             ("commander", "stickslip_client"),
+            ("twin", "stickslip_twin"),
         ):
             for kind, how, names in (
                 ("topics", "publish", axis.get_publisher_names_and_types_by_node),

@@ -304,7 +304,8 @@ def test_the_contact_is_fitted_to_the_measurement(browser: Browser, whole: bool)
             page.click("#fit")
             page.wait_for_selector("#report:not([hidden])")
             assert "sigma_0 " in page.inner_text("#report")
-            fitted = server.workbench.state[0].friction.sigma_0
+            assert isinstance(server.panel, Workbench)
+            fitted = server.panel.state[0].friction.sigma_0
             assert fitted == pytest.approx(9.0e6, rel=0.1)
             shown = float(page.input_value("#n-sigma_0"))
             assert shown == pytest.approx(1e-6 * (fitted or 0.0), rel=1e-3)

@@ -157,11 +157,12 @@ def test_parameters_from_the_page_are_its_new_start(server: WorkbenchServer) -> 
 def test_a_bad_file_is_refused_and_nothing_changes(
     server: WorkbenchServer, name: str, content: bytes, complaint: str
 ) -> None:
-    before = server.workbench.state
+    assert isinstance(server.panel, Workbench)
+    before = server.panel.state
     error = post(server, name, content)["error"]
     assert complaint in error
     assert "stickslip-explore-" not in error
-    assert server.workbench.state == before
+    assert server.panel.state == before
 
 
 def test_what_is_no_request_is_refused_without_a_traceback(

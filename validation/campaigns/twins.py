@@ -12,10 +12,12 @@ one in every run.
 
 from __future__ import annotations
 
+import copy
 import math
 import sys
 import time
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.stats import chi2
@@ -23,6 +25,7 @@ from scipy.stats import chi2
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.timeline import OperatingPoint
+from stickslip_ros.twin.tracker import THETA
 from validation.twin_axis import Hidden, Log, RealAxis, feed
 
 P = Parameters.of(frequency=100.0)
@@ -97,12 +100,26 @@ def intervals(count: int, first: int) -> None:
             if one.name in now:
                 held[one.name] += one.low <= now[one.name] <= one.high
         found = twin.predict_steps(500)
+        oracle = _oracle(twin, now).predict_steps(500)
         axis.step(500)
         axis.rest(0.05)
         held["prediction of 500 steps"] += found.low <= axis.x <= found.high
-        widths.append(found.high - found.low)
+        held["that of the oracle"] += oracle.low <= axis.x <= oracle.high
+        widths.append((found.high - found.low, oracle.high - oracle.low))
     print({name: f"{number} of {count}" for name, number in held.items()})
-    print(f"width of the predictions: median {1e9 * np.median(widths):.0f} nm")
+    width, ideal = 1e9 * np.array(widths).T
+    print(f"width of the predictions: median {np.median(width):.0f} nm, most {max(width):.0f} nm")
+    times = width / ideal
+    print(f"times that of the oracle: median {np.median(times):.2f}, most {max(times):.2f}")
+
+
+def _oracle(twin: Twin, truth: Mapping[str, float]) -> Twin:
+    """Return a twin that knows the parameters as they are now; of what comes it knows no more."""
+    oracle = copy.deepcopy(twin)
+    tracker, file = oracle.tracker, [float(P.value(name)) for name in twin.tracker.names]
+    tracker.state[THETA] = np.log([truth[name] for name in tracker.names]) - np.log(file)
+    tracker.covariance[THETA] = tracker.covariance[:, THETA] = 0.0
+    return oracle
 
 
 def moves(count: int, first: int) -> None:
