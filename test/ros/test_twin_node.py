@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The twin as a process beside an axis, over DDS."""
 
+import json
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +13,10 @@ from geometry_msgs.msg import PointStamped
 from live import MakeAxis, Ros, Start
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
+from test_layouts import CONFIG, panels_of, plotjuggler_names
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis
@@ -164,10 +168,8 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
     ros: Ros, start_node: Start, tmp_path: Path
 ) -> None:
     """Off line the readings and events of the bag, in which the twin's own topics are as well."""
-    topics = [
-        "/stickslip_axis/events", "/joint_states",
-        "/stickslip_twin/joint_states", "/stickslip_twin/estimates",
-    ]  # fmt: skip
+    own = [f"/stickslip_twin/{o}" for o in ("joint_states", "estimates", "residual", "step_size")]
+    topics = ["/stickslip_axis/events", "/joint_states", *own]
     recorder = start_node("recorder_node", output=str(tmp_path / "bag"), topics=str(topics))
     start_node("twin_node", "-r", "measured:=/joint_states", config="table1_typical.yaml")
     user, axis, origin = ros.node("user"), Axis(Parameters.of("table1_typical.yaml")), 10**18 + 7
@@ -207,3 +209,23 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
         assert [update.expected, update.measured] == list(message.position)
         assert CONFIDENCE * update.deviation == message.effort[0]
     assert main(["twin", str(tmp_path / "bag"), "--config", "table1_typical.yaml"]) == 0
+    _every_series_of_the_layouts_is_in(tmp_path / "bag")
+
+
+def _every_series_of_the_layouts_is_in(bag: Path) -> None:
+    there, latest = set[str](), dict[str, Any]()
+    with AnyReader([bag]) as reader:
+        for connection, _, data in reader.messages():
+            message = latest[connection.topic] = reader.deserialize(data, connection.msgtype)
+            there |= plotjuggler_names(connection.topic, message)
+    there |= {f"{topic}/data" for topic, message in latest.items() if hasattr(message, "data")}
+    curves = {c.attrib["name"] for c in ET.parse(CONFIG / "twin_plotjuggler.xml").iter("curve")}
+    assert len(curves) > 10 and curves - there == set()
+    layout = json.loads((CONFIG / "twin_foxglove.json").read_text(encoding="utf-8"))
+    panels = layout["configById"]
+    for path in (path["value"] for panel in panels.values() for path in panel.get("paths", ())):
+        topic, _, field = path.partition(".")
+        name, _, index = field.partition("[")
+        found = getattr(latest[topic], name)
+        assert np.size(found) > int(index.rstrip("]") or 0)
+    assert panels_of(layout["layout"]) == set(panels)

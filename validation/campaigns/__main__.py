@@ -73,6 +73,10 @@ CAMPAIGNS: dict[str, Campaign] = {
             ("causes", "which causes are named", "10"),
         )
     },
+    "twin-rough": Campaign(
+        "a twin beside an axis that is flooded, starved and started anew",
+        (f"{_STUDIES}rough_twin", "--minutes", "60"),
+    ),
     "interrupts": Campaign(
         "Ctrl-C at random moments of each command", (f"{_STUDIES}interrupts", "--moments", "30")
     ),
