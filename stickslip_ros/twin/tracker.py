@@ -58,7 +58,6 @@ class ModelledWay(NamedTuple):
     slope: Array  #: of the way by each parameter's logarithm, m
     scatter: float  #: variance of the way, m^2
     blur: Blur  #: of the second reading
-    cycles: float
     direction: int  #: of the cycles, 0 at rest
 
 
@@ -208,7 +207,7 @@ class Tracker(ReadingFilter):
         """Return what the model says of pieces of drive cycles."""
         self._recentre()
         settings, slope = self._settings, np.zeros(len(self.names))
-        way = scatter = cycles = 0.0
+        way = scatter = 0.0
         direction, blur = 0, Blur()
         for piece, begin, end in parts:
             if piece.drive is None:
@@ -229,15 +228,18 @@ class Tracker(ReadingFilter):
                 spread = settings.start_spread if piece.alike else settings.change_spread
                 scatter += spread**2 if drive.before else step**2
             if done > 0.0:
-                cycles, direction = cycles + done, piece.drive.direction
-        return ModelledWay(way, slope, scatter, blur, cycles, direction)
+                direction = piece.drive.direction
+        return ModelledWay(way, slope, scatter, blur, direction)
 
     def advance(self, motion: ModelledWay, duration: float) -> None:
         """Go on by a motion that takes a duration (s)."""
         settings, hours = self._settings, duration / 3600.0
-        self.go(motion.way - float(motion.slope @ self._centre), motion.slope, motion.scatter)
         walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.way)
-        self.covariance[THETA, THETA] += np.diag(self._walks * walk)
+        walks = self._walks * walk
+        # A walk from nothing at the begin has a third of its last variance in the mean.
+        scatter = motion.scatter + float(motion.slope**2 @ walks) / 3.0
+        self.go(motion.way - float(motion.slope @ self._centre), motion.slope, scatter)
+        self.covariance[THETA, THETA] += np.diag(walks)
 
     def forecast(self, motion: ModelledWay, duration: float) -> tuple[float, float]:
         """Return position and standard deviation (m) after a motion, and leave the state."""

@@ -275,7 +275,9 @@ class Twin:
                 self._judging = None
 
     def settle(self) -> None:
-        """End the judgement of a change that still goes on: there are no more readings."""
+        """Judge the last change by what there is: no more readings come."""
+        if self._pending and self._judging is None:
+            self._judge_at, self._judging = 0, self._judge(self.changes[-1])
         for _ in self._judging or ():
             pass
         self._judging = None

@@ -26,6 +26,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.recordings.cdr import nanoseconds
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.ros.messages import diagnostic_array, event_status, stamp
+from stickslip_ros.ros.twin_listener import TwinListener
 from stickslip_ros.ros.twin_node import TwinNode
 from stickslip_ros.twin import Twin, TwinCommand
 from stickslip_ros.twin.recording import read_log
@@ -43,6 +44,7 @@ def test_a_twin_beside_an_axis(ros: Ros, make_axis: MakeAxis, start_node: Start)
     ):  # fmt: skip
         user.create_subscription(kind, name, heard.setdefault(name, []).append, 1000)
     twin = start_node("twin_node", "-r", "measured:=/joint_states", timing=1e-4)
+    follower = TwinListener("/stickslip_twin")
     steps = ros.publisher(user, Int32, "/stickslip_axis/command/steps")
     ask = ros.publisher(user, Int32, "/stickslip_twin/predict/steps")
     residual = heard["/stickslip_twin/residual"]
@@ -75,6 +77,13 @@ def test_a_twin_beside_an_axis(ros: Ros, make_axis: MakeAxis, start_node: Start)
     assert {"stickslip_twin: twin", "stickslip_twin: prediction"} <= names
     estimates = {one.name for m in heard["/stickslip_twin/estimates"] for one in m.status}
     assert "stickslip_twin: preload" in estimates
+    with follower as heard_by_page:
+        story = heard_by_page.story
+        assert story.level == "ok" and story.stepping > 1.0
+        _, measured, predicted, deviation = story.readings[-1]
+        assert abs(measured - predicted) < 5.0 * deviation < 1e-7
+        (size,) = (one for one in story.history[-1][1] if one.name == "step size")
+        assert size.unit == "m" and size.low < 133.8e-9 < size.high
     assert twin.interrupt() == 0
 
 

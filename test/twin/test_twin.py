@@ -127,6 +127,30 @@ def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
     assert change.verdict is not None and change.verdict.cause == "amplifier"
 
 
+def test_readings_go_on_while_a_cause_is_judged() -> None:
+    """A piece at a time; then the tracker starts anew from the cause and has lost no reading."""
+    twin, axis, random = Twin(P), Axis(P), np.random.default_rng(4)
+    twin.command(TwinCommand(0.0, "steps", 10_000))
+    axis.command_steps(10_000)
+    judged_at = math.nan
+    while math.isnan(judged_at) or axis.state.t < judged_at + 0.5:
+        axis.advance(axis.state.t + 0.01 + 1e-3 * random.random())
+        if 1.0 < axis.state.t < 1.02:
+            axis.set_parameters({"preload": 0.32})
+        assert twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal()) or (
+            axis.state.t < 0.03
+        )
+        if math.isnan(judged_at) and twin.changes and twin.changes[0].verdict:
+            judged_at = axis.state.t
+        assert axis.state.t < 60.0
+    (change,) = twin.changes
+    assert judged_at > change.told + 2.5  # not with the reading that is the last of 200
+    assert change.verdict and "preload" in change.verdict.possible
+    (step,) = (one for one in twin.estimates() if one.name == "step size")
+    assert step.low - 0.1e-9 < 136.7e-9 < step.high + 0.1e-9
+    assert twin.troubles.keys() <= {"jumps of the position"}  # that of the preload
+
+
 def test_a_wrong_file_is_told_from_the_start() -> None:
     twin = _told(_log(), P.replace(preload=0.8, mu=0.4))
     assert twin.changes[0].at_start

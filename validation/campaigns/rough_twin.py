@@ -24,6 +24,7 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
+from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
@@ -103,7 +104,8 @@ def main() -> int:
     peer, axis, twin = Peer(), started(AXIS), started(TWIN)
     memory, silent = [], 0.0
     try:
-        peer.spin(20.0)
+        while peer.last is None or not peer.reports:  # the first start compiles
+            peer.spin(1.0)
         end = time.monotonic() + 60.0 * args.minutes
         while time.monotonic() < end and twin.poll() is None:
             for direction in (1, -1):
@@ -143,7 +145,7 @@ def main() -> int:
         for process in (axis, twin):
             process.send_signal(signal.SIGINT)
         codes = [process.wait(60.0) for process in (axis, twin)]
-        rclpy.shutdown()
+        try_shutdown()
     grown = memory[-1] - memory[len(memory) // 2]
     faults += [f"exit codes {codes}"] * any(codes) + [f"grew by {grown:.0f} MB"] * (grown > GROWTH)
     faults += [f"{peer.values['changes']} changes"] * (peer.values["changes"] != "0")

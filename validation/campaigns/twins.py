@@ -20,6 +20,7 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from stickslip_ros.parameters import Parameters
@@ -28,6 +29,7 @@ from stickslip_ros.twin.timeline import OperatingPoint
 from stickslip_ros.twin.tracker import THETA
 from validation.twin_axis import Hidden, Log, RealAxis, feed
 
+Array = NDArray[np.float64]
 P = Parameters.of(frequency=100.0)
 NOISE = 2e-9  # m
 CHANGE = 2.0  # s
@@ -83,11 +85,12 @@ def intervals(count: int, first: int) -> None:
     for seed in range(first, first + count):
         random = np.random.default_rng(seed)
         start, gain = np.exp(random.normal(0.0, [0.05, 0.01]))
-        creep = random.normal(0.0, 0.01 / 60.0)  # in a root of a second: 1 % in that of an hour
+        creep = TwinSettings().drift_hour * math.sqrt(0.01 / 3600.0)  # of a logarithm in a cycle
+        walks = np.exp(np.cumsum(random.normal(0.0, creep, (2, 800)), axis=1))
         truth = P.replace(preload=0.4 * start, gain=gain * P.actuator.gain)
 
-        def story(t: float, _: float, creep: float = creep) -> Hidden:
-            return Hidden(preload=math.exp(creep * t / 2.0))
+        def story(t: float, _: float, walks: Array = walks) -> Hidden:
+            return Hidden(preload=walks[0, round(100.0 * t)], amplifier=walks[1, round(100.0 * t)])
 
         axis = RealAxis(truth, story, seed=seed)
         axis.step(200)
@@ -95,7 +98,8 @@ def intervals(count: int, first: int) -> None:
         twin = Twin(P)
         for _ in feed(twin, axis.log):
             pass
-        now = {"preload": 0.4 * start * math.exp(creep * 1.0), "gain": truth.actuator.gain}
+        preload, gain = walks[:, 199]
+        now = {"preload": preload * truth.friction.preload, "gain": gain * truth.actuator.gain}
         for one in twin.estimates():
             if one.name in now:
                 held[one.name] += one.low <= now[one.name] <= one.high
@@ -106,6 +110,9 @@ def intervals(count: int, first: int) -> None:
         held["prediction of 500 steps"] += found.low <= axis.x <= found.high
         held["that of the oracle"] += oracle.low <= axis.x <= oracle.high
         widths.append((found.high - found.low, oracle.high - oracle.low))
+        off = [f"{1e9 * (one.position - axis.x):.1f} of {5e8 * (one.high - one.low):.1f} nm"
+               for one in (found, oracle)]  # fmt: skip
+        print(seed, "twin off by", off[0], "oracle by", off[1], dict(held), flush=True)
     print({name: f"{number} of {count}" for name, number in held.items()})
     width, ideal = 1e9 * np.array(widths).T
     print(f"width of the predictions: median {np.median(width):.0f} nm, most {max(width):.0f} nm")
@@ -119,6 +126,7 @@ def _oracle(twin: Twin, truth: Mapping[str, float]) -> Twin:
     tracker, file = oracle.tracker, [float(P.value(name)) for name in twin.tracker.names]
     tracker.state[THETA] = np.log([truth[name] for name in tracker.names]) - np.log(file)
     tracker.covariance[THETA] = tracker.covariance[:, THETA] = 0.0
+    tracker._renew()
     return oracle
 
 
@@ -187,7 +195,7 @@ def causes(count: int, first: int) -> None:
             else:
                 outcome = "open" if name in verdicts[0].possible else "open without the true one"
             totals[outcome] += 1
-            print(name, seed, outcome, [one.text for one in twin.changes])
+            print(name, seed, outcome, [one.text for one in twin.changes], flush=True)
     print(dict(totals))
 
 
