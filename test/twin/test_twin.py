@@ -12,12 +12,16 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.settings import TwinError
 from stickslip_ros.twin.timeline import OperatingPoint
-from stickslip_ros.twin.twin import BLIND, CHANGED, OK, UNLIKE
+from stickslip_ros.twin.twin import BLIND, CHANGED, DRIFTING, OK, UNLIKE
 from validation.twin_axis import Hidden, RealAxis, feed
 
 P = Parameters.of(frequency=100.0)
 CHANGE = 1.5  # s
 Log = list[TwinCommand | tuple[float, float]]
+
+
+def _random() -> np.random.Generator:
+    return np.random.default_rng(4)
 
 
 @cache
@@ -129,7 +133,7 @@ def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
 
 def test_readings_go_on_while_a_cause_is_judged() -> None:
     """A piece at a time; then the tracker starts anew from the cause and has lost no reading."""
-    twin, axis, random = Twin(P), Axis(P), np.random.default_rng(4)
+    twin, axis, random = Twin(P), Axis(P), _random()
     twin.command(TwinCommand(0.0, "steps", 10_000))
     axis.command_steps(10_000)
     judged_at = math.nan
@@ -149,6 +153,21 @@ def test_readings_go_on_while_a_cause_is_judged() -> None:
     (step,) = (one for one in twin.estimates() if one.name == "step size")
     assert step.low - 0.1e-9 < 136.7e-9 < step.high + 0.1e-9
     assert twin.troubles.keys() <= {"jumps of the position"}  # that of the preload
+
+
+def test_what_changes_slowly_drifts() -> None:
+    """The preload falls by 6 % in a second, which is no change where drift may be as large."""
+    twin, axis, random = Twin(P, TwinSettings(drift_hour=0.3, drift_window=4.0)), Axis(P), _random()
+    twin.command(TwinCommand(0.0, "steps", 10_000))
+    axis.command_steps(10_000)
+    while axis.state.t < 6.0:
+        axis.advance(axis.state.t + 0.01 + 1e-3 * random.random())
+        axis.set_parameters({"preload": 0.4 * math.exp(-0.06 * axis.state.t)})
+        twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
+    rate, deviation = twin.drift
+    assert twin.level[0] == DRIFTING
+    assert abs(rate - 0.005) < 3.0 * deviation < 0.005
+    assert not twin.changes
 
 
 def test_a_wrong_file_is_told_from_the_start() -> None:

@@ -102,7 +102,7 @@ def intervals(count: int, first: int) -> None:
         now = {"preload": preload * truth.friction.preload, "gain": gain * truth.actuator.gain}
         for one in twin.estimates():
             if one.name in now:
-                held[one.name] += one.low <= now[one.name] <= one.high
+                held[one.name] += int(one.low <= now[one.name] <= one.high)
         found = twin.predict_steps(500)
         oracle = _oracle(twin, now).predict_steps(500)
         axis.step(500)
