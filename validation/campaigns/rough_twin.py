@@ -18,7 +18,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections import Counter, deque
 
 import numpy as np
 import rclpy
@@ -28,8 +28,6 @@ from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
-from stickslip_ros.recordings.cdr import nanoseconds
-from stickslip_ros.ros.messages import stamp
 from validation.campaigns.processes import ended, memory_of
 
 AXIS = ("axis_node", "--ros-args", "-p", "frequency:=100.0", "-p", "publish_rate:=100.0")
@@ -47,7 +45,7 @@ class Peer(Node):
         super().__init__("rough_peer")
         self.steps = self.create_publisher(Int32, "/stickslip_axis/command/steps", 10)
         self.readings = self.create_publisher(JointState, "/joint_states", 100)
-        self.last: JointState | None = None
+        self.heard: deque[JointState] = deque(maxlen=30)
         self.values: dict[str, str] = {}  # of the last report
         self.reports: list[float] = []
         self.create_subscription(JointState, "/joint_states", self._on_reading, 10)
@@ -55,7 +53,7 @@ class Peer(Node):
 
     def _on_reading(self, message: JointState) -> None:
         if message.name and message.name[0] == "axis_slider" and math.isfinite(message.position[0]):
-            self.last = message
+            self.heard.append(message)
 
     def _on_report(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -79,13 +77,12 @@ class Peer(Node):
         end = time.monotonic() + 2.0
         while time.monotonic() < end:
             self.steps.publish(Int32(data=int(lot.integers(-3, 4))))
-            if self.last is not None:
-                message = JointState(name=["axis_slider"], position=[self.last.position[0]])
-                late = int(lot.integers(0, 300_000_000))
-                message.header.stamp = stamp(nanoseconds(self.last.header.stamp) - late)
-                if lot.random() < 0.5:
-                    message.position = [math.nan]
-                self.readings.publish(message)
+            message = self.heard[int(lot.integers(len(self.heard)))]
+            if lot.random() < 0.5:
+                message = JointState(
+                    header=message.header, name=["axis_slider"], position=[math.nan]
+                )
+            self.readings.publish(message)
             rclpy.spin_once(self, timeout_sec=0.0)
 
 
@@ -104,7 +101,7 @@ def main() -> int:
     peer, axis, twin = Peer(), started(AXIS), started(TWIN)
     memory, silent = [], 0.0
     try:
-        while peer.last is None or not peer.reports:  # the first start compiles
+        while not (peer.heard and peer.reports):  # the first start compiles
             peer.spin(1.0)
         end = time.monotonic() + 60.0 * args.minutes
         while time.monotonic() < end and twin.poll() is None:
