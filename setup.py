@@ -188,6 +188,8 @@ setup(
             "pyarrow",
             "pymeasure",
             "pyvisa-py",
+            "pipython",
+            "pylablib-lightweight",
             "pandas",
             "control",
             "gymnasium>=1.0",

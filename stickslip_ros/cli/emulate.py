@@ -34,16 +34,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--port", "N", f"TCP port, 0 chooses a free one (default: {ports})", int)
     text = "address to listen on; others than loopback allow network access (default: %(default)s)"
     option(parser, "--host", "HOST", text, default="127.0.0.1")
-    option(parser, "--axes", "NAMES", "names of the axes (default: %(default)s)", default="x,y,z")
+    option(parser, "--axes", "NAMES", "names of the axes (default: x,y,z; x where there is one)")
     flag(parser, "--watch", "show where the axes are, live on a terminal, as lines in a pipe")
     add_parameters(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    names = [name.strip() for name in args.axes.split(",")]
+    given = args.axes or ",".join("xyz"[: CONTROLLERS[args.controller].most_axes])
+    names = [name.strip() for name in given.split(",")]
     if len(set(names)) < len(names):
-        raise UsageError(f"--axes is {args.axes}; give every axis a different name")
+        raise UsageError(f"--axes is {given}; give every axis a different name")
     port = CONTROLLERS[args.controller].port if args.port is None else args.port
     if not 0 <= port < 65536:
         raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")

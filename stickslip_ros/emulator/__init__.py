@@ -39,6 +39,8 @@ CONTROLLERS = {
     "scu": Kind("scu", "Scu", 5001, 3, "SmarAct SCU, ASCII interface"),
     "mcs": Kind("mcs", "Mcs", 5000, 18, "SmarAct MCS, ASCII interface"),
     "mcs2": Kind("mcs2", "Mcs2", 55551, 18, "SmarAct MCS2, SCPI interface"),
+    "amc": Kind("amc", "Amc", 9090, 3, "attocube AMC, JSON interface"),
+    "e871": Kind("gcs", "Gcs", 50000, 1, "PI E-871, GCS 2"),
 }
 
 

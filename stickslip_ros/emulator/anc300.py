@@ -203,7 +203,7 @@ class Console(Dialogue):
             self._echo = rest == ["on"]
             return ""
         if name == "help":
-            return _help()
+            return _help(*rest[:1])
         if name not in OF_MODULE:
             raise Refused("Unknown command")
         command = OF_MODULE[name]
@@ -328,6 +328,21 @@ _OF_CONTROLLER = {
 }
 
 
-def _help() -> str:
-    names = [*OF_MODULE, *_OF_CONTROLLER, "echo", "help"]
-    return "".join(f"{name}\r\n" for name in sorted(names))
+def _usage(name: str) -> str:
+    command = OF_MODULE.get(name)
+    if not command:
+        return f"{name} {_ARGUMENTS.get(name, '')}".rstrip()
+    needed = "<value> " * min(command.fewest, 1) + "... " * (command.fewest > 1)
+    return f"{name} <axis> {needed}{'[<value>]' * command.optional}".rstrip()
+
+
+_ARGUMENTS = {"echo": "on|off", "help": "[<command>]"}
+
+
+def _help(asked: str | None = None) -> str:
+    """Return the commands with their arguments, or the one that is asked for."""
+    names = sorted([*OF_MODULE, *_OF_CONTROLLER, *_ARGUMENTS])
+    found = names if asked is None else [name for name in names if name == asked.lower()]
+    if not found:
+        raise Refused("Unknown command")
+    return "".join(f"{_usage(name)}\r\n" for name in found)

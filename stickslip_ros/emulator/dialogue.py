@@ -13,6 +13,8 @@ from typing import Any, ClassVar, NamedTuple
 
 from stickslip_ros.axis import Axis
 
+LONGEST_LINE = 4096  # bytes; a pattern of 256 numbers takes a thousand
+
 
 @dataclass(frozen=True)
 class Waiting:
@@ -54,6 +56,10 @@ class Dialogue:
     def __init__(self, controller: Any) -> None:
         """Begin the dialogue of a client with a `Controller`."""
         self.controller = controller
+
+    def cutter(self) -> Lines:
+        """Return what cuts the client's stream."""
+        return Lines(LONGEST_LINE)
 
     def answer(self, line: bytes | None) -> bytes | Waiting:
         """Return the answer to a line without its end; None: one that was too long to keep."""

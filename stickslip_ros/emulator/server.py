@@ -17,13 +17,12 @@ from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, NoReturn
 
 from stickslip_ros.axis import Axis, Pace
-from stickslip_ros.emulator.dialogue import Controller, Dialogue, Lines, Waiting
+from stickslip_ros.emulator.dialogue import Controller, Dialogue, Waiting
 
 #: Carries out an action in the thread that owns the axes, which are at the present time then.
 Runner = Callable[[Callable[[], Any]], Awaitable[Any]]
 
 MOST_CLIENTS = 256
-LONGEST_LINE = 4096  # bytes; a pattern of 256 numbers takes a thousand
 _CHUNK = 4096  # bytes that are read in one go
 _UNREAD = 16384  # bytes of answers that may wait for the client
 _STALL_S = 30.0  # that a client may take to read them
@@ -98,7 +97,7 @@ class Server:
     async def _talk(
         self, dialogue: Dialogue, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
-        lines = Lines(LONGEST_LINE)
+        lines = dialogue.cutter()
         writer.write(dialogue.greeting)
         while not dialogue.over():
             data = await asyncio.wait_for(reader.read(_CHUNK), dialogue.patience)

@@ -208,6 +208,14 @@ def test_the_dialogue_from_the_first_byte_on(emulate: Callable[..., Any]) -> Non
         assert client.until(b"OK\r\n") == b"frequency = 100 Hz\r\nOK\r\n"
 
 
+def test_help_names_the_arguments(emulate: Callable[..., Any]) -> None:
+    with logged_in(emulate("anc300")) as client:
+        lines = client.ask("help", b"OK\r\n").split("\r\n")
+        assert {"setv <axis> <value>", "stepu <axis> [<value>]", "ver", "echo on|off"} <= set(lines)
+        assert client.ask("help SETPU", b"OK\r\n") == "setpu <axis> <value> ...\r\n"
+        assert client.ask("help fly", b"ERROR\r\n") == "Unknown command\r\n"
+
+
 def test_three_wrong_passwords_end_it(emulate: Callable[..., Any]) -> None:
     with emulate("anc300").client() as client:
         client.send(b"a\nb\nc\nver\n")

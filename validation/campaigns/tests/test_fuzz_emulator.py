@@ -15,7 +15,7 @@ from cpu_time import cpu_seconds
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
-from stickslip_ros.emulator import anc300, mcs, mcs2, scu
+from stickslip_ros.emulator import amc, anc300, gcs, mcs, mcs2, scu
 
 from .fuzzing import MOST_GROWTH, TIME, megabytes, search
 
@@ -50,6 +50,13 @@ DIALECTS = {
         _words([one for name in mcs2.OF_CHANNEL for one in _scpi(name)], ":", ",", " "),
         b":DEV:NUMCHAN?",
     ),
+    "amc": (
+        _words([*amc.OF_AXIS], '{"method":"com.attocube.amc.', ",", '","params":[0,').map(
+            lambda line: line + b"]}"
+        ),
+        b'{"method":"getLockStatus"}',
+    ),
+    "e871": (_words([*gcs.OF_AXIS, "SAI?", "STP"], "", " ", " 1 "), b"*IDN?"),
 }
 ANYTHING = some.binary(max_size=60).map(lambda line: line.replace(b"\n", b"").replace(b"\r", b""))
 
@@ -61,9 +68,9 @@ def dialect(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def controller(dialect: str) -> Iterator[subprocess.Popen[str]]:
-    """A controller with two axes in a process of its own."""
+    """A controller with two axes, if it takes as many, in a process of its own."""
     command = (sys.executable, "-m", "stickslip_ros.cli.main", "emulate", dialect)
-    options = ("--port", "0", "--axes", "x,y")
+    options = ("--port", "0", "--axes", "x" if dialect == "e871" else "x,y")
     process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
     yield process
     process.kill()

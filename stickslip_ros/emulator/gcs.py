@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The GCS 2 interface of a PI E-871, as two public drivers speak it.
+
+Commands, answers and codes: PI's PIPython and the EPICS driver motorPIGCS2. Positions in mm; the
+axis is called 1. A query is answered, a command only sets the error that `ERR?` tells and clears.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from enum import IntEnum
+from typing import NamedTuple
+
+from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis.state_machine import HOLDING, TARGETING
+from stickslip_ros.emulator.channel import Channel
+from stickslip_ros.emulator.dialogue import Controller, Dialogue, Lines, Refused
+from stickslip_ros.version import __version__
+
+_MM = 1e-3
+
+
+class Code(IntEnum):
+    """The errors that `ERR?` tells."""
+
+    NONE, SYNTAX, UNKNOWN, TOO_LONG = 0, 1, 2, 3
+    NO_SERVO, LIMITS, STOPPED, INVALID_AXIS, RANGE, COUNT = 5, 7, 10, 15, 17, 24
+    NO_LIMIT_SWITCH, UNKNOWN_PARAMETER, READ_ONLY, SERVO_ON = 32, 54, 64, 79
+
+
+#: Parameters by number: type, whether it may be set, first value, what it is.
+_PARAMETERS: dict[int, tuple[str, bool, float, str]] = {
+    0xA: ("FLOAT", True, 5.0, "largest velocity (mm/s)"),
+    0xB: ("FLOAT", True, 100.0, "acceleration (mm/s^2)"),
+    0xC: ("FLOAT", True, 100.0, "deceleration (mm/s^2)"),
+    0xE: ("INT", False, 1000000, "counts per unit, numerator"),
+    0xF: ("INT", False, 1, "counts per unit, denominator"),
+    0x14: ("INT", False, 1, "has a reference switch"),
+    0x32: ("INT", False, 1, "has no limit switches"),
+    0x4A: ("FLOAT", True, 1000.0, "largest acceleration (mm/s^2)"),
+    0x4B: ("FLOAT", True, 1000.0, "largest deceleration (mm/s^2)"),
+    0x50: ("FLOAT", True, 1.0, "velocity of reference moves (mm/s)"),
+}
+
+
+class GcsAxis(Channel):
+    """An axis with its servo mode and its reference."""
+
+    def __init__(self, axis: Axis) -> None:
+        """Start in open loop, without a reference."""
+        super().__init__(axis)
+        self.servo = self.referenced = False
+        self.referencing = False  #: a reference move runs
+        self.needs_reference = True  #: before closed-loop moves
+        self.steps = 0.0  #: commanded last, in open loop
+        self.velocity = 1.0  #: of the closed loop, mm/s; stored and reported only
+        self.parameters = {number: row[2] for number, row in _PARAMETERS.items()}
+
+    def tick(self) -> None:
+        """End a reference move: its end counts as 0."""
+        if self.referencing and self.axis.mode != TARGETING:
+            self.referencing = False
+            if self.axis.mode == HOLDING:
+                self.referenced, self._origin = True, 0.0
+                if not self.servo:
+                    self.axis.stop()
+
+    def set_servo(self, on: float) -> None:
+        """Switch the closed loop; off stops the axis."""
+        _require(on in (0.0, 1.0))
+        if on and self.locked:
+            self.axis.reset()
+        self.servo = bool(on)
+        if not on:
+            self.halt()
+
+    def halt(self) -> None:
+        """Stop."""
+        self.referencing = False
+        self.axis.stop()
+
+    def move(self, mm: float) -> None:
+        """Go to a position (mm) and hold it."""
+        _require(self.servo and (self.referenced or not self.needs_reference), Code.NO_SERVO)
+        low, high = self.range
+        _require(low <= mm <= high, Code.LIMITS)
+        self.go_to(_MM * mm, math.inf)
+
+    def find_reference(self) -> None:
+        """Go where the axis itself counts 0, and count it as 0."""
+        self._origin = 0.0
+        self.go_to(0.0, math.inf)
+        self.referenced, self.referencing = False, True
+
+    def count_as(self, mm: float) -> None:
+        """Let the position count as one (mm), which is a reference, too."""
+        _require(not self.needs_reference, Code.NO_SERVO)
+        self.set_position(_MM * mm)
+        self.referenced = True
+
+    def run_steps(self, steps: float) -> None:
+        """Run whole steps in open loop."""
+        _require(not self.servo, Code.SERVO_ON)
+        _require(steps == int(steps) and abs(steps) < 2**31)
+        self.steps = steps
+        if steps:
+            self.axis.command_steps(int(steps))
+        else:
+            self.halt()
+
+    def set_parameter(self, number: float, value: float) -> None:
+        """Store a parameter; none has an effect on the motion."""
+        kind, settable, *_ = _PARAMETERS.get(int(number), ("", False))
+        _require(kind, Code.UNKNOWN_PARAMETER)
+        _require(settable, Code.READ_ONLY)
+        self.parameters[int(number)] = value
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lowest and highest position, mm."""
+        limits = self.axis.parameters.limits
+        low, high = (
+            max(limits.travel_low, limits.soft_low),
+            min(limits.travel_high, limits.soft_high),
+        )
+        return (low - self._origin) / _MM, (high - self._origin) / _MM
+
+    @property
+    def on_target(self) -> bool:
+        """Whether the closed loop is where it should be."""
+        return self.servo and not self.referencing and self.axis.mode != TARGETING
+
+    @property
+    def bits(self) -> int:
+        """The state as the EPICS driver reads it: limits, servo, moving, referencing, on target."""
+        held = self.axis.status.held_at
+        flags = (held == "low", held == "high", self.servo, self.axis.moving, self.referencing)
+        return (
+            sum(bit for bit, on in zip((1, 4, 0x1000, 0x2000, 0x4000), flags, strict=True) if on)
+            + 0x8000 * self.on_target
+        )
+
+
+class Requests(Lines):
+    """Lines, and single bytes that are commands and need no end."""
+
+    def take(self, data: bytes) -> list[bytes | None]:
+        """Return the lines and commands that end in the data."""
+        return super().take(re.sub(rb"[\x03-\x09\x0b\x18\x1b]", rb"\n\g<0>\n", data))
+
+
+class Command(NamedTuple):
+    """A command with numbers for each axis, or a query."""
+
+    run: Callable[..., object]  #: gets the axis and the numbers
+    numbers: int = 0  #: that follow the name of each axis
+    moves: bool = False  #: refused in a fault
+
+
+class GcsDialogue(Dialogue):
+    """One client of the controller, which all share one error."""
+
+    def cutter(self) -> Lines:
+        """Cut lines and single bytes."""
+        return Requests(4096)
+
+    def answer(self, line: bytes | None) -> bytes:
+        """Return the answer to a query, nothing to a command; the error is kept."""
+        controller: Gcs = self.controller
+        words = (line or b"").decode("latin-1").split(" ")
+        words = [word for word in words if word]
+        try:
+            _require(line is not None, Code.TOO_LONG)
+            return self._answer(words).encode("latin-1") if words else b""
+        except Refused as refused:
+            controller.error = refused.reason
+        except CommandRefused:
+            controller.error = Code.RANGE
+        return b""
+
+    def _answer(self, words: list[str]) -> str:
+        controller: Gcs = self.controller
+        name, rest = words[0].upper(), words[1:]
+        if name == "ERR?":
+            error, controller.error = controller.error, Code.NONE
+            return f"{error:d}\n"
+        if name in OF_CONTROLLER:
+            return OF_CONTROLLER[name](controller) or ""
+        _require(name in OF_AXIS, Code.UNKNOWN)
+        command, axes = OF_AXIS[name], controller.axes
+        if command.numbers == 0 and not rest:
+            rest = list(axes)
+        each = 1 + command.numbers
+        _require(rest and len(rest) % each == 0, Code.COUNT)
+        answers = []
+        for first in range(0, len(rest), each):
+            word, *texts = rest[first : first + each]
+            _require(word in axes, Code.INVALID_AXIS)
+            _require(not command.moves or not axes[word].locked, Code.NO_SERVO)
+            found = command.run(axes[word], *map(_number, texts))
+            if name == "SPA?":
+                word = " ".join(rest[first : first + each])
+            answers.append(f"{word}={found}")
+        if not name.endswith("?"):
+            if name in ("HLT", "STP"):
+                controller.error = Code.STOPPED
+            return ""
+        return " \n".join(answers) + "\n"
+
+
+class Gcs(Controller):
+    """The controller of one axis."""
+
+    channel = GcsAxis
+    dialogue = GcsDialogue
+    error: int = Code.NONE  #: of the last command that had one
+
+    @property
+    def axes(self) -> dict[str, GcsAxis]:
+        """The axes by name."""
+        return {str(number): axis for number, axis in enumerate(self.channels, 1)}
+
+    def stop(self) -> None:
+        """Stop all axes, which is told as an error."""
+        for axis in self.channels:
+            axis.halt()
+        self.error = Code.STOPPED
+
+
+def _require(condition: object, code: int = Code.RANGE) -> None:
+    if not condition:
+        raise Refused(code)
+
+
+def _number(word: str) -> float:
+    try:
+        value = float(int(word, 16)) if word[:2].lower() == "0x" else float(word)
+    except (ValueError, OverflowError):
+        value = math.nan
+    _require(math.isfinite(value), Code.SYNTAX)
+    return value
+
+
+def _parameter(axis: GcsAxis, number: float) -> str:
+    kind = _PARAMETERS.get(int(number), ("",))[0]
+    _require(kind, Code.UNKNOWN_PARAMETER)
+    value = axis.parameters[int(number)]
+    return f"{value:.0f}" if kind == "INT" else f"{value:.6f}"
+
+
+def _stored(number: int) -> dict[str, Command]:
+    """Return the commands that set and get a velocity or an acceleration."""
+    name = {0xB: "ACC", 0xC: "DEC"}[number]
+    return {
+        name: Command(lambda a, value: a.set_parameter(number, value), 1),
+        f"{name}?": Command(lambda a: f"{a.parameters[number]:.6f}"),
+    }
+
+
+def _no_limit_switch(_: GcsAxis) -> None:
+    raise Refused(Code.NO_LIMIT_SWITCH)
+
+
+OF_AXIS: dict[str, Command] = {
+    **_stored(0xB),
+    **_stored(0xC),
+    "CST?": Command(lambda a: f"SIM-{a.axis.parameters.node.axis_name}"),
+    "FNL": Command(_no_limit_switch, moves=True),
+    "FPL": Command(_no_limit_switch, moves=True),
+    "FRF": Command(GcsAxis.find_reference, moves=True),
+    "FRF?": Command(lambda a: f"{a.referenced:d}"),
+    "GOH": Command(lambda a: a.move(0.0), moves=True),
+    "HLT": Command(GcsAxis.halt),
+    "LIM?": Command(lambda a: "0"),
+    "MOV": Command(GcsAxis.move, 1, moves=True),
+    "MOV?": Command(lambda a: f"{a.target / _MM:.7f}"),
+    "MVR": Command(lambda a, mm: a.move(a.target / _MM + mm), 1, moves=True),
+    "ONT?": Command(lambda a: f"{a.on_target:d}"),
+    "OSM": Command(GcsAxis.run_steps, 1, moves=True),
+    "OSM?": Command(lambda a: f"{a.steps:.0f}"),
+    "OSN?": Command(lambda a: f"{a.axis.status.steps_left:d}"),
+    "OVL": Command(lambda a, hertz: a.axis.command_frequency(hertz), 1),
+    "OVL?": Command(lambda a: f"{a.axis.status.frequency:.6f}"),
+    "POS": Command(GcsAxis.count_as, 1),
+    "POS?": Command(lambda a: f"{a.position / _MM:.7f}"),
+    "RON": Command(lambda a, on: setattr(a, "needs_reference", bool(on)), 1),
+    "RON?": Command(lambda a: f"{a.needs_reference:d}"),
+    "SPA": Command(GcsAxis.set_parameter, 2),
+    "SPA?": Command(_parameter, 1),
+    "STP": Command(GcsAxis.halt),
+    "SVO": Command(GcsAxis.set_servo, 1),
+    "SVO?": Command(lambda a: f"{a.servo:d}"),
+    "TMN?": Command(lambda a: f"{a.range[0]:.7f}"),
+    "TMX?": Command(lambda a: f"{a.range[1]:.7f}"),
+    "TRS?": Command(lambda a: "1"),
+    "VEL": Command(lambda a, value: setattr(a, "velocity", value), 1),
+    "VEL?": Command(lambda a: f"{a.velocity:.6f}"),
+}
+
+
+def _help(_: Gcs) -> str:
+    single = {"\x04": "#4", "\x05": "#5", "\x07": "#7", "\x18": "#24"}
+    names = sorted({*OF_AXIS, *(single.get(name, name) for name in OF_CONTROLLER), "ERR?"})
+    return " \n".join(["The following commands are valid:", *names, "end of help"]) + "\n"
+
+
+def _parameters(_: Gcs) -> str:
+    rows = [
+        f"0x{n:X}=\t0\t1\t{kind}\tmotion\t{text}" for n, (kind, *_r, text) in _PARAMETERS.items()
+    ]
+    return " \n".join(["The following parameters are valid:", *rows, "end of help"]) + "\n"
+
+
+OF_CONTROLLER: dict[str, Callable[[Gcs], str | None]] = {
+    "\x04": lambda c: "0x" + "".join(f"{axis.bits:04X}" for axis in c.channels) + "\n",
+    "\x05": lambda c: f"{sum(a.axis.moving << n for n, a in enumerate(c.channels)):X}\n",
+    "\x07": lambda c: ("\xb0" if any(a.referencing for a in c.channels) else "\xb1") + "\n",
+    "\x18": Gcs.stop,
+    "*IDN?": lambda c: f"(c)stickslip_ros Physik Instrumente, E-871.1A1, SIM-0, {__version__}\n",
+    "CSV?": lambda c: "2.0\n",
+    "HLP?": _help,
+    "HPA?": _parameters,
+    "SAI?": lambda c: " \n".join(c.axes) + "\n",
+    "SSN?": lambda c: "SIM-0\n",
+    "VER?": lambda c: f"stickslip_ros {__version__}\n",
+}

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""attocube's AMC: the requests of the maker's driver and of Diamond's EPICS driver, as they come.
+
+The maker's driver is in no package index. It sends objects without an end and reads up to CR LF;
+the first value of a result is the error, which it raises.
+"""
+
+import itertools
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from table_1 import table_1
+
+from stickslip_ros.emulator.amc import Objects
+from stickslip_ros.traces import run_steps
+
+AMC = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0}
+
+
+class Driver:
+    """Sends requests as the maker's driver does."""
+
+    def __init__(self, emulated: Any) -> None:
+        """Connect."""
+        self.client = emulated.client()
+        self._number = 0
+
+    def request(self, method: str, *values: object, **others: object) -> Any:
+        """Return what answers a method."""
+        self._number += 1
+        asked = {"jsonrpc": "2.0", "method": method, "api": 2, "id": self._number, **others}
+        if values:
+            asked["params"] = list(values)
+        self.client.send(json.dumps(asked).encode())
+        answer = json.loads(self.client.until(b"\r\n"))
+        assert answer["id"] == self._number
+        return answer
+
+    def __call__(self, method: str, *values: object) -> Any:
+        """Return the values of a result without error."""
+        error, *found = self.request(f"com.attocube.amc.{method}", *values)["result"]
+        assert error == 0, method
+        return found[0] if len(found) == 1 else found
+
+    def wait(self, method: str, value: object) -> None:
+        """Wait until a method returns a value for axis 0."""
+        end = time.monotonic() + 20.0
+        while self(method, 0) != value:
+            assert time.monotonic() < end, method
+
+
+def test_it_steps_as_simulate_does(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("amc", AMC, AMC)
+    amc = Driver(emulated)
+    amc("control.setControlAmplitude", 0, 45000)
+    amc("control.setControlFrequency", 0, 2000000)
+    amc("control.setControlOutput", 0, True)
+    amc("move.setNSteps", 0, False, 20)
+    amc.wait("status.getStatusMoving", 0)
+    drive = table_1(**{**AMC, "amplitude": 45.0, "frequency": 2000.0})
+    status = emulated.look(lambda: emulated.axes[0].status)
+    assert status.mean_step * 20 == pytest.approx(run_steps(drive, 20).position[-1], abs=1e-11)
+    assert amc("move.getPosition", 0) == pytest.approx(1e9 * status.position, abs=100)
+    amc("move.writeNSteps", 0, 5)
+    amc("move.performNSteps", 0, True)
+    amc.wait("status.getStatusMoving", 0)
+    assert emulated.look(lambda: emulated.axes[0].status.step_count) == 15
+    assert amc("control.getPositionsAndVoltages")[1:] == [0, 0, 0, 0, 0]
+
+
+def test_the_closed_loop_and_motion_without_end(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("amc", AMC)
+    amc = Driver(emulated)
+    amc("move.setControlContinuousFwd", 0, True)
+    assert amc("status.getStatusMoving", 0) == 2  # until the output is enabled
+    assert amc("status.getFullCombinedStatus", 0) == "output not enabled"
+    amc("control.setControlOutput", 0, True)
+    assert amc("status.getStatusMoving", 0) == 1
+    amc("move.setControlContinuousBkwd", 0, False)
+    amc.wait("status.getStatusMoving", 0)
+    amc("control.setReset", 0)
+    amc("control.setControlMove", 0, True)
+    amc("move.setControlTargetPosition", 0, 3000)
+    amc.wait("status.getStatusTargetRange", True)
+    assert amc("move.getPosition", 0) == pytest.approx(3000, abs=100)
+    amc("control.MultiAxisPositioning", 1, 0, 0, -500, 0, 0)
+    assert amc("move.getControlTargetPosition", 0) == -500
+    amc.wait("status.getStatusTargetRange", True)
+    amc("control.setControlOutput", 0, False)
+    assert emulated.look(lambda: emulated.axes[0].mode) == "stopped"
+
+
+def test_the_requests_of_the_epics_driver(emulate: Callable[..., Any]) -> None:
+    """They end with a line feed and have no api; texts come without the number of an error."""
+    with emulate("amc", AMC).client() as client:
+        for method, values, result in (
+            ("system.getFirmwareVersion", [], None),
+            ("amc.status.getStatusConnected", [0], [0, True]),
+            ("amc.status.getStatusReference", [0], [0, False]),
+            ("amc.control.setControlAutoReset", [0, True], [0]),
+            ("amc.control.getControlAutoReset", [0], [0, True]),
+            ("amc.control.getReferencePosition", [0], [0, 0]),
+            ("amc.status.getStatusEotFwd", [0], [0, False]),
+            ("amc.control.getControlFrequency", [0], [0, 1000000]),
+        ):
+            asked = {"jsonrpc": "2.0", "method": f"com.attocube.{method}", "params": values}
+            answer = json.loads(client.ask(json.dumps({**asked, "id": 7})))
+            assert answer["id"] == 7
+            assert answer["result"] == result or isinstance(answer["result"][0], str)
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        ("not json", -32700),
+        ("[1]", -32700),
+        ("}", -32700),
+        ('{"a": "' + "x" * 5000 + '"}', -32700),
+        ('{"method": "com.attocube.amc.fly.away"}', -32601),
+        ('{"method": "com.attocube.amc.move.getPosition"}', -32602),
+        ('{"method": "com.attocube.amc.move.getPosition", "params": [1]}', -32602),
+        ('{"method": "com.attocube.amc.move.getPosition", "params": {"axis": 0}}', -32602),
+        ('{"method": "com.attocube.amc.move.setNSteps", "params": [0, true]}', -32602),
+        ('{"method": "com.attocube.amc.move.setNSteps", "params": [0, true, NaN]}', -32602),
+        ('{"method": "com.attocube.amc.move.writeNSteps", "params": [0, 1e999]}', -32602),
+    ],
+)
+def test_what_is_no_request_is_answered(emulate: Callable[..., Any], asked: str, code: int) -> None:
+    with emulate("amc").client() as client:
+        assert json.loads(client.ask(asked))["error"]["code"] == code
+        assert json.loads(client.ask('{"method": "getLockStatus"}'))["result"] == [0, False, True]
+
+
+def test_what_cannot_be_is_an_error_with_a_text(emulate: Callable[..., Any]) -> None:
+    amc = Driver(emulate("amc"))
+    for method, values, text in (
+        ("move.setNSteps", (0, True, 5), "Output not enabled"),
+        ("control.setControlAmplitude", (0, 60001), "Value out of range"),
+        ("control.setControlFrequency", (0, 0), "Value out of range"),
+        ("control.searchReferencePosition", (0,), "No reference mark"),
+    ):
+        (number,) = amc.request(f"com.attocube.amc.{method}", *values)["result"]
+        told = amc.request("com.attocube.system.errorNumberToString", 0, number)["result"]
+        assert told == [0, text]
+
+
+@given(
+    st.lists(st.dictionaries(st.text(max_size=4), st.text(max_size=9), max_size=3), max_size=5),
+    st.lists(st.integers(0, 200), max_size=6),
+)
+def test_objects_are_cut_however_they_come(objects: list[Any], cuts: list[int]) -> None:
+    stream = "".join(json.dumps({"a": one}) for one in objects).encode()
+    ends = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    reader, found = Objects(), []
+    for begin, end in itertools.pairwise(ends):
+        found += reader.take(stream[begin:end])
+    assert [json.loads(one or b"") for one in found] == [{"a": one} for one in objects]
