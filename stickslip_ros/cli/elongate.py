@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.library.waveform_search import elongate_step
 
     p = parameters_from(args)
-    with announce_if_slow("searching the hold times of the largest step"):
+    with announce_if_slow("searching the hold times of the largest step", in_pipes=True):
         found = elongate_step(p)
     wanted: dict[str, Any] = {
         "waveform": "shaped" if p.drive.waveform == "shaped" else "hold",

@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         report_left_out("identify", left_out(known, OF_A_FIT))
     for known, _ in curves:
         report_left_out("identify", left_out(known))
-    with report_compilation(), progress_bar(_PARTS, "identifying", in_pipes=True) as bar:
+    with report_compilation(), progress_bar(_PARTS, "identifying") as bar:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
             fit_gain=args.fit_gain, fit_lag=args.fit_lag, suggest_next=args.suggest_next,

@@ -153,7 +153,7 @@ def _found_in(motion: Motion, period: float | None) -> Findings:
     """Find the runs in a measurement, with a progress bar."""
     from stickslip_ros.traces.analysis import STAGES, find_steps
 
-    with progress_bar(STAGES, SEARCH, in_pipes=True) as bar:
+    with progress_bar(STAGES, SEARCH) as bar:
 
         def report(stage: str) -> None:
             bar.set_description(f"{SEARCH}: {stage}", refresh=False)

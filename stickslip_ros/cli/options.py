@@ -253,16 +253,15 @@ def yaml_lines(values: Mapping[str, object]) -> str:
 
 
 @contextmanager
-def progress_bar(total: int, what: str, in_pipes: bool = False) -> Iterator[tqdm[Any]]:
-    """A progress bar on stderr if that is a terminal and the work takes more than a moment.
+def progress_bar(total: int, what: str) -> Iterator[tqdm[Any]]:
+    """A progress bar on stderr if the work takes more than a moment; in a pipe a line says what.
 
-    Its clock goes on every second, also while a part of the work takes long. in_pipes: say in
-    a pipe, too, what is being done if it takes longer.
+    Its clock goes on every second, also while a part of the work takes long.
     """
     from tqdm import tqdm
 
     in_pipe = not sys.stderr.isatty()
-    told = announce_if_slow(what, in_pipes) if in_pipe else nullcontext()
+    told = announce_if_slow(what, in_pipes=True) if in_pipe else nullcontext()
     with told, tqdm(total=total, desc=what, disable=in_pipe, delay=0.5) as bar:
         ended = threading.Event()
 

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         return _write_plot(args.plot, claims)
     with (
         threads(os.cpu_count() or 1) as executor,
-        progress_bar(len(claims), "claims") as bar,
+        progress_bar(len(claims), "computing claims") as bar,
     ):
 
         def say(line: str) -> None:
@@ -99,7 +99,7 @@ def _write_plot(path: Path, claims: Sequence[Claim]) -> int:
 
     if len(claims) != 1:
         raise UsageError("--plot writes the picture of one ITEM: name it, such as fig09")
-    with announce_if_slow(f"simulating {claims[0].name}"):
+    with announce_if_slow(f"simulating {claims[0].name}", in_pipes=True):
         result = claims[0].compute()
     if result.draw is None:
         raise UsageError(f"{claims[0].name} has no picture; --table writes its numbers")

@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.library.waveform_search import shape_slip
 
     p = parameters_from(args)
-    with announce_if_slow("searching the slip that leaves the least ringing"):
+    with announce_if_slow("searching the slip that leaves the least ringing", in_pipes=True):
         found = shape_slip(p)
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     if p.drive.waveform == "sawtooth":

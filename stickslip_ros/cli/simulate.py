@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(args)
     ensemble = ensemble_of(args)
     p = parameters_from(args)
-    with plain_until_compiled(), progress_bar(abs(args.steps), "steps") as bar:
+    with plain_until_compiled(), progress_bar(abs(args.steps), "simulating steps") as bar:
         result = SimulatedRun(p, run_steps(p, args.steps, bar.update), args.steps)
     zero, unknown = _zero_amplitude(result)
     if args.trace:

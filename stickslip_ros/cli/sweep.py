@@ -151,7 +151,7 @@ def _carry_out(
             print(",".join(heading(sweep)))
         with report_compilation():
             sweep.evaluate(0, 1)  # so that no thread has to compile
-        with progress_bar(sweep.points, "points") as bar, threads(workers) as pool:
+        with progress_bar(sweep.points, "computing points") as bar, threads(workers) as pool:
             bar.update(found.done)
             for first, values in results(sweep, pool, workers, found.done):
                 if table:

@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     log = read_log(args.recording, reading_of(args), args.drive, args.joint)
     twin = Twin(p, settings, ensemble)
     updates: list[Update] = []
-    with report_compilation(), progress_bar(len(log), "twin") as bar:
+    with report_compilation(), progress_bar(len(log), "following the axis") as bar:
         for one in log:
             bar.update()
             if isinstance(one, TwinCommand):

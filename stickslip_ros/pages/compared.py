@@ -95,7 +95,8 @@ def _plots(found: Comparison) -> list[PlotPlace]:
               f"The step is {in_run} in the run and {as_measured} as measured."),
         PlotPlace("slip", "Backstep and ringing", "The same cycle, close to its slip."),
         PlotPlace("cycles", "Cycle by cycle", "Step, backstep and RMSE of each cycle, run and "
-              "measurement, on the scale of the settled steps; the table below has the numbers."),
+              "measurement, on the scale of the settled steps, with 95 % intervals of the measured "
+              "means. The table below has the numbers."),
     )  # fmt: skip
     return [one._replace(figure=drawn[one.name]) for one in places if one.name in drawn]
 

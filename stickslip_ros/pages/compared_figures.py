@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
+from stickslip_ros.pages.measured import settled_bands
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, scale_of
 from stickslip_ros.reporting.plots import (
     Figure,
@@ -193,8 +194,14 @@ def _cycles(found: Comparison) -> Figure:
             line_of(shown_number, shown_values, name, color, "nm", "", yaxis=axis, mode=mode,
                   marker={"size": 4})
         )  # fmt: skip
+    shapes, first = [], 1
+    for one in found.pairs:
+        if one.run is not None and one.measured is not None:
+            shapes += settled_bands(one.measured, first, found.alignment.gain)
+            first += one.run.steps
     layout = layout_of(
         600,
+        shapes=shapes,
         xaxis=axis_of("cycle", anchor="y3", tickformat="d"),
         yaxis=axis_of("step (nm)", domain=[0.70, 1.0], **_settled_range(table)),
         yaxis2=axis_of("backstep (nm)", domain=[0.35, 0.65]),

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from itertools import islice
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace, ResultPage
@@ -90,12 +91,11 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
         number = np.arange(first, first + run.steps, dtype=np.float64)
         shown_once = {"legendgroup": "all", "showlegend": k == 0}
         mode = "lines+markers" if run.steps <= 200 else "lines"
-        settled = number[[run.first_cycle, -1]] + np.array([-0.4, 0.4])  # one cycle is seen, too
-        for values, mean, error, name, whole, colors, place in (
-            (run.step_sizes, run.step_size, run.step_size_error, "step", "step size",
-             (MEASURED, SIMULATED), "y"),
-            (run.backsteps, run.backstep, run.backstep_error, "single backstep", "backstep",
-             (ACTUATOR, BACKSTEP), "y2"),
+        settled = _settled(run, first)
+        for values, mean, name, whole, colors, place in (
+            (run.step_sizes, run.step_size, "step", "step size", (MEASURED, SIMULATED), "y"),
+            (run.backsteps, run.backstep, "single backstep", "backstep", (ACTUATOR, BACKSTEP),
+             "y2"),
         ):  # fmt: skip
             if not np.isfinite(values).any():
                 continue
@@ -107,10 +107,7 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
                 line_of(settled, np.full(2, 1e9 * mean), whole, colors[1], "nm", "",
                      yaxis=place, **shown_once)
             )  # fmt: skip
-            half = 1e9 * CONFIDENCE * error
-            if math.isfinite(half):
-                ends = {"y0": 1e9 * mean - half, "y1": 1e9 * mean + half}
-                shapes.append(stretch_of(settled[0], settled[1], "#dccfe8", yref=place, **ends))
+        shapes += settled_bands(run, first)
         first += run.steps
     frame = layout_of(
         520,
@@ -120,6 +117,30 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
         shapes=shapes,
     )
     return {"data": data, "layout": frame}
+
+
+def settled_bands(run: Run, first: int, gain: float = 1.0) -> list[Figure]:
+    """Return the intervals of step size and backstep over the settled cycles of a run.
+
+    first: number of its first cycle; gain: what lengths are divided by. Steps are on y, backsteps
+    on y2, both in nm.
+    """
+    begin, end = _settled(run, first)
+    bands = []
+    for mean, error, place in (
+        (run.step_size, run.step_size_error, "y"),
+        (run.backstep, run.backstep_error, "y2"),
+    ):
+        half = CONFIDENCE * error
+        if math.isfinite(half):
+            low, high = (1e9 * (mean + sign * half) / gain for sign in (-1, 1))
+            bands.append(stretch_of(begin, end, "#dccfe8", yref=place, y0=low, y1=high))
+    return bands
+
+
+def _settled(run: Run, first: int) -> NDArray[np.float64]:
+    """Return where the settled cycles of a run begin and end; one alone is seen, too."""
+    return np.array([first + run.first_cycle - 0.4, first + run.steps - 0.6])
 
 
 def _slips(motion: Motion, runs: Sequence[Run]) -> Figure:

@@ -16,7 +16,7 @@ from typing import TextIO
 
 #: Message while runs of steps are searched for.
 SEARCH = "searching the measurement for runs of steps"
-_PATIENCE, _IN_PIPES = 1.0, 2.0  # s, after which a message tells people what is being done
+_PATIENCE = 1.0  # s, after which a message tells what is being done
 
 
 def style_text(text: str, style: str, stream: TextIO | None = None) -> str:
@@ -57,15 +57,13 @@ def format_rows(rows: Iterable[tuple[str, str]], width: int = 12) -> str:
 def announce_if_slow(what: str, in_pipes: bool = False) -> Iterator[None]:
     """Print what is being done on stderr if this block is slow, on a terminal or in a notebook.
 
-    in_pipes: anywhere else, too, a little later.
+    in_pipes: anywhere else, too.
     """
-    people = sys.stderr.isatty() or "ipykernel" in sys.modules
-    if not (people or in_pipes):
+    if not (in_pipes or sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield
         return
     stream = sys.stderr
-    patience = _PATIENCE if people else _IN_PIPES
-    timer = threading.Timer(patience, lambda: print(f"{what} ...", file=stream, flush=True))
+    timer = threading.Timer(_PATIENCE, lambda: print(f"{what} ...", file=stream, flush=True))
     timer.daemon = True
     timer.start()
     try:

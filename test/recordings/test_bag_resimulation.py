@@ -167,7 +167,7 @@ def test_a_state_that_was_tampered_with_is_found(
     def one_bit(number: int, data: bytes) -> bytes:
         return data if number != 30 else data[:-8] + bytes([data[-8] ^ 1]) + data[-7:]
 
-    monkeypatch.setattr("stickslip_ros.reporting.terminal._IN_PIPES", 0.0)
+    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.0)
     record_axis(tmp_path / "run", joints=one_bit)
     assert main(["bag", "resimulate", str(tmp_path / "run")]) == 1
     said = capsys.readouterr()

@@ -28,6 +28,6 @@ def run(args: argparse.Namespace) -> int:
 
     bag_name = args.bag.expanduser().absolute()
     out = args.out or bag_name.with_name(f"{bag_name.stem}_tables")
-    with open_bag(args.bag) as bag, progress_bar(bag.message_count, "messages") as bar:
+    with open_bag(args.bag) as bag, progress_bar(bag.message_count, "exporting messages") as bar:
         print(export(bag, out, bar.update))
     return 0

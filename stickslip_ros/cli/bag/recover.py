@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
     from stickslip_ros.recordings import bytes_of, recover
 
-    with progress_bar(bytes_of(args.bag), "bytes") as bar:
+    with progress_bar(bytes_of(args.bag), "recovering bytes") as bar:
         done = recover(args.bag, args.out, bar.update)
     found = asdict(done)
     kept = f"{done.messages} messages kept, {done.dropped_bytes} bytes dropped"

@@ -9,7 +9,6 @@ from typing import Any
 
 from stickslip_ros.cli.options import add_outputs, option, print_result, progress_bar, repeated
 from stickslip_ros.parameters import parse_assignment
-from stickslip_ros.reporting.terminal import announce_if_slow
 
 _DIFFERENT = 1
 
@@ -41,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
         # An axis may have lived long before it was recorded.
         lived = [(run.end_ns or bag.end_ns) - run.start_ns for run in recorded_runs(bag)]
         motion = f"computing {1e-9 * sum(lived):.0f} s of motion"
-        with announce_if_slow(motion, in_pipes=True), progress_bar(states, "states") as bar:
+        with progress_bar(states, motion) as bar:
             runs = resimulate(bag, changes, args.out, bar.update)
     reports = [one.as_dict() for one in runs]
     texts = [_text(report, bool(changes)) for report in reports]

@@ -58,7 +58,7 @@ def bag(ros: Ros, start_node: Start, tmp_path: Path) -> Path:
 def test_a_recorded_run_comes_out_again(
     bag: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("stickslip_ros.reporting.terminal._IN_PIPES", 0.0)
+    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.0)
     assert main(["bag", "resimulate", str(bag), "--json"]) == 0
     output = capsys.readouterr()
     (run,) = json.loads(output.out)["runs"]
