@@ -198,6 +198,7 @@ setup(
             "furo",
             "sphinxcontrib-mermaid",
             "mermaidx",
+            "quickjs-ng",
             "ziamath",
             "setuptools",
         ],

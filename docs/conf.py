@@ -51,9 +51,21 @@ autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "exclude-members": "__init__, __new__"}
 
 
-def _offer_files_beside(app: Any, page: str, source: list[str]) -> None:
-    """Turn links to Markdown outside the site, which works on GitHub, into downloads."""
-    source[0] = re.sub(r"\]\((\.\./[\w./-]+\.md)\)", r"](path:\1)", source[0])
+#: What readers search for, by the page that answers: the search shows these first.
+SOUGHT = {
+    "faults": ["fault", "stuck", "mock"],
+    "testing": ["mock", "my own node"],
+    "effects": ["simulate noise", "noise"],
+    "tutorials/first_step": ["units"],
+    "compare": ["units of a file"],
+    "index": ["cite"],
+}
+
+
+def _prepare(app: Any, page: str, source: list[str]) -> None:
+    """Turn links to Markdown outside the site, which works on GitHub, into downloads; add words."""
+    source[0] += "".join(f"\n```{{index}} {word}\n```\n" for word in SOUGHT.get(page, []))
+    source[0] = re.sub(r"\]\((\.\./[\w./-]+\.md)(?:#[\w-]+)?\)", r"](path:\1)", source[0])
 
 
 def _drawn(node: nodes.math | nodes.math_block, inline: bool) -> str:
@@ -82,5 +94,5 @@ def _displayed_equation(page: Any, node: nodes.math_block) -> None:
 
 def setup(app: Any) -> None:
     """Called by Sphinx."""
-    app.connect("source-read", _offer_files_beside)
+    app.connect("source-read", _prepare)
     app.add_html_math_renderer("svg", (_inline_equation, None), (_displayed_equation, None))

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from html.parser import HTMLParser
@@ -119,6 +120,39 @@ def test_the_site_has_no_dead_link_and_every_public_name(site: Path) -> None:
     # A class that stands elsewhere is found under the name of its own module.
     found = {place.rpartition(".")[2] for place in places}
     assert sorted(set(ss.__all__) - MENTIONED - found) == []
+
+
+#: What the search of a page needs of a browser.
+BROWSER = """
+globalThis.window = globalThis; window.location = {search: ""}; window.setTimeout = () => null;
+const nothing = {dataset: {content_root: ""}, appendChild: () => nothing, firstChild: null};
+const document = {documentElement: nothing, body: nothing, getElementById: () => nothing};
+const SPHINX_HIGHLIGHT_ENABLED = false, _ready = () => null, _ = (text) => text;
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("words", "page"),
+    [
+        ("fault", "faults"),
+        ("mock", "testing"),
+        ("stuck", "faults"),
+        ("simulate noise", "effects"),
+        ("my own node", "testing"),
+        ("units", "tutorials/first_step"),
+        ("cite", "index"),
+    ],
+)
+def test_the_search_finds_what_readers_look_for(site: Path, words: str, page: str) -> None:
+    engine = pytest.importorskip("quickjs").Context()
+    for name in ("_static/language_data.js", "_static/searchtools.js", "searchindex.js"):
+        engine.eval((BROWSER if "language" in name else "") + (site / name).read_text("utf-8"))
+    found = engine.eval(f"""
+        globalThis.Stemmer = window.Stemmer;
+        JSON.stringify(Search._performSearch(...Search._parseQuery({words!r})).reverse())
+    """)
+    assert page in [one[0] for one in json.loads(found)][:2]
 
 
 @pytest.mark.long
