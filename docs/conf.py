@@ -64,7 +64,7 @@ SOUGHT = {
 
 def _prepare(app: Any, page: str, source: list[str]) -> None:
     """Turn links to Markdown outside the site, which works on GitHub, into downloads; add words."""
-    source[0] += "".join(f"\n```{{index}} {word}\n```\n" for word in SOUGHT.get(page, []))
+    source[0] += "".join(f"\n```{{index}} ! {word}\n```\n" for word in SOUGHT.get(page, []))
     source[0] = re.sub(r"\]\((\.\./[\w./-]+\.md)(?:#[\w-]+)?\)", r"](path:\1)", source[0])
 
 

@@ -7,7 +7,7 @@ import argparse
 from typing import Any
 
 from stickslip_ros.cli import shape
-from stickslip_ros.cli.options import parameters_from
+from stickslip_ros.cli.options import check_outputs, parameters_from
 from stickslip_ros.cli.shape import write_search_result
 from stickslip_ros.reporting.terminal import announce_if_slow
 
@@ -22,6 +22,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.waveform_search import elongate_step
 
+    check_outputs(args, args.yaml)
     p = parameters_from(args)
     with announce_if_slow("searching the hold times of the largest step", in_pipes=True):
         found = elongate_step(p)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.cli.options import (
     add_outputs,
     add_parameters,
+    check_outputs,
     option,
     parameters_from,
     print_result,
@@ -42,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.waveform_search import shape_slip
 
+    check_outputs(args, args.yaml)
     p = parameters_from(args)
     with announce_if_slow("searching the slip that leaves the least ringing", in_pipes=True):
         found = shape_slip(p)
