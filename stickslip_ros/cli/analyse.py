@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
     content = {
+        "of_run": 1 + next(k for k, run in enumerate(seen.runs) if run is found),
         **found.cycles_as_json(),
         "steps": sum(run.steps for run in seen.runs),
         "runs": [run.as_json() for run in seen.runs],

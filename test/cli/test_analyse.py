@@ -101,6 +101,7 @@ def test_a_measurement_of_any_table_is_analysed(
     assert main(["analyse", str(path), "--json", *files]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert found["steps"] == 21
+    assert found["step_size"] == found["runs"][found["of_run"] - 1]["step_size"]
     for run, true in zip(found["runs"], bench.runs, strict=True):
         assert (run["steps"], run["direction"]) == (true.steps, true.direction)
         assert run["frequency"] == pytest.approx(500.0, rel=1e-3)

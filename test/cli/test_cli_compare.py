@@ -171,6 +171,11 @@ def test_page_and_picture_are_whole(
     for what in ("damping ratio", "sigma_0_slope", "all 1 limits kept", "NumPy", "axis.csv"):
         assert what in text
     assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
+    data = json.loads(text.split('id="data">')[1].split("</script>")[0])
+    step, backstep = data["cycles"]["layout"]["shapes"]  # 95 % of the measured means, in nm
+    assert (step["yref"], backstep["yref"]) == ("y", "y2")
+    assert step["y0"] < 134.0 < step["y1"] < step["y0"] + 20.0
+    assert backstep["y0"] < 47.0 < backstep["y1"] < backstep["y0"] + 20.0
     assert png.read_bytes().startswith(b"\x89PNG")
     assert sorted(tmp_path.iterdir()) == [page, png]
 
