@@ -18,7 +18,7 @@ from stickslip_ros.cli.options import (
     report_left_out,
 )
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si
-from stickslip_ros.reporting.terminal import format_rows
+from stickslip_ros.reporting.terminal import announce_if_slow, format_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,11 +44,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.library.prediction import predict
-
     p = parameters_from(args)
     check_outputs(args)
-    found = predict(p, step=args.step)
+    with announce_if_slow("predicting", in_pipes=True):
+        from stickslip_ros.library.prediction import predict
+
+        found = predict(p, step=args.step)
     report_left_out("predict", found.left_out)
     if args.plot:
         from stickslip_ros.reporting.picture import draw_picture
