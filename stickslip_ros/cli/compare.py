@@ -26,6 +26,7 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.measurement.verdict import LIMITS
 from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.terminal import style_text
+from stickslip_ros.shared_files import config_file
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
@@ -107,6 +108,8 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
         simulate_motion,
     )
 
+    if not args.simulation.suffix:  # a bag, or one of our parameter files by its name
+        args.simulation = config_file(args.simulation)
     simulated = is_parameter_file(args.simulation)
     if not simulated and (args.assignments or args.steps is not None):
         raise UsageError(

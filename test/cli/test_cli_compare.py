@@ -70,7 +70,9 @@ def test_the_model_is_compared_with_a_measurement(
 
 
 def test_assignments_change_the_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["compare", str(CONFIG), str(folder / "axis.csv"), "--json", "--set", "sigma_1=10"]
+    """Our own parameter files go by their names, too."""
+    run = ["compare", "table1_typical", str(folder / "axis.csv"), "--json"]
+    arguments = [*run, "--set", "sigma_1=10"]
     assert main(arguments) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["differing"] == []
