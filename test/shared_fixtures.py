@@ -136,6 +136,14 @@ def compiled_solver() -> None:
 _FOUND: dict[bytes, tuple[Any, list[str]]] = {}
 
 
+@pytest.fixture(scope="session", autouse=True)
+def patience() -> Iterator[None]:
+    """Let commands say nothing about how long they take on a busy machine."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 600.0)
+        yield
+
+
 @pytest.fixture(scope="module", autouse=True)
 def search_once(request: pytest.FixtureRequest) -> Iterator[None]:
     """Search the same samples for steps once, but in the tests of the search.

@@ -86,7 +86,10 @@ def test_the_closed_loop_and_motion_without_end(emulate: Callable[..., Any]) -> 
     amc("control.setReset", 0)
     amc("control.setControlMove", 0, True)
     amc("move.setControlTargetPosition", 0, 3000)
-    amc.wait("status.getStatusTargetRange", True)
+    end = time.monotonic() + 20.0
+    while emulated.look(lambda: emulated.axes[0].mode) != "holding":
+        assert time.monotonic() < end
+    assert amc("status.getStatusTargetRange", 0)
     assert amc("move.getPosition", 0) == pytest.approx(3000, abs=100)
     amc("control.MultiAxisPositioning", 1, 0, 0, -500, 0, 0)
     assert amc("move.getControlTargetPosition", 0) == -500
