@@ -236,10 +236,11 @@ def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: P
     assert [run.returncode for run in runs] == [0, 0]
     assert runs[0].stdout == runs[1].stdout != ""
     assert runs[0].stderr.startswith("compiling the solver, once for this version")
-    shares = [line.rpartition(": ")[2] for line in runs[0].stderr.splitlines()]
+    said = [line for line in runs[0].stderr.splitlines() if line != "simulating steps ..."]
+    shares = [line.rpartition(": ")[2] for line in said]
     numbers = [int(share.removesuffix(" %")) for share in shares]
     assert numbers == sorted(numbers)
-    assert runs[1].stderr == ""
+    assert runs[1].stderr in ("", "simulating steps ...\n")  # on a busy machine
 
 
 def test_a_damaged_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
