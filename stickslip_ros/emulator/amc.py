@@ -140,9 +140,9 @@ class Actor(Channel):
         return round(1e9 * self.position, 3)
 
     @property
-    def moving(self) -> int:
+    def motion(self) -> int:
         """2 if a motion is wanted while the output is disabled, 1 if it moves, 0 at rest."""
-        return 2 * (not self.output and (self.loop or self.jog != 0)) or int(self.axis.moving)
+        return 2 * (not self.output and (self.loop or self.jog != 0)) or int(self.moving)
 
     @property
     def in_range(self) -> bool:
@@ -314,7 +314,7 @@ OF_AXIS: dict[str, Request] = {
     "move.getPosition": Request(lambda a: a.nm),
     "status.getStatusConnected": Request(lambda a: True),
     "status.getStatusReference": Request(lambda a: False),
-    "status.getStatusMoving": Request(lambda a: a.moving),
+    "status.getStatusMoving": Request(lambda a: a.motion),
     "status.getStatusEotFwd": Request(lambda a: a.end("high")),
     "status.getStatusEotBkwd": Request(lambda a: a.end("low")),
     "status.getStatusEot": Request(lambda a: a.end("high", "low")),
@@ -330,7 +330,7 @@ OF_CONTROLLER: dict[str, Request] = {
     "control.getPositionsAndVoltages": Request(
         lambda c: c.of_all(lambda a: a.nm) + c.of_all(lambda a: a.level)
     ),
-    "control.getStatusMovingAllAxes": Request(lambda c: c.of_all(lambda a: a.moving)),
+    "control.getStatusMovingAllAxes": Request(lambda c: c.of_all(lambda a: a.motion)),
     "description.getDeviceType": Request(lambda c: "AMC100/NUM/PRO"),
     "description.getFeaturesActivated": Request(lambda c: "Closed loop Operation, Pro"),
     "getLockStatus": Request(lambda c: [False, True]),

@@ -7,7 +7,7 @@ import math
 from typing import ClassVar
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING
+from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, TARGETING
 
 
 class Channel:
@@ -54,6 +54,11 @@ class Channel:
     def set_limits(self, **limits: float) -> None:
         """Set soft limits by name, as positions count, m."""
         self.axis.set_parameters({name: x + self._origin for name, x in limits.items()})
+
+    @property
+    def moving(self) -> bool:
+        """Whether it moves, or its closed loop has not reached the target yet."""
+        return self.axis.moving or self.axis.mode == TARGETING
 
     @property
     def locked(self) -> bool:

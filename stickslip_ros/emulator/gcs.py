@@ -136,7 +136,7 @@ class GcsAxis(Channel):
     def bits(self) -> int:
         """The state as the EPICS driver reads it: limits, servo, moving, referencing, on target."""
         held = self.axis.status.held_at
-        flags = (held == "low", held == "high", self.servo, self.axis.moving, self.referencing)
+        flags = (held == "low", held == "high", self.servo, self.moving, self.referencing)
         return (
             sum(bit for bit, on in zip((1, 4, 0x1000, 0x2000, 0x4000), flags, strict=True) if on)
             + 0x8000 * self.on_target
@@ -315,7 +315,7 @@ def _parameters(_: Gcs) -> str:
 
 OF_CONTROLLER: dict[str, Callable[[Gcs], str | None]] = {
     "\x04": lambda c: "0x" + "".join(f"{axis.bits:04X}" for axis in c.channels) + "\n",
-    "\x05": lambda c: f"{sum(a.axis.moving << n for n, a in enumerate(c.channels)):X}\n",
+    "\x05": lambda c: f"{sum(a.moving << n for n, a in enumerate(c.channels)):X}\n",
     "\x07": lambda c: ("\xb0" if any(a.referencing for a in c.channels) else "\xb1") + "\n",
     "\x18": Gcs.stop,
     "*IDN?": lambda c: f"(c)stickslip_ros Physik Instrumente, E-871.1A1, SIM-0, {__version__}\n",

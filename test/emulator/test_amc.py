@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from live import wait_until
 from table_1 import table_1
 
 from stickslip_ros.emulator.amc import Objects
@@ -86,16 +87,14 @@ def test_the_closed_loop_and_motion_without_end(emulate: Callable[..., Any]) -> 
     amc("control.setReset", 0)
     amc("control.setControlMove", 0, True)
     amc("move.setControlTargetPosition", 0, 3000)
-    end = time.monotonic() + 20.0
-    while emulated.look(lambda: emulated.axes[0].mode) != "holding":
-        assert time.monotonic() < end
+    wait_until(lambda: emulated.look(lambda: emulated.axes[0].mode) == "holding", "the target")
     assert amc("status.getStatusTargetRange", 0)
     assert amc("move.getPosition", 0) == pytest.approx(3000, abs=100)
     amc("control.MultiAxisPositioning", 1, 0, 0, -500, 0, 0)
     assert amc("move.getControlTargetPosition", 0) == -500
     amc.wait("status.getStatusTargetRange", True)
     amc("control.setControlOutput", 0, False)
-    assert emulated.look(lambda: emulated.axes[0].mode) == "stopped"
+    wait_until(lambda: emulated.look(lambda: emulated.axes[0].mode) == "stopped", "a stop")
 
 
 def test_the_requests_of_the_epics_driver(emulate: Callable[..., Any]) -> None:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from live import wait_until
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
@@ -146,7 +147,7 @@ def test_the_driver_of_qcodes_works_over_a_serial_line(emulate: Callable[..., An
             x.start("down")
             assert emulated.look(lambda: emulated.axes[0].mode) == "jogging"
             x.stopMove()
-            assert emulated.look(lambda: emulated.axes[0].mode) == "stopped"
+            wait_until(lambda: not emulated.look(lambda: emulated.axes[0].moving), "a stop")
         finally:
             controller.close()
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from live import wait_until
 from table_1 import table_1
 
 from stickslip_ros.traces import run_steps
@@ -66,14 +67,14 @@ def test_the_dialogue_of_the_epics_driver(emulate: Callable[..., Any]) -> None:
         client.send(b"SVO 1 1\nRON 1 0\nPOS 1 2.000000\nRON 1 1\n")
         assert client.ask("ERR?") == "0"
         assert client.ask("POS? 1") == "1=2.0000000"
-        client.send(b"VEL 1 0.5\nMOV 1 2.001000\n\x07")
+        client.send(b"VEL 1 0.5\nMOV 1 9.000000\n\x07")
         assert client.until(b"\n") == b"\xb1\n"
         client.send(b"\x05\x04")  # without an end
         assert client.until(b"\n") == b"1\n"
         assert client.until(b"\n") == b"0x3000\n"
         client.send(b"\x18")
         assert (client.ask("ERR?"), client.ask("ERR?")) == ("10", "0")
-        assert emulated.look(lambda: emulated.axes[0].mode) == "stopped"
+        wait_until(lambda: emulated.look(lambda: emulated.axes[0].mode) == "stopped", "a stop")
 
 
 @pytest.mark.parametrize(
