@@ -12,7 +12,7 @@ Motion between readings counts only with a bandwidth, a low-pass before the read
 The position is then sampled on a grid that is fine compared with the ringing. Between samples it is
 assumed to be straight, for which the filter is exact. The grid follows the readings, not the calls,
 so the filter does not depend on how often the state is read. Once the runner stands still and the
-filter has settled, only the positions at the readings are computed.
+filter has settled, only the positions at readings that are asked for are computed.
 """
 
 from __future__ import annotations
@@ -208,8 +208,11 @@ class SensorDynamics:
             self._still = self._still and not driven
             # Whether the runner is still is judged at samples that do not depend on the calls.
             self._end = min((self._next // self._group + 1) * self._group, last + 1)
-            step = self._looks if self._still else 1
-            yield self._times(np.arange(-(-self._next // step) * step, self._end, step))
+            first, step = self._next, 1
+            if self._still:
+                step = self._looks
+                first = max(-(-first // step), (self._end - 1) // step) * step
+            yield self._times(np.arange(first, self._end, step))
 
     def see(self, x: NDArray[np.float64]) -> None:
         """Filter the positions (m) of the runner at the samples that were due, (samples,)."""
@@ -222,12 +225,12 @@ class SensorDynamics:
             if readings.any():
                 self.sensed = float(y[readings][-1])
         elif len(x):
-            self._seen(x)
-            self.sensed = self._x
+            self._x = self.sensed = float(x[-1])
         self._settled = self._still
         self._next = self._end
         if self._end % self._group == 0:
-            self._still = self._range[1] - self._range[0] <= _STILL
+            low, high = self._range
+            self._still = max(high, self._x) - min(low, self._x) <= _STILL
             self._range = (self._x, self._x)
 
     def _seen(self, x: NDArray[np.float64], *output: NDArray[np.float64]) -> None:

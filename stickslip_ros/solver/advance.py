@@ -41,60 +41,85 @@ def advance(
     With ``replay``, a cycle that begins as the last one did is not solved again. With ``cut``,
     t_end becomes an event; call `anchor` afterwards.
     """
-    kernel, moved, each = axis_in(axis), plant_in(plant), contacts_in(contacts, False)
+    kernel, each, ahead = axis_in(axis), contacts_in(contacts, False), contacts_in(contacts, True)
+    kernel.arc.holds = 0
+    return _go_on(plant_in(plant), kernel, each, ahead, drive, rows)
+
+
+@compiled
+def _go_on(
+    plant: np.record,
+    kernel: np.record,
+    contacts: NDArray | None,
+    ahead: NDArray | None,
+    drive: NDArray,
+    rows: NDArray,
+) -> int:
+    """Advance as `advance`, but along the arc that was found last, if it still holds.
+
+    ahead are the copies of the contacts for a preview.
+    """
     s = kernel.state
     s.unfinished = 0
     if s.cut or not s.replay:
-        return solve_cycles(moved, s, kernel, each, drive, rows)
+        return solve_cycles(plant, s, kernel, contacts, drive, rows)
     stop_cycle, period = s.stop_cycle, period_of(drive)
     ended = 0
     while s.done < min(s.count, stop_cycle):
         if s.steady and not stays_clear(s):
-            s.steady = 0
+            s.steady = kernel.arc.holds = 0
         if s.steady:
             if (s.t_end - s.start) - s.done * period < period:
                 if not s.previewing:
-                    kernel.preview = s
+                    kernel.preview, kernel.arc.holds = s, 0
                     if contacts is not None:
-                        half = len(contacts) // 2
-                        contacts[half:] = contacts[:half]
-                _preview(moved, kernel, contacts, drive)
+                        for i in range(len(contacts)):
+                            ahead[i] = contacts[i]
+                _preview(plant, kernel, contacts, ahead, drive, rows)
                 return ended
             if s.spent >= s.allowance:
                 s.unfinished = 1
                 return ended
             s.spent += 1
             repeat(s)
+            kernel.arc.holds = 0
             write_row(s, rows, ended)
             ended += 1
             continue
         s.stop_cycle = s.done + 1
-        if not solve_cycles(moved, s, kernel, each, drive, rows[ended:]):
+        if not solve_cycles(plant, s, kernel, contacts, drive, rows[ended:]):
             return ended
         ended += 1
     s.stop_cycle = stop_cycle
-    return ended + solve_cycles(moved, s, kernel, each, drive, rows[ended:])
+    return ended + solve_cycles(plant, s, kernel, contacts, drive, rows[ended:])
 
 
 @compiled
-def _preview(plant: np.record, kernel: np.record, contacts: NDArray | None, drive: NDArray) -> None:
+def _preview(
+    plant: np.record,
+    kernel: np.record,
+    contacts: NDArray | None,
+    ahead: NDArray | None,
+    drive: NDArray,
+    rows: NDArray,
+) -> None:
     """Find the state at t_end within a repeated cycle, on a copy of the state.
 
     So the next cycle will begin as this one did. The copy is fresh, or continues from the last
-    preview of the cycle, which was for an earlier time.
+    preview of the cycle, which was for an earlier time. No cycle ends in it, so rows stay as they
+    are.
     """
-    s, copy, ahead = kernel.state, kernel.preview, contacts_in(contacts, True)
+    s, copy = kernel.state, kernel.preview
     copy.t_end, copy.stop_cycle = s.t_end, s.done + 1
     copy.spent, copy.unfinished = s.spent, 0
-    solve_cycles(plant, copy, kernel, ahead, drive, np.empty((0, ROW_SIZE)))
+    solve_cycles(plant, copy, kernel, ahead, drive, rows[:0])
     s.now_tau, s.now_x, s.now_v, s.now_z = copy.now_tau, copy.now_x, copy.now_v, copy.now_z
     s.now_rate, s.now_u = copy.now_rate, copy.now_u
     s.now_segment, s.now_tracking = copy.now_segment, copy.now_tracking
     s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished
     if contacts is not None:
-        each = contacts_in(contacts, False)
-        for i in range(len(each)):
-            each[i].now_z, each[i].now_inner = ahead[i].now_z, ahead[i].now_inner
+        for i in range(len(contacts)):
+            contacts[i].now_z, contacts[i].now_inner = ahead[i].now_z, ahead[i].now_inner
 
 
 @compiled
@@ -110,23 +135,24 @@ def sample(
 
     Returns how many samples are filled: fewer if the allowance of arcs ran out.
     """
-    kernel, rows, period = axis_in(axis), np.empty((0, ROW_SIZE)), period_of(drive)
-    s = kernel.state
+    moved, kernel = plant_in(plant), axis_in(axis)
+    each, ahead = contacts_in(contacts, False), contacts_in(contacts, True)
+    rows, period, s = np.empty((0, ROW_SIZE)), period_of(drive), kernel.state
+    kernel.arc.holds = 0
     previewing = False  # within a repeated cycle, whose preview continues
     for k in range(len(times)):
         s.t_end, s.stop_cycle = times[k], ENDLESS
         if previewing and (times[k] - s.start) - s.done * period < period:
-            _preview(plant_in(plant), kernel, contacts, drive)
+            _preview(moved, kernel, each, ahead, drive, rows)
         else:
-            advance(plant, axis, contacts, drive, rows)
+            _go_on(moved, kernel, each, ahead, drive, rows)
             previewing = s.steady != 0 and s.done < s.count
         if s.unfinished:
             return k
         kept = samples[k]
         kept[0], kept[1], kept[2] = s.now_x, s.now_v, s.now_z
-        kept[3], kept[4], kept[5] = s.now_rate, s.now_u, friction(plant, axis, contacts)
+        kept[3], kept[4], kept[5] = s.now_rate, s.now_u, _friction_now(moved, s, each)
         if contacts is not None:
-            each = contacts_in(contacts, False)
             for i in range(len(each)):
                 kept[SAMPLE_SIZE + i] = each[i].now_z
     return len(times)
@@ -135,11 +161,16 @@ def sample(
 @compiled
 def friction(plant: NDArray, axis: NDArray, contacts: NDArray | None) -> float:
     """Return F (N) of Eq. 1 at the time advanced to."""
-    s, force = axis_in(axis).state, 0.0
+    return _friction_now(plant_in(plant), axis_in(axis).state, contacts_in(contacts, False))  # type: ignore[no-any-return]
+
+
+@compiled
+def _friction_now(plant: np.record, s: np.record, contacts: NDArray | None) -> float:
     w = s.now_v - s.now_rate
     if contacts is None:
-        return friction_force(s.now_z, w, plant_in(plant))
-    for c in contacts_in(contacts, False):
+        return friction_force(s.now_z, w, plant)
+    force = 0.0
+    for c in contacts:
         force += force_of(c, c.now_z, c.now_inner, w)
     return force
 
@@ -155,6 +186,7 @@ def find_events(
     """
     kernel, moved, each = axis_in(axis), plant_in(plant), contacts_in(contacts, False)
     s, arc = kernel.state, kernel.arc
+    arc.holds = 0
     period, rows, found = period_of(drive), np.empty((0, ROW_SIZE)), 0
     moved.precomputed = -1
     while True:

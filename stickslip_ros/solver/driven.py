@@ -10,7 +10,6 @@ its window is used for all remaining cycles.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -221,8 +220,8 @@ class DrivenSimulation(Simulation):
             self._run_through(_NO_ROWS)
         if len(parts) == 1:
             return parts[0]
-        joined = (np.concatenate(part, axis=-1) for part in zip(*map(astuple, parts), strict=True))
-        return Samples(*joined)
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return Samples(*(np.concatenate(column, axis=-1) for column in columns))
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
         """Advance to t (s), if it is infinite to the end of cycle ``stop_cycle`` of the command."""

@@ -21,6 +21,7 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.any_arc import find_arc, sample_anchor, sample_within
 from stickslip_ros.solver.contact_arcs import mean_at_end
 from stickslip_ros.solver.cycles import ArcLimits, arc_limits, end_cycle, period_of, write_row
+from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.stops import (
     arc_to_stop,
     held_arc,
@@ -50,7 +51,8 @@ def solve_cycles(
     """Advance to s.t_end (s) or to the end of cycle s.stop_cycle, solving every cycle.
 
     s is the state to advance, kernel has the scratch; rows (cycles, row) take the results of
-    cycles. Returns how many ended. With s.cut, t_end becomes an event itself.
+    cycles. Returns how many ended. With s.cut, t_end becomes an event itself. While kernel.arc
+    ``holds``, it is not found again.
     """
     arc = kernel.arc
     period = period_of(drive)
@@ -67,17 +69,21 @@ def solve_cycles(
         if s.spent >= s.allowance:
             s.unfinished = 1
             break
-        hit = _next_arc(plant, s, kernel, contacts, outlook)
+        if not arc.holds:
+            _next_arc(plant, s, kernel, contacts, outlook)
+        arc.holds = 0
         if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` raises an error
             sample_anchor(s, contacts, drive, 0)
             s.now_x = math.nan
             break
         if arc.length > outlook.ahead or arc.length == math.inf:
             moving = kernel.held if s.stopped != 0 else plant
+            # A tabulated arc is replaced by those that it is made of.
+            arc.holds = 0 if arc.kind == TABULATED or outlook.last else 1
             sample_within(s, arc, moving, contacts, drive, outlook)
             break
         _track_backstep(plant, s, arc, outlook.resting)
-        _take_arc(plant, s, arc, contacts, hit)
+        _take_arc(plant, s, arc, contacts)
         if arc.length < outlook.limit:
             continue
         if outlook.last:
@@ -97,12 +103,13 @@ def _next_arc(
     kernel: np.record,
     contacts: NDArray | None,
     outlook: ArcLimits,
-) -> int:
-    """Fill kernel.arc with the way from the anchor to the next event; return the stop it hits."""
+) -> None:
+    """Fill kernel.arc with the way from the anchor to the next event."""
     arc = kernel.arc
     begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
     arc.trial = s.trial
-    near, hit = not s.near_low <= s.x <= s.near_high, 0
+    arc.hit = 0
+    near = not s.near_low <= s.x <= s.near_high
     if near:
         s.stopped = holding_stop(plant, s, contacts)
     if s.stopped != 0:
@@ -115,11 +122,10 @@ def _next_arc(
         find_arc(arc, plant, contacts, outlook.limit, True)
         x_end = s.x + arc.path + s.rate * arc.length
         if near or not s.near_low <= x_end <= s.near_high:
-            hit = arc_to_stop(arc, plant, contacts, s)
-    at_once = _AT_ONCE * plant.inv_omega if hit != 0 else 0.0
+            arc.hit = arc_to_stop(arc, plant, contacts, s)
+    at_once = _AT_ONCE * plant.inv_omega if arc.hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
     s.spent += arc.cost
-    return hit
 
 
 @compiled
@@ -154,9 +160,7 @@ def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: boo
 
 
 @compiled
-def _take_arc(
-    plant: np.record, s: np.record, arc: np.record, contacts: NDArray | None, hit: int
-) -> None:
+def _take_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray | None) -> None:
     """Move the anchor to the end of the arc; bring extremes and the account of energy up to it."""
     if contacts is not None:
         _take_contacts(plant, s, arc, contacts)
@@ -174,12 +178,12 @@ def _take_arc(
     if s.stopped != 0:
         s.dissipated += held_heat(arc, plant)
         open_account(s)
-    elif hit != 0:  # its remaining kinetic energy goes into the stop
-        s.x = s.low if hit < 0 else s.high
+    elif arc.hit != 0:  # its remaining kinetic energy goes into the stop
+        s.x = s.low if arc.hit < 0 else s.high
         s.dissipated += heat_since(s, plant, s.tau - s.open_tau)
         s.v = 0.0
         open_account(s)
-        s.stopped, s.hits = hit, s.hits + 1
+        s.stopped, s.hits = arc.hit, s.hits + 1
 
 
 @compiled

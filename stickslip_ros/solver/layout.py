@@ -152,6 +152,8 @@ ARC = _record(
     # step (s) to try where the way is stiff; below 0, so many arcs until the next try
     ("trial", "f8"),
     ("weight", "f8"),  # time by which an error in speed counts as one in position, s
+    ("holds", "i8"),  # 1: it is the motion from the anchor on, and need not be found again
+    ("hit", "i8"),  # the stop it ends at: -1 the lower, 1 the upper, 0 none
     ("work", "f8", (ROWS, ORDER + 1)),  # coefficients of a Taylor arc
 )
 

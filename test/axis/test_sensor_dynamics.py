@@ -157,7 +157,7 @@ def test_drift_goes_with_time() -> None:
 CREEPING = {**TABLE_1, **_QUIET, "frequency": 1000.0, "creep": 0.02, "sensor_bandwidth": 3e3}
 
 
-def test_a_runner_at_rest_is_looked_at_for_its_readings_only(
+def test_a_runner_at_rest_is_looked_at_less_often_than_it_is_read(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Otherwise an axis that stands still takes a quarter of a processor."""
@@ -175,10 +175,11 @@ def test_a_runner_at_rest_is_looked_at_for_its_readings_only(
     assert sum(samples) > 50 * 250
     samples.clear()
     axis.advance(4.0)
-    assert sum(samples) == 1000
+    still = sum(samples)
+    assert 1.0 / 0.016 < still < 200  # of 1000 readings
     axis.command_steps(1)
     axis.advance(4.001)
-    assert sum(samples) > 1250
+    assert sum(samples) > still + 250
 
 
 def test_readings_at_rest_are_those_of_every_sample() -> None:
