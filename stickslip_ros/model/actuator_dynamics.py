@@ -19,7 +19,7 @@ import math
 
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
+from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.model.actuator_chain import (
     DEFLECTION,
     DRIVEN,
@@ -35,6 +35,9 @@ _INPUT, _ONE_OF_MANY = 1e-3, 2e-3
 #: A bend of L seconds bends by L^2 / 24 beside the curve; what swings at omega follows such an
 #: error to a share of (omega L)^2 / 40
 _BESIDE, _FOLLOWED = 24.0, 40.0
+#: Share of the deviation where bends are longer than the runner's ringing takes for a radian: their
+#: errors may come in its time, and then it adds up some of them
+_IN_TIME = 0.1
 #: Longest bend of a ringing or fading, in units of its angular frequency or time constant: along
 #: it, it bends evenly
 _EVEN = 2.0
@@ -45,18 +48,29 @@ _MOST_STEPS = 60
 
 
 @compiled
-def _bend_span(bend: float, errors: tuple[float, float], longest: float, follower: float) -> float:
+def _bend_span(
+    bend: float, errors: tuple[float, float, float], longest: float, follower: float
+) -> float:
     """Return how long (s) a bend may be, of a curve whose second derivative is bend (m/s^2).
 
-    errors (m) are that of the bend, and that of what follows, which swings at follower (1/s); for
-    up to longest (s) it is all that counts.
+    errors (m) are that of the bend, that of one longer than what follows takes for a radian, which
+    swings at follower (1/s), and that of what follows; for up to longest (s) the last is all that
+    counts.
     """
     if not bend > 0.0:
         return math.inf
-    error, of_follower = errors
+    error, of_long, of_follower = errors
     exact = math.sqrt(_BESIDE * error / bend)
+    if exact * follower > 1.0:
+        exact = max(1.0 / follower, math.sqrt(_BESIDE * of_long / bend))
     unnoticed = math.sqrt(math.sqrt(_FOLLOWED * _BESIDE * of_follower / bend) / follower)
     return max(exact, min(longest, unnoticed))
+
+
+@compiled_inline
+def _errors_of_bends(error: float) -> tuple[float, float, float]:
+    """Return the errors (m) for `_bend_span` of bends that the runner follows."""
+    return error, _IN_TIME * error, _ONE_OF_MANY * error
 
 
 @compiled
@@ -161,10 +175,10 @@ def _relax(
         bend = abs(left) / (lag * lag) if left != 0.0 else 0.0
         if chain.omega > 0.0:
             error = _INPUT * chain.error
-            h = _bend_span(bend, (error, error), 1.0 / chain.omega, chain.omega)
+            h = _bend_span(bend, (error, error, error), 1.0 / chain.omega, chain.omega)
         else:
             faster = (abs(b + left / lag) - chain.mean_only_rate) / bend if bend > 0.0 else 0.0
-            errors = chain.error, _ONE_OF_MANY * chain.error
+            errors = _errors_of_bends(chain.error)
             h = _bend_span(bend, errors, min(faster, _EVEN * lag), chain.runner)
         to = at + h if at + h < span else span
         if at < turn < to:
@@ -304,7 +318,7 @@ def _ringing_span(chain: Chain, motion: tuple[float, float], rate: float, wide: 
         faster = away + math.sqrt(away * away + 2.0 * left / jerk)
     longest = min(faster, _EVEN / omega)
     error = min(1.0, chain.zeta / _FIRM) * chain.error
-    errors = error, _ONE_OF_MANY * error
+    errors = _errors_of_bends(error)
     return _bend_span(min(most, abs(bend) + half), errors, longest, chain.runner)
 
 

@@ -147,6 +147,12 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: bool(p.value("amplifier_bandwidth") and p.value("actuator_resonance")),
         "0.08 nm a cycle",
     ),
+    ModelChange(
+        9,
+        "lines as long as the ringing of the runner do not set it off",
+        lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
+        "0.03 nm a cycle",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

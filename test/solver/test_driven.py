@@ -194,7 +194,8 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
 #: Found by lot: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines beside
 #: their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
 #: which each was off by as much as in a cycle of a millisecond; bends made of what rounding left;
-#: lines 5 pm off their curve, which a contact feels that slides from 51 pm on
+#: lines 5 pm off their curve, which a contact feels that slides from 51 pm on; lines as long as a
+#: ringing of 600 Hz, which it adds up
 FOUND: dict[str, dict[str, Any]] = {
     "bend within rounding": {
         **{"model": "ceim_without_mu", "preload": 3.7356428500744094, "mass": 0.29507838037333595},
@@ -221,6 +222,17 @@ FOUND: dict[str, dict[str, Any]] = {
         **{"z_ss": 1e-7, "mass": 0.002508584625, "spring": 182142.863547, "amplitude": 276.51053},
         **{"amplifier_bandwidth": 1.2987982e7, "slewrate": 323200.598, "frequency": 5292.417332},
         **{"waveform": "hold", "hold_before": 0.3390318936, "hold_after": 0.0862076},
+    },
+    "lines in time with the ringing": {
+        **{
+            "model": "ceim_without_mu",
+            "preload": 2.012,
+            "mass": 1.2073775519,
+            "sigma_0": 17059948.58,
+        },
+        **{"sigma_1": 3.2478, "z_ba": 5.024e-8, "z_ss": 1.0048e-7, "spring": 328613.0154},
+        **{"amplifier_bandwidth": 14.44406259, "slewrate": 0.091713852, "amplitude": 120.15955},
+        **{"frequency": 26.559115834},
     },
     "a slip of a picosecond": {
         **{"preload": 0.001, "sigma_0": 5.43e8, "sigma_1": 1137.0, "mass": 11.8},
