@@ -84,7 +84,8 @@ class Surface(NamedTuple):
             exponent += self.spread * self._field(moment.x)
         if self.slip_spread:
             exponent += self.slip_spread * _normal(self.seed, 1, moment.cycle)
-        worn = min(max(math.exp(-self.wear_rate * moment.slid), 1.0 / _MOST_WORN), _MOST_WORN)
+        wear = min(-self.wear_rate * moment.slid, _MOST_WORN)  # so that its exponential is finite
+        worn = min(max(math.exp(wear), 1.0 / _MOST_WORN), _MOST_WORN)
         return math.exp(exponent) * self.aged(moment.dwell, moment.rate) * worn
 
     def aged(self, dwell: float, rate: float) -> float:

@@ -72,7 +72,7 @@ def _go_on(
             if (s.t_end - s.start) - s.done * period < period:
                 if not s.previewing:
                     kernel.preview, kernel.arc.holds = s, 0
-                    if contacts is not None:
+                    if contacts is not None and ahead is not None:
                         for i in range(len(contacts)):
                             ahead[i] = contacts[i]
                 _preview(plant, kernel, contacts, ahead, drive, rows)
@@ -117,7 +117,7 @@ def _preview(
     s.now_rate, s.now_u = copy.now_rate, copy.now_u
     s.now_segment, s.now_tracking = copy.now_segment, copy.now_tracking
     s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished
-    if contacts is not None:
+    if contacts is not None and ahead is not None:
         for i in range(len(contacts)):
             contacts[i].now_z, contacts[i].now_inner = ahead[i].now_z, ahead[i].now_inner
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Steps that vary along the way and from cycle to cycle: statistics, places that stay, energy."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,13 @@ def test_cycles_differ_by_their_number_only() -> None:
     assert logarithm.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(logarithm[1:], logarithm[:-1])[0, 1]) < 0.05
     assert surface.factor(CycleStart(0.0, 5)) == surface.factor(CycleStart(1e-3, 5))
+
+
+def test_wear_ends_at_a_hundredth_and_a_hundredfold_however_far_a_runner_is_carried() -> None:
+    for rate, most in ((1e4, 0.01), (-1e4, 100.0)):
+        surface = _surface(wear_rate=rate)
+        found = [surface.factor(CycleStart(0.0, 0, slid=slid)) for slid in (1e-5, 1.0, 1e9)]
+        assert found == [math.exp(-rate * 1e-5), most, most]
 
 
 def test_steps_scatter_and_a_run_repeats_to_the_bit() -> None:
