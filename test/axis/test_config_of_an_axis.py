@@ -50,6 +50,12 @@ def test_a_frequency_below_the_lowest_is_refused(command: str) -> None:
     axis.command_frequency(1.0)
 
 
+def test_a_runner_without_travel_makes_no_axis() -> None:
+    with pytest.raises(ParameterError, match="travel_low and travel_high are 0 m; the runner"):
+        Axis({**TABLE_1, "travel_low": 0.0, "travel_high": 0.0})
+    assert Axis({**TABLE_1, "travel_low": 0.0}).state.x == 0.0
+
+
 def test_settings_that_contradict_each_other_make_no_axis() -> None:
     for parameters, complaint in [
         ({"min_frequency": 200.0}, "frequency is 100 Hz"),
