@@ -281,13 +281,15 @@ class Simulation:
         times = np.ascontiguousarray(times, dtype=np.float64)
         if len(times) and not (times[0] >= self._t and (np.diff(times) >= 0.0).all()):
             raise ValueError(f"times to sample at must not fall, from {self._t} s on")
-        samples = np.empty((len(times), SAMPLE_SIZE + len(self.plant.contacts)))
+        # Not those of `plant`, which a contact that varies makes anew for each question.
+        contacts = 0 if self._each is None else len(contact_records(self._each))
+        samples = np.empty((len(times), SAMPLE_SIZE + contacts))
         if len(times):
             run_samples(self._buffers(), self._s, times, samples)
             self._t = float(times[-1])
             self._check()
         x, v, z, rate, u, force = np.ascontiguousarray(samples.T[:SAMPLE_SIZE])
-        each = np.ascontiguousarray(samples.T[SAMPLE_SIZE:]) if self.plant.contacts else z[None]
+        each = np.ascontiguousarray(samples.T[SAMPLE_SIZE:]) if contacts else z[None]
         return Samples(x, v, z, rate, u, force, each)
 
     def run_cycles(self, count: int) -> CycleResults:
