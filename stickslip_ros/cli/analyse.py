@@ -10,7 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of, steps_in
+from stickslip_ros.cli.measurement_options import (
+    add_measurement_options,
+    measurement_of,
+    say_doubts,
+    steps_in,
+)
 from stickslip_ros.cli.options import (
     add_outputs,
     check_outputs,
@@ -77,19 +82,7 @@ def run(args: argparse.Namespace) -> int:
         "disturbances": seen.disturbances.as_json(),
     }
     print_result(args, content, lambda: analysis_text(seen.runs, found))
-    return 0 if _as_given(args, seen) and _all_determined(args, seen) else 1
-
-
-def _all_determined(args: argparse.Namespace, seen: Findings) -> bool:
-    """Return True if all runs are determined; print the doubts about the others."""
-    for run in seen.runs:
-        if run.doubts:
-            print(
-                f"{args.trace}: the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s "
-                f"are not determined: {'; '.join(run.doubts)}",
-                file=sys.stderr,
-            )
-    return all(run.determined for run in seen.runs)
+    return 0 if _as_given(args, seen) and say_doubts(args.trace, seen.runs) else 1
 
 
 def _as_given(args: argparse.Namespace, seen: Findings) -> bool:

@@ -10,7 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of, steps_in
+from stickslip_ros.cli.measurement_options import (
+    add_measurement_options,
+    measurement_of,
+    say_doubts,
+    steps_in,
+)
 from stickslip_ros.cli.options import (
     Renamed,
     add_assignments,
@@ -74,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
     simulation, measurement, runs = _motions(args)
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
     found = compare(simulation.motion, measurement, fits, args.filter, runs)
+    say_doubts(measurement.source, runs or [])
     judgements = judge(found, allowed)
     title = f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"
     heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
     from stickslip_ros.traces.analysis import Findings
     from stickslip_ros.traces.motion import Motion
+    from stickslip_ros.traces.runs import Run
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
@@ -147,6 +149,18 @@ def steps_in(
         return motion, found
     clean = replace(motion, x=motion.x - fitted.at(motion.t, drift, hum), v=None)
     return clean, replace(_found_in(clean, period), disturbances=fitted)
+
+
+def say_doubts(source: Path | str, runs: Iterable[Run]) -> bool:
+    """Print on stderr why runs of a measurement are not determined; return True if all are."""
+    doubtful = [run for run in runs if run.doubts]
+    for run in doubtful:
+        print(
+            f"{source}: the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s are not "
+            f"determined: {'; '.join(run.doubts)}",
+            file=sys.stderr,
+        )
+    return not doubtful
 
 
 def _found_in(motion: Motion, period: float | None) -> Findings:

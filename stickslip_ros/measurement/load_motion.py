@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -48,6 +49,8 @@ _SPARSE = 10.0
 _MOST_STEPS = 8000
 #: Part by which a frequency may differ from that of the parameters: the clocks' fault.
 _SAME = 0.01
+#: Fewest samples of a part of a cycle that say whether it steps
+_FEWEST = 8
 
 
 class LoadedMotion(NamedTuple):
@@ -140,9 +143,10 @@ def simulate_as_measured(
 ) -> Motion:
     """Simulate the runs found in a measurement, its rests included and a period more on each side.
 
-    Without runs, those that its actuator shows are simulated. A run at the drive's frequency but
-    for a small error has exactly that of the parameters. Raises MeasurementError if nothing shows
-    steps, and as `simulate_motion` does.
+    A measurement that begins or ends within a cycle is simulated so, too. Without runs, those that
+    its actuator shows are simulated. A run at the drive's frequency but for a small error has
+    exactly that of the parameters. Raises MeasurementError if nothing shows steps, and as
+    `simulate_motion` does.
     """
     runs = runs or runs_of(measurement, [])
     if not runs:
@@ -150,7 +154,8 @@ def simulate_as_measured(
             f"no steps are found in {measurement.source}; give a measurement that shows some, or "
             "say how many to simulate (--steps)"
         )
-    margin = 1.0 / p.drive.frequency
+    first, last, margin = *measurement.t[[0, -1]].tolist(), 1.0 / p.drive.frequency
+    begin, end = runs[0].start, runs[-1].end
     planned = [
         PlannedRun(
             run.start,
@@ -159,9 +164,29 @@ def simulate_as_measured(
         )
         for run in runs
     ]
-    before = max(runs[0].start - float(measurement.t[0]), 0.0)
-    after = max(float(measurement.t[-1]) - runs[-1].end, 0.0)
-    return simulate_motion(p, planned, source, before + margin, after + margin)
+    before, after = max(begin - first, 0.0) + margin, max(last - end, 0.0) + margin
+    since, until = -math.inf, math.inf
+    if _steps_in(measurement, first, begin, runs[0].period):
+        one = planned[0]
+        steps = one.steps + runs[0].direction
+        planned[0] = replace(one, start=begin - runs[0].period, steps=steps)
+        before, since = 0.0, first - planned[0].start
+    if _steps_in(measurement, end, last, -runs[-1].period):
+        planned[-1] = replace(planned[-1], steps=planned[-1].steps + runs[-1].direction)
+        after, until = 0.0, last - planned[0].start
+    return simulate_motion(p, planned, source, before, after).between(since, until)
+
+
+def _steps_in(measurement: Motion, begin: float, end: float, period: float) -> bool:
+    """Return whether a part (s) of a measurement, less than a cycle, is not a rest but steps.
+
+    Then it is more like the same part of the cycle beside it, a period (s) away, than like a rest.
+    """
+    kept = measurement.between(begin, end)
+    if not 0.0 < end - begin < abs(period) or len(kept.t) < _FEWEST:
+        return False
+    stepping = kept.x - measurement.position_at(kept.t + period)
+    return bool(np.var(stepping) < 2.0 * np.var(kept.x))  # it has the noise of two readings
 
 
 #: Fields whose unit the definition of a message states.

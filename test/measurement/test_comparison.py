@@ -213,6 +213,23 @@ def test_the_rest_before_the_steps_tells_where_they_begin() -> None:
     assert abs(found.alignment.offset - bench.runs[0].start) * frequency < 0.03
 
 
+@pytest.mark.parametrize(("begin", "end"), [(0.0, 0.135), (0.056, 1.0), (0.056, 0.135)])
+def test_a_record_that_is_cut_within_a_cycle_is_compared_with_as_much_of_the_run(
+    begin: float, end: float
+) -> None:
+    """The run rested where the record went on: its clock seemed to be off by half a millisecond."""
+    p = Parameters.of({"frequency": 100.0})
+    whole = Motion("run", *trace_runs(p, [PlannedRun(0.0, 12)], before=0.02, after=0.03))
+    t = np.arange(-0.02, 0.148, 2e-5)
+    x = whole.position_at(t) + np.random.default_rng(4).normal(0.0, 2e-9, len(t))
+    sensor = Motion("sensor", t + 0.02, x).between(begin, end)
+    runs = find_runs(sensor.t, sensor.x, 0.01)
+    found = compare(simulate_as_measured(p, sensor, runs, "run"), sensor, runs=runs)
+    assert found.rmse < 2.2e-9
+    assert abs(found.alignment.offset - (0.05 if begin else 0.02)) < 2e-6  # begin of the cycle
+    assert found.differing == []
+
+
 @cache
 def to_and_fro(**parameters: float) -> Motion:
     """Ten steps forward, eight backward after a rest."""
