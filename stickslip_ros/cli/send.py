@@ -28,7 +28,10 @@ _SWITCH = {"on": True, "true": True, "1": True, "off": False, "false": False, "0
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the subcommand."""
-    parser.epilog = "stickslip send --list prints every command with its values."
+    parser.epilog = (
+        "stickslip send --list prints every command with its values. Exit code 1: it was refused, "
+        "the axis is in fault, or with --wait: another command ended the move."
+    )
     option(parser, "name", "COMMAND", "such as steps, jog, position, stop")
     option(parser, "values", "VALUE", "such as 100, 5um or NAME=VALUE", nargs="*")
     text = "print all commands with their values, and exit"
@@ -62,13 +65,17 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"there is no command {args.name!r}; {hint}")
     command = COMMANDS[args.name]
     arguments = _read(command, args.values)
+    ends = command.name == "stop" or command.turns_off(arguments)
+    if args.wait is not None and command.name == "jog" and not ends:
+        raise UsageError(
+            "a jog does not end: leave out --wait, and stop it by: stickslip send stop"
+        )
     with require_ros():
         from stickslip_ros.client import AxisClient, AxisFault
 
     try:
         with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
             axis.send(command.name, *arguments)
-            ends = command.name == "stop" or command.turns_off(arguments)
             if args.wait is not None:
                 with progress_bar(0, f"{args.axis}: {args.name}"):
                     axis.wait(args.wait)
@@ -77,6 +84,10 @@ def run(args: argparse.Namespace) -> int:
                     axis.wait(_CYCLE)
             last = ", it ends with its cycle" if ends and axis.moving else ""
             print(f"{_setting(command, axis)}{axis.summary}, at {place_of(axis)}{last}")
+            if args.wait is not None and axis.ended_by:
+                raise CommandRefused(
+                    f"{command.name} was ended by another command: {axis.ended_by}"
+                )
     except (CommandRefused, AxisFault) as error:
         print(f"stickslip send: {error}", file=sys.stderr)
         return _REFUSED

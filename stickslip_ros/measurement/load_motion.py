@@ -154,7 +154,8 @@ def simulate_as_measured(
             f"no steps are found in {measurement.source}; give a measurement that shows some, or "
             "say how many to simulate (--steps)"
         )
-    first, last, margin = *measurement.t[[0, -1]].tolist(), 1.0 / p.drive.frequency
+    first, last = float(measurement.t[0]), float(measurement.t[-1])
+    margin = 1.0 / p.drive.frequency
     begin, end = runs[0].start, runs[-1].end
     planned = [
         PlannedRun(

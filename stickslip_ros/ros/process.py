@@ -146,6 +146,8 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
     except ValueError as error:
         if isinstance(error, ParameterError):
             raise
+        if isinstance(error, StickslipError):
+            raise UsageError(str(error)) from error
         raise UsageError(f"a parameter has no value; leave it out: {error}") from error
     except RuntimeError as error:  # of the middleware, such as security that it does not have
         raise UsageError(f"the node cannot be made: {error}{_cure(str(error))}") from error

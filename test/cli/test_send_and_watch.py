@@ -7,6 +7,7 @@ import pty
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from stickslip_ros.parameters.quantity import read_quantity
 pytest.importorskip("rclpy")
 
 from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient
 
 PATIENCE = 60.0  # s
 
@@ -102,6 +104,28 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
     send("jog", "500")
     assert ", paused, at " in send("pause", "on")
     assert re.search(r"^jogging, .* paused, at .*, it ends with its cycle$", send("stop"), re.M)
+
+
+def test_a_jog_is_not_waited_for(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was sent, then refused: the axis ran on without end."""
+    assert main(["send", "jog", "500", "--wait"]) == 2
+    assert "leave out --wait" in capsys.readouterr().err
+    assert axis.axis.mode == "stopped"
+
+
+def test_a_move_that_another_command_ends_is_no_success(
+    axis: AxisNode, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop() -> None:
+        with AxisClient(timeout=PATIENCE) as other:
+            other.wait_for_state("stepping", PATIENCE)
+            other.stop()
+
+    with ThreadPoolExecutor() as beside:
+        stopped = beside.submit(stop)
+        assert main(["send", "steps", "100000", "--wait", "--timeout", f"{PATIENCE}"]) == 1
+        stopped.result()
+    assert "steps was ended by another command: stop" in capsys.readouterr().err
 
 
 def test_watch_prints_lines_in_a_pipe(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:

@@ -141,6 +141,7 @@ def test_without_an_axis_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = io.StringIO()
     monkeypatch.setattr(screen, "isatty", lambda: True)
     monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.5)
     with pytest.raises(TimeoutError, match=r"no axis answers at /lab/x: is axis_node running "):
         AxisClient("lab/x", timeout=1.3)
     assert screen.getvalue() == "waiting for /lab/x, 1.3 s at most ...\n"

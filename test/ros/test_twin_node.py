@@ -187,6 +187,8 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
     measured = user.create_publisher(JointState, "/joint_states", 1000)
     expected: list[JointState] = []
     user.create_subscription(JointState, "/stickslip_twin/joint_states", expected.append, 1000)
+    estimates: list[DiagnosticArray] = []
+    user.create_subscription(DiagnosticArray, own[1], estimates.append, 10)
     ros.wait_until(
         lambda: all(one.get_subscription_count() > 1 for one in (events, measured)),
         "twin and recorder hear",
@@ -204,7 +206,7 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
         message.header.stamp = now
         measured.publish(message)
         told += len(statuses)
-    ros.wait_until(lambda: len(expected) > 270, "what the twin expected")
+    ros.wait_until(lambda: len(expected) > 270 and len(estimates) > 1, "what the twin says")
     assert told and recorder.interrupt() == 0
     twin = Twin(Parameters.of("table1_typical.yaml"))
     again = {}

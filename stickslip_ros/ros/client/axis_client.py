@@ -76,6 +76,7 @@ class AxisClient(AxisListener):
             own = Node("stickslip_client", context=self._own.context, enable_rosout=False)
             node = self._own.add(own)
         super().__init__(name, node)
+        self._answered = 0  # stamp (ns) of the answer to the last command
         self._jogs = False  # the last command of this client that moves or ends a move
         self._publishers = {
             name: node.create_publisher(
@@ -351,6 +352,13 @@ class AxisClient(AxisListener):
         self._wait(ended, timeout, lambda: f"{self.axis} is still {self.summary}")
         return self
 
+    @property
+    def ended_by(self) -> str:
+        """The command, of anybody, that has ended the motion of the last one sent; "" if none."""
+        later = [answer.values for answer in self._answers if answer.stamp > self._answered]
+        applied = [values["event"] for values in later if values["outcome"] == "applied"]
+        return next((one for one in applied if one in COMMANDS and COMMANDS[one].moves), "")
+
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
         """Wait until the axis is in that state; TimeoutError after timeout (s)."""
         self._wait(
@@ -413,6 +421,7 @@ class AxisClient(AxisListener):
 
         text = f"{name} {value}".strip()
         self._wait(answered, self.timeout, lambda: f"{self.axis} does not answer {text}")
+        self._answered = found[0].stamp
         if found[0].values["outcome"] == "refused":
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
         if COMMANDS[name].moves:
