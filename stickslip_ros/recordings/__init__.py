@@ -8,19 +8,19 @@ from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     Status,
     decoder_for,
+    definition_from_fields,
     encoder_for,
     nanoseconds,
+    schema_text,
     statuses,
 )
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.mcap_reader import BagMessage
-from stickslip_ros.recordings.mcap_writer import COMPRESSIONS
+from stickslip_ros.recordings.mcap_records import BagMessage
 from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.qos import OfferedQos, qos_yaml
 from stickslip_ros.recordings.reader import BagReader, open_bag
 from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover
-from stickslip_ros.recordings.schema import definition_from_fields, schema_text
-from stickslip_ros.recordings.writer import BagWriter
+from stickslip_ros.recordings.writer import COMPRESSIONS, BagWriter
 
 if TYPE_CHECKING:
     from stickslip_ros.recordings.resimulation import Resimulated, resimulate

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converts messages from and to their serialized form (CDR), by the schema in the bag, without ROS.
 
-Also yields the fields of messages by name, and diagnostic statuses, the form of events.
+Also yields the fields of messages by name, and diagnostic statuses, the form of events; and makes
+schemas (``ros2msg``): the definitions of a type and of all types inside. Where these come from is
+the caller's affair: a callable gives the ``.msg`` text of a type, either the installed file or what
+:func:`definition_from_fields` makes of its fields.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.records import Schema
@@ -15,8 +19,8 @@ from mcap.records import Schema
 from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.decoder import DecoderFactory
 
-from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.mcap_reader import BagMessage
+from stickslip_ros.recordings.errors import BagError, short
+from stickslip_ros.recordings.mcap_records import BagMessage
 from stickslip_ros.recordings.metadata import CDR, TopicDescription
 
 if TYPE_CHECKING:
@@ -26,6 +30,18 @@ STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 # Characters; the parser takes seconds for more. The largest of ROS itself have a third of it.
 _LARGEST_SCHEMA = 64 * 1024
+_NUMBERS = {f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)}
+_PRIMITIVES = _NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
+
+_SEPARATOR = "=" * 80
+_IDL_NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
+#: What IDL calls a sequence, an array and a string with a limit, and the words of ``.msg`` for it
+_IDL_FORMS = (
+    (re.compile(r"sequence<(.+), *(\d+)>"), "[<={}]"),
+    (re.compile(r"sequence<(.+)()>"), "[{}]"),
+    (re.compile(r"(.+)\[(\d+)\]"), "[{}]"),
+    (re.compile(r"(w?string)<(\d+)>"), "<={}"),
+)
 
 
 class _Bounded(bytes):
@@ -86,7 +102,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             return decode(_Bounded(data))
         except Exception as error:  # likewise
             raise BagError(
-                f"a message on {where} is not of that type: {_short(error)}; "
+                f"a message on {where} is not of that type: {short(error)}; "
                 "the recording is damaged or has the wrong schema"
             ) from error
 
@@ -107,13 +123,9 @@ def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
 
 def _broken_schema(where: str, done: str, error: Exception) -> BagError:
     return BagError(
-        f"{where} cannot be {done}, its schema is broken: {_short(error)}; "
+        f"{where} cannot be {done}, its schema is broken: {short(error)}; "
         "record it anew or leave the topic out"
     )
-
-
-def _short(error: Exception) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:
@@ -203,3 +215,56 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
             raise not_of_type(bag, topic_name, error) from None
         for status in read:
             yield Status(found.log_ns, stamp_ns, *status)
+
+
+def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
+    """Return the full ``ros2msg`` schema of a message type.
+
+    :param type_name: such as ``sensor_msgs/msg/JointState``.
+    :param definition_of: gives the ``.msg`` text of a type named that way; what it raises for a
+        type it does not know goes through to the caller.
+    """
+    definitions = {type_name: definition_of(type_name)}
+    waiting = [type_name]
+    while waiting:
+        current = waiting.pop(0)
+        for inner in _referenced_types(definitions[current], current.split("/")[0]):
+            if inner not in definitions:
+                definitions[inner] = definition_of(inner)
+                waiting.append(inner)
+    top, *others = definitions.items()
+    parts = [top[1].rstrip() + "\n"]
+    for name, definition in others:
+        package, _, kind = name.split("/")
+        parts.append(f"{_SEPARATOR}\nMSG: {package}/{kind}\n{definition.rstrip()}\n")
+    return "".join(parts)
+
+
+def _referenced_types(definition: str, package: str) -> Iterator[str]:
+    """Yield the message types (``package/msg/Type``) named in the fields of a ``.msg`` text.
+
+    :param package: the package of the definition itself, for types written without one.
+    """
+    for line in definition.splitlines():
+        words = line.split("#", 1)[0].split()
+        item = re.split(r"[\[<]", words[0], maxsplit=1)[0] if words else "bool"
+        if item not in _PRIMITIVES:
+            *given_package, kind = item.split("/")
+            yield f"{given_package[0] if given_package else package}/msg/{kind}"
+
+
+def definition_from_fields(fields: Mapping[str, str]) -> str:
+    """Return a ``.msg`` text for the fields of a message: names to types in IDL words.
+
+    The names and types are those of ``get_fields_and_field_types()`` of a generated message class.
+    Constants, defaults and comments are not in there and so not in the text; they do not change
+    how a message is read.
+    """
+    return "".join(f"{_field_type(idl)} {name}\n" for name, idl in fields.items())
+
+
+def _field_type(idl: str) -> str:
+    for form, end in _IDL_FORMS:
+        if match := form.fullmatch(idl):
+            return _field_type(match[1]) + end.format(match[2])
+    return _IDL_NAMES.get(idl, idl)

@@ -3,9 +3,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import struct
+from collections.abc import Iterator
 from pathlib import Path
 
+from mcap.exceptions import McapError
+
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.opening import ReadError
+
+BROKEN = (struct.error, McapError, ValueError, OverflowError)
+"""What reading broken bytes ends in, here and in the library."""
 
 
 class BagError(StickslipError):
@@ -27,3 +36,23 @@ def unreadable(path: Path, error: OSError) -> BagError:
     return BagError(
         f"cannot read {path}: {error.strerror or error}; check the name and your rights to it"
     )
+
+
+def short(error: BaseException) -> str:
+    """Return the text of an error of others in one line of at most 200 characters."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn whatever broken bytes lead to into a BagError that names the file."""
+    try:
+        yield
+    except BagError:
+        raise
+    except ReadError as error:
+        raise BagError(str(error)) from error
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except BROKEN as error:
+        raise damaged(path, short(error) if str(error) else "it ends inside a record") from error

@@ -1,121 +1,139 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An MCAP file: its index, and its blocks of records one after the other.
+"""An MCAP file: its index, and its blocks of records one after the other, whole or damaged.
 
-Any damage is an error here. The scanner of damaged files reads in the same way, and continues after
-damage.
+In a file that has to be sound, any damage is an error. In one that is recovered, damage is noted,
+and the scan goes on with the next whole chunk: chunks are the only records with a checksum. Records
+outside of chunks are kept where they parse and fit between their neighbours.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import zlib
-from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, MetadataIndex, Statistics
 
 from stickslip_ros.opening import Allowance
-from stickslip_ros.recordings.channels import Channels
+from stickslip_ros.recordings.errors import BROKEN, reading
 from stickslip_ros.recordings.mcap_records import (
     HEAD,
+    LARGEST_PACKED,
     MAGIC,
-    PackedChunk,
+    Channels,
+    Chunk,
     Place,
     body_at,
-    metadata_text,
+    open_storage,
     parse,
     place_at,
-    reading,
-    record_places,
 )
-from stickslip_ros.recordings.unpacking import open_storage
 
 #: Records outside of chunks that hold what a bag is made of
 _USED = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA})
-
+_OPCODES = frozenset(int(opcode) for opcode in Opcode)
+_FIRST_PRIVATE = 0x80  # opcodes from here on are anybody's
 _FOOTER_BYTES = HEAD.size + 20
 _CRC_BYTES = 4
-_PIECE = 1024 * 1024  # bytes of the index whose checksum is taken together
+_PIECE = 1024 * 1024  # bytes of the file that are searched, or enter a checksum, together
+# A chunk record: its opcode and a length of less than 128 MiB.
+_CHUNK_START = re.compile(rb"\x06.{3}[\x00-\x07]\x00{4}", re.DOTALL)
+#: The search for the next chunk ends after this many false starts: each costs as much as a chunk.
+_MOST_FALSE_STARTS = 1000
 
 
-@dataclass(frozen=True)
-class Block:
-    """A chunk, or a record outside of chunks, out of its file.
+class Block(NamedTuple):
+    """A chunk, or a record outside of chunks.
 
-    :ivar records: of the chunk, unpacked, or the one record.
+    :ivar place: in the file.
+    :ivar records: of the chunk, unpacked, or the one record, b"" if it is of no use.
     :ivar chunk: None outside of chunks.
     """
 
     place: Place
     records: bytes
-    chunk: PackedChunk | None = None
+    chunk: Chunk | None = None
 
-    @property
-    def protected(self) -> bool:
-        """Whether a checksum protects the records, unless the block is cut."""
-        return bool(self.chunk and self.chunk.crc and not self.chunk.cut)
+
+class Span(NamedTuple):
+    """A part of a file that is read at once, a chunk or a run of records.
+
+    First and last time (ns), offset and length in the file, size in memory (bytes).
+    """
+
+    start_ns: int
+    end_ns: int
+    offset: int
+    length: int
+    size: int
 
 
 @dataclass
 class Index:
-    """The index at the end of a file.
-
-    :ivar chunks: first and last time (ns), offset, length, size unpacked (bytes) of each, in turn.
-    :ivar compressions: of the chunks.
-    :ivar metadata_text: what rosbag2 left in the file, "" if nothing.
-    """
+    """The index at the end of a file; the spans are its chunks."""
 
     statistics: Statistics | None = None
-    chunks: array[int] = field(default_factory=lambda: array("Q"))
+    spans: list[Span] = field(default_factory=list)
     compressions: set[str] = field(default_factory=set)
-    metadata_text: str = ""
 
 
 class McapFile:
     """An open file.
 
+    :ivar channels: the topics and metadata read so far.
     :ivar size: of the file, unpacked, bytes.
     :ivar stored_size: as it lies on the disk, bytes.
     :ivar allowance: what its chunks may still unpack to.
+    :ivar findings: what is wrong with it, a sentence each; None if it has to be sound.
+    :ivar dropped_bytes: how much of it was of no use so far.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, findings: list[str] | None = None) -> None:
         """Open the file.
 
+        :param findings: takes what is wrong with the file; None: that is an error.
         :raises BagError: the operating system does not let us read it, it is cut, or no MCAP file.
         """
         self.path = path
+        self.findings = findings
+        self.dropped_bytes = 0
+        self.channels = Channels()
         with reading(path):
             self.stream, whole = open_storage(path)
-            self.stored_size = path.stat().st_size
-            self.size = os.fstat(self.stream.fileno()).st_size
-            self.allowance = Allowance(path, self.stored_size)
-            self.begins_right = self.stream.read(len(MAGIC)) == MAGIC
-            if not self.stored_size:
-                self._wrong("is empty: 0 bytes")
-            elif not whole:
-                self._wrong(f"is cut: its zstd data ends early, {self.size} bytes are left")
-            elif self.size and not self.begins_right:
-                self._wrong("does not begin as an MCAP file does")
+            try:
+                self.stored_size = path.stat().st_size
+                self.size = os.fstat(self.stream.fileno()).st_size
+                self.allowance = Allowance(path, self.stored_size)
+                self.begins_right = self.read(0, len(MAGIC)) == MAGIC
+                if not self.stored_size:
+                    self.find("is empty: 0 bytes")
+                elif not whole:
+                    self.find(f"is cut: its zstd data ends early, {self.size} bytes are left")
+                elif self.size and not self.begins_right:
+                    self.find("does not begin as an MCAP file does")
+            except BaseException:
+                self.close()
+                raise
 
     def close(self) -> None:
         """Close the file; twice does no harm."""
         self.stream.close()
 
-    def _wrong(self, what: str) -> None:
-        self.close()
-        raise ValueError(f"it {what}")
+    def find(self, what: str) -> None:
+        """Note what is wrong; ValueError if nothing may be."""
+        if self.findings is None:
+            raise ValueError(f"it {what}")
+        self.findings.append(f"{self.path.name} {what}")
 
     def read(self, at: int, length: int) -> bytes:
         """Return a part of the file, shorter at its end."""
         self.stream.seek(at)
         return self.stream.read(length)
-
-    def _is_end(self, at: int) -> bool:
-        return self.size - at == len(MAGIC) and self.read(at, len(MAGIC)) == MAGIC
 
     # -- the index
 
@@ -130,7 +148,7 @@ class McapFile:
         :raises ValueError: the file has no end.
         """
         end = self.size - len(MAGIC)
-        if self.records_end < len(MAGIC) or not self._is_end(end):
+        if self.records_end < len(MAGIC) or self.read(end, len(MAGIC)) != MAGIC:
             raise ValueError("it has no end; whoever wrote it was stopped")
         place = place_at(self.stream, self.records_end, end)
         if place.opcode != Opcode.FOOTER:
@@ -138,49 +156,43 @@ class McapFile:
         footer: Footer = parse(Footer, body_at(self.stream, place))
         return footer
 
-    def index(self, footer: Footer, channels: Channels) -> Index:
-        """Read the index.
+    def index(self, footer: Footer) -> Index:
+        """Read the index, and learn topics and metadata unless its checksum is wrong.
 
-        :param channels: learns the topics, unless the checksum is wrong.
         :raises ValueError: it is broken, or its checksum is wrong.
         """
         start, end = footer.summary_start, self.records_end
         if not len(MAGIC) <= start <= end:
             raise ValueError("its footer points outside of the file")
-        if footer.summary_crc and footer.summary_crc != self._checksum(start, end):
-            raise ValueError("the checksum of its index is wrong")
+        if footer.summary_crc:
+            crc, at, checked = 0, start, end + _FOOTER_BYTES - _CRC_BYTES
+            while at < checked and (piece := self.read(at, min(checked - at, _PIECE))):
+                crc = zlib.crc32(piece, crc)
+                at += len(piece)
+            if crc != footer.summary_crc:
+                raise ValueError("the checksum of its index is wrong")
         index = Index()
-        for place in record_places(self.stream, start, end):
+        while start < end:
+            place = place_at(self.stream, start, end)
+            start = place.end
             if place.opcode == Opcode.CHUNK_INDEX:
                 chunk = parse(ChunkIndex, body_at(self.stream, place))
                 index.compressions.add(chunk.compression)
                 times = chunk.message_start_time, chunk.message_end_time
                 where = chunk.chunk_start_offset, chunk.chunk_length
-                index.chunks.extend((*times, *where, chunk.uncompressed_size))
+                index.spans.append(Span(*times, *where, chunk.uncompressed_size))
             elif place.opcode == Opcode.STATISTICS:
                 index.statistics = parse(Statistics, body_at(self.stream, place))
             elif place.opcode == Opcode.METADATA_INDEX:
-                found = parse(MetadataIndex, body_at(self.stream, place))
-                index.metadata_text = self._metadata_at(found) or index.metadata_text
+                found = place_at(
+                    self.stream, parse(MetadataIndex, body_at(self.stream, place)).offset, self.size
+                )
+                if found.opcode != Opcode.METADATA:
+                    raise ValueError("its index points to metadata that is not there")
+                self.channels.learn(found.opcode, body_at(self.stream, found))
             elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                channels.learn(place.opcode, body_at(self.stream, place))
+                self.channels.learn(place.opcode, body_at(self.stream, place))
         return index
-
-    def _checksum(self, start: int, end: int) -> int:
-        self.stream.seek(start)
-        left, crc = end + _FOOTER_BYTES - _CRC_BYTES - start, 0
-        while left > 0 and (piece := self.stream.read(min(left, _PIECE))):
-            crc = zlib.crc32(piece, crc)
-            left -= len(piece)
-        return crc
-
-    def _metadata_at(self, index: MetadataIndex) -> str:
-        if index.name != "rosbag2":
-            return ""
-        place = place_at(self.stream, index.offset, self.size)
-        if place.opcode != Opcode.METADATA:
-            raise ValueError("its index points to metadata that is not there")
-        return metadata_text(body_at(self.stream, place))
 
     # -- block by block
 
@@ -188,20 +200,82 @@ class McapFile:
         """Yield all chunks and other used records, in the order of the file.
 
         :param end: of the part that is read; the whole file if None.
-        :raises ValueError: something is wrong with the file.
+        :raises ValueError: something is wrong with a file that has to be sound.
         """
-        at, end = len(MAGIC) if self.begins_right else 0, self.size if end is None else end
+        at = len(MAGIC) if self.begins_right else 0
+        if end is None:
+            closed = self.read(max(0, self.size - len(MAGIC)), len(MAGIC)) == MAGIC
+            end = self.size - closed * len(MAGIC)
+        seen: set[tuple[int, int]] = set()  # size and CRC of chunks; damage copies some
         while at < end:
-            block, at = self._block(at, end)
-            if block:
-                yield block
+            try:
+                block = self._block_at(at, end)
+                if block.chunk and block.chunk.crc and self.findings is not None:
+                    mark = block.chunk.size, block.chunk.crc
+                    if mark in seen:
+                        raise ValueError("it holds a chunk twice")
+                    seen.add(mark)
+            except BROKEN:
+                if self.findings is None:
+                    raise
+                following = self._next_chunk(at + 1, end)
+                self.dropped_bytes += following - at
+                at = following
+                continue
+            at = block.place.end
+            yield block
 
-    def _block(self, at: int, end: int) -> tuple[Block | None, int]:
-        """Return the block at a place, None if it is of no use, and where the next one begins."""
+    def _block_at(self, at: int, end: int) -> Block:
+        """Return the chunk, or the record outside of chunks, at a place.
+
+        :raises ValueError: it is broken.
+        """
         place = place_at(self.stream, at, end)
         if place.opcode == Opcode.CHUNK:
-            chunk = PackedChunk.read(body_at(self.stream, place))
-            return Block(place, chunk.unpacked(self.allowance), chunk), place.end
-        if place.opcode in _USED:
-            return Block(place, self.read(at, place.end - at)), place.end
-        return None, place.end
+            chunk = Chunk.read(self.stream, place)
+            return Block(place, chunk.unpacked(self.allowance), chunk)
+        if self.findings is not None and not self._is_record(place):
+            raise ValueError(f"there is no record at byte {at}")
+        return Block(place, self.read(at, place.end - at) if place.opcode in _USED else b"")
+
+    def _is_record(self, place: Place) -> bool:
+        """Return whether a record without a checksum is at a place, and does not just look so.
+
+        Another record, or a part of one, or the end of the file has to follow; and there must not
+        be a chunk inside, as there is when its length is wrong, unless it is an attachment.
+        """
+        head = self.read(place.end, HEAD.size)
+        if len(head) == HEAD.size:
+            following, length = HEAD.unpack(head)
+            fits = length <= self.size + LARGEST_PACKED - place.end
+            if not (_is_known(following) and fits):
+                return False
+        hides = place.opcode != Opcode.ATTACHMENT and (
+            self._next_chunk(place.start + 1, place.end) < place.end
+        )
+        return _is_known(place.opcode) and not hides
+
+    def _next_chunk(self, at: int, limit: int) -> int:
+        """Return where the first whole chunk from a place on begins, a limit if there is none."""
+        false_starts = 0
+        while at < limit and false_starts < _MOST_FALSE_STARTS:
+            window = self.read(at, min(_PIECE, limit - at))
+            for match in _CHUNK_START.finditer(window):
+                try:
+                    found = place_at(self.stream, at + match.start(), self.size)
+                    chunk = Chunk.read(self.stream, found)
+                except BROKEN:
+                    continue
+                try:
+                    if chunk.unpacked(self.allowance):
+                        return found.start
+                except BROKEN:
+                    false_starts += 1
+            if len(window) < _PIECE:
+                break
+            at += _PIECE - HEAD.size
+        return limit
+
+
+def _is_known(opcode: int) -> bool:
+    return opcode in _OPCODES or opcode >= _FIRST_PRIVATE

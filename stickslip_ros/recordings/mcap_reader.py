@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One sound MCAP file of a bag: topics, where messages are, the messages of a part."""
+"""The sound MCAP files of a bag: their topics, where messages are, messages in order of time."""
 
 from __future__ import annotations
 
-from array import array
+import heapq
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,51 +12,32 @@ from typing import NamedTuple
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Header
-from numpy.typing import NDArray
 
-from stickslip_ros.recordings.channels import Channels
-from stickslip_ros.recordings.mcap_file import Block, Index, McapFile
+from stickslip_ros.recordings.errors import BagError, damaged, reading
+from stickslip_ros.recordings.mcap_file import Index, McapFile, Span
 from stickslip_ros.recordings.mcap_records import (
-    HEAD,
+    LARGEST_CHUNK,
     MAGIC,
-    MESSAGE_HEAD,
     SMALLEST_MESSAGE,
-    PackedChunk,
+    BagMessage,
+    Chunk,
     body_at,
+    message_at,
     messages_in,
-    metadata_text,
     parse,
     place_at,
-    reading,
 )
-from stickslip_ros.recordings.metadata import FileSummary, TopicDescription
-
-_NAMES = ("start", "end", "offset", "length", "size")
-SPAN = np.dtype([(name, "<u8") for name in _NAMES])
-"""A part of a file that is read at once, a chunk or a run of records.
-
-First and last time (ns), offset and length in the file, size in memory (bytes)."""
+from stickslip_ros.recordings.metadata import (
+    FileSummary,
+    StoredMetadata,
+    TopicDescription,
+    parse_metadata,
+)
 
 _RUN_BYTES = 1024 * 1024  # messages outside of chunks are read by so much at a time
-
-Row = tuple[int, int, int, int, int]
-
-
-class BagMessage(NamedTuple):
-    """One message of a bag; times in ns since the Unix epoch.
-
-    :ivar topic: its name.
-    :ivar log_ns: when it was recorded, which is what orders a bag.
-    :ivar publish_ns: when it was published.
-    :ivar sequence: the publisher's number of it, 0 if unknown.
-    :ivar data: the message, serialized.
-    """
-
-    topic: str
-    log_ns: int
-    publish_ns: int
-    sequence: int
-    data: bytes
+# Chunks that overlap in time have to be in memory together. Recorders make one or two such, tools
+# that write topic after topic a few dozen.
+_LARGEST_OPEN = LARGEST_CHUNK + LARGEST_CHUNK // 2
 
 
 class Wanted(NamedTuple):
@@ -70,10 +51,8 @@ class Wanted(NamedTuple):
 class McapReader(McapFile):
     """A finished MCAP file; its content is known when it has been opened.
 
-    :ivar channels: of its topics.
     :ivar counts: of the messages, by topic.
-    :ivar spans: where the messages are, dtype :data:`SPAN`.
-    :ivar metadata_text: what rosbag2 left in the file, "" if nothing.
+    :ivar spans: where the messages are.
     :ivar compressions: of its chunks, in words.
     """
 
@@ -83,49 +62,43 @@ class McapReader(McapFile):
         :raises BagError: it cannot be read, was not finished or is damaged.
         """
         super().__init__(path)
-        self.channels = Channels()
         self.counts: Counter[str] = Counter()
         self.compressions: set[str] = set()
-        self.metadata_text = ""
         self._times: tuple[int, int] | None = None
         try:
             with reading(path):
-                rows = self._open()
+                footer = self.footer()
+                first = place_at(self.stream, len(MAGIC), self.size)
+                if first.opcode != Opcode.HEADER:
+                    raise ValueError("its first record is not a header")
+                self.library: str = parse(Header, body_at(self.stream, first)).library
+                index = self.index(footer) if footer.summary_start else None
+                if index and self._is_complete(index):
+                    self.spans = index.spans
+                else:
+                    self.spans = self._read_everything(footer.summary_start or self.records_end)
         except BaseException:
             self.close()
             raise
-        self.spans: NDArray[np.void] = np.frombuffer(rows, dtype=SPAN)
 
     def summary(self) -> FileSummary:
-        """Return name, message count, first and last log time."""
+        """Return name, size, message count, first and last log time."""
         count = sum(self.counts.values())
         if not count:
-            return FileSummary(self.path.name)
+            return FileSummary(self.path.name, self.stored_size)
         # A chunk without messages says 0; the statistics of the file know better.
-        start, end = self._times or (int(self.spans["start"].min()), int(self.spans["end"].max()))
-        return FileSummary(self.path.name, count, start, end)
+        start, end = self._times or (
+            min(span.start_ns for span in self.spans),
+            max(span.end_ns for span in self.spans),
+        )
+        return FileSummary(self.path.name, self.stored_size, count, start, end)
 
-    def _open(self) -> array[int]:
-        """Read the content of the file; return its spans, five numbers each."""
-        footer = self.footer()
-        first = place_at(self.stream, len(MAGIC), self.size)
-        if first.opcode != Opcode.HEADER:
-            raise ValueError("its first record is not a header")
-        self.library: str = parse(Header, body_at(self.stream, first)).library
-        if footer.summary_start:
-            index = self.index(footer, self.channels)
-            if self._take(index):
-                return index.chunks
-        return self._read_everything(footer.summary_start or self.records_end)
-
-    def _take(self, index: Index) -> bool:
+    def _is_complete(self, index: Index) -> bool:
         """Use the index; return False if it lacks needed information."""
-        self.metadata_text = index.metadata_text
-        self.compressions = index.compressions
         statistics, topics = index.statistics, self.channels.topics
         if statistics is None:
             return False
-        counts, chunks = statistics.channel_message_counts, len(index.chunks) // len(_NAMES)
+        counts, chunks = statistics.channel_message_counts, len(index.spans)
         if (
             len(topics) < statistics.channel_count
             or chunks < statistics.chunk_count
@@ -134,7 +107,7 @@ class McapReader(McapFile):
             or (counts and not chunks)
         ):
             return False
-        unpacked: int = sum(index.chunks[_NAMES.index("size") :: len(_NAMES)])
+        unpacked = sum(span.size for span in index.spans)
         self.allowance.spend(unpacked)
         if statistics.message_count > unpacked // SMALLEST_MESSAGE:
             raise ValueError(
@@ -143,93 +116,165 @@ class McapReader(McapFile):
             )
         for channel, count in counts.items():
             self.counts[topics[channel].name] += count
+        self.compressions = index.compressions
         self._times = statistics.message_start_time, statistics.message_end_time
         return True
 
-    def _read_everything(self, end: int) -> array[int]:
+    def _read_everything(self, end: int) -> list[Span]:
         """Find and count the messages of a file without a full index."""
-        self.compressions.clear()
-        rows = array("Q")
-        run_end = 0  # of the run of records outside of chunks that the last row is, 0 if none
-        for block in self.blocks(end):
-            if block.place.opcode == Opcode.METADATA:
-                self.metadata_text = metadata_text(block.records[HEAD.size :]) or self.metadata_text
-                continue
-            channels, times, _ = messages_in(block.records, self.channels.learn)
+        spans: list[Span] = []
+        run_end = 0  # of the run of records outside of chunks that the last span is, 0 if none
+        for (_, at, following), records, chunk in self.blocks(end):
+            channels, times, _ = messages_in(records, self.channels.learn)
             for channel, count in Counter(channels).items():
-                self.counts[self.topic_of(channel).name] += count
-            if block.chunk or times:
-                self.compressions.add(block.chunk.compression if block.chunk else "")
-            if times:
-                run_end = self._add_row(rows, block, min(times), max(times), run_end)
-        return rows
+                self.counts[self._name_of(channel)] += count
+            if chunk or times:
+                self.compressions.add(chunk.compression if chunk else "")
+            if not times:
+                continue
+            start_ns, end_ns = min(times), max(times)
+            if not chunk and at == run_end and spans[-1].size < _RUN_BYTES:
+                run = spans.pop()
+                start_ns, end_ns = min(run.start_ns, start_ns), max(run.end_ns, end_ns)
+                at = run.offset
+            size = len(records) if chunk else following - at
+            spans.append(Span(start_ns, end_ns, at, following - at, size))
+            run_end = 0 if chunk else following
+        return spans
 
-    def _add_row(self, rows: array[int], block: Block, first: int, last: int, run_end: int) -> int:
-        """Add a block to the spans, to the last one if that is a run that it goes on with."""
-        place = block.place
-        if not block.chunk and place.start == run_end and rows[-1] < _RUN_BYTES:
-            length = place.end - rows[-3]
-            rows[-5:] = array(
-                "Q", (min(rows[-5], first), max(rows[-4], last), rows[-3], length, length)
-            )
-        else:
-            rows.extend((first, last, place.start, place.end - place.start, len(block.records)))
-        return 0 if block.chunk else place.end
-
-    def topic_of(self, channel: int) -> TopicDescription:
-        """Return the topic of a channel; ValueError if it does not exist."""
+    def _name_of(self, channel: int) -> str:
         if channel not in self.channels.topics:
             raise ValueError(f"a message names channel {channel}, which does not exist")
-        return self.channels.topics[channel]
+        return self.channels.topics[channel].name
 
-    def records(self, row: Row) -> bytes:
+    def records(self, span: Span) -> bytes:
         """Return the records of a span, out of their chunk if they are in one.
 
         :raises BagError: they are damaged.
         """
-        _, _, offset, length, size = row
+        end = span.offset + span.length
         with reading(self.path):
-            if offset + length > self.size:
+            if end > self.size:
                 raise ValueError("its index points beyond its end")
-            place = place_at(self.stream, offset, offset + length)
-            if place.opcode != Opcode.CHUNK or place.end != offset + length:
-                return self.read(offset, length)
-            chunk = PackedChunk.read(body_at(self.stream, place))
-            if chunk.size > size:
+            place = place_at(self.stream, span.offset, end)
+            if place.opcode != Opcode.CHUNK or place.end != end:
+                return self.read(span.offset, span.length)
+            chunk = Chunk.read(self.stream, place)
+            if chunk.size > span.size:
                 raise ValueError("a chunk is larger than its index says")
             return chunk.unpacked(None)  # the allowance has covered the sizes in the index
 
-    def messages_of(self, records: bytes, row: Row, wanted: Wanted) -> Iterator[BagMessage]:
+    def messages_of(self, records: bytes, span: Span, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield the wanted messages among the records of a span, in order of time.
 
         :raises BagError: they are damaged.
         """
         with reading(self.path):
-            names, times, starts = self._choose(records, row, wanted)
-        for log_ns, start in zip(times, starts, strict=True):
-            _, length = HEAD.unpack_from(records, start - HEAD.size)
-            channel, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(records, start)
-            data = records[start + MESSAGE_HEAD.size : start + length]
-            yield BagMessage(names[channel], log_ns, publish_ns, sequence, data)
-
-    def _choose(
-        self, records: bytes, row: Row, wanted: Wanted
-    ) -> tuple[dict[int, str], array[int], array[int]]:
-        """Return names by channel, times of the wanted messages and where they start."""
-        heads = messages_in(records, self.channels.learn)
-        channels, times, starts = (np.frombuffer(head, head.typecode) for head in heads)
-        names = {number: self.topic_of(number).name for number in set(heads[0])}
-        if len(times) and not (row[0] <= times.min() and times.max() <= row[1]):
-            raise ValueError("a message lies outside the time range of the index")
+            heads = messages_in(records, self.channels.learn)
+            names = {number: self._name_of(number) for number in set(heads.channels)}
+            channels, times, _ = (np.frombuffer(head, head.typecode) for head in heads)
+            if len(times) and not (span.start_ns <= times.min() and times.max() <= span.end_ns):
+                raise ValueError("a message lies outside the time range of the index")
+        chosen = np.ones(len(times), bool)
         if wanted.topics is not None:
-            numbers = [number for number, name in names.items() if name in wanted.topics]
-            chosen = np.isin(channels, numbers)
-            times, starts = times[chosen], starts[chosen]
-        if wanted.start_ns > row[0] or wanted.end_ns <= row[1]:
+            chosen &= np.isin(channels, [n for n, name in names.items() if name in wanted.topics])
+        if wanted.start_ns > span.start_ns or wanted.end_ns <= span.end_ns:
             start, end = (min(ns, 2**64 - 1) for ns in (wanted.start_ns, wanted.end_ns))
-            chosen = (times >= start) & (times < end)
-            times, starts = times[chosen], starts[chosen]
-        if np.any(times[1:] < times[:-1]):
-            order = np.argsort(times, kind="stable")
-            times, starts = times[order], starts[order]
-        return names, array("Q", times.tobytes()), array("Q", starts.tobytes())
+            chosen &= (times >= start) & (times < end)
+        order = np.flatnonzero(chosen)
+        for k in order[np.argsort(times[order], kind="stable")].tolist():
+            yield message_at(records, heads.starts[k], names[heads.channels[k]])
+
+
+class McapFiles:
+    """The open MCAP files of a bag as one.
+
+    :ivar topics: by name.
+    :ivar counts: messages by topic.
+    :ivar files: a summary of each.
+    :ivar compressions: of the chunks: "zstd", "lz4", "" for none.
+    :ivar libraries: names of the programs that wrote the files.
+    """
+
+    def __init__(self, path: Path, files: list[Path]) -> None:
+        """Open the files of a bag.
+
+        :raises BagError: one cannot be read.
+        """
+        self._path = path
+        self._readers: list[McapReader] = []
+        self.topics: dict[str, TopicDescription] = {}
+        self.counts: Counter[str] = Counter()
+        try:
+            for file in files:
+                reader = McapReader(file)
+                self._readers.append(reader)
+                self.counts.update(reader.counts)
+                for topic in reader.channels.topics.values():
+                    known = self.topics.setdefault(topic.name, topic)
+                    if known.type != topic.type:
+                        types = f"{known.type} and {topic.type}"
+                        raise damaged(file, f"topic {topic.name} has two types, {types}")
+        except BaseException:
+            self.close()
+            raise
+        self.files = [reader.summary() for reader in self._readers]
+        self.compressions = sorted({one for reader in self._readers for one in reader.compressions})
+        self.libraries = sorted({reader.library for reader in self._readers})
+
+    def close(self) -> None:
+        """Close the files; twice does no harm."""
+        for reader in self._readers:
+            reader.close()
+
+    @property
+    def metadata(self) -> StoredMetadata:
+        """The metadata in the last file that has any; BagError if they are broken."""
+        for reader in reversed(self._readers):
+            if reader.channels.metadata_text:
+                try:
+                    return parse_metadata(reader.channels.metadata_text)
+                except ValueError as error:
+                    raise damaged(reader.path, f"its metadata: {error}") from error
+        return StoredMetadata()
+
+    def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
+        """Yield messages in order of time; at one time, in the order of their spans.
+
+        :raises BagError: a file is damaged.
+        """
+        found = [
+            (span, reader)
+            for reader in self._readers
+            for span in reader.spans
+            if span.start_ns < wanted.end_ns and span.end_ns >= wanted.start_ns
+        ]
+        found.sort(key=lambda one: one[0].start_ns)
+        # The next message of each open span; its number, which no two have; the others; its size.
+        heap: list[tuple[int, int, BagMessage, Iterator[BagMessage], int]] = []
+        held = 0
+        for number, opening in enumerate([*found, None]):
+            while heap and (opening is None or heap[0][0] < opening[0].start_ns):
+                _, own, message, others, size = heap[0]
+                yield message
+                following = next(others, None)
+                if following is None:
+                    heapq.heappop(heap)
+                    held -= size
+                else:
+                    heapq.heapreplace(heap, (following.log_ns, own, following, others, size))
+            if opening is None:
+                return
+            span, reader = opening
+            records = reader.records(span)
+            others = reader.messages_of(records, span, wanted)
+            first = next(others, None)
+            if first is None:
+                continue
+            heapq.heappush(heap, (first.log_ns, number, first, others, len(records)))
+            held += len(records)
+            if held > _LARGEST_OPEN and len(heap) > 1:
+                raise BagError(
+                    f"{self._path}: its messages are too far out of order to be sorted in "
+                    "memory; sort them with `mcap sort` or `ros2 bag convert`"
+                )

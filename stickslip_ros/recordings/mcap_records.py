@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the records of an MCAP file one by one, without trusting any length in the file.
+"""The records of MCAP, read and unpacked without trusting any length in the file.
 
 The readers of the ``mcap`` and ``rosbags`` libraries unpack a chunk to any size that it states.
 Here a length is compared with the file and with limits before anything is read or unpacked. Records
@@ -10,22 +10,25 @@ from __future__ import annotations
 
 import contextlib
 import struct
+import tempfile
 import zlib
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
+import lz4.frame
+import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Metadata
+from mcap.records import Channel, Metadata, Schema
 
-from stickslip_ros.opening import Allowance, ReadError
-from stickslip_ros.recordings.errors import BagError, damaged, unreadable
-from stickslip_ros.recordings.unpacking import COMPRESSIONS, UnpackError, unpack
+from stickslip_ros.opening import Allowance, open_regular
+from stickslip_ros.recordings.errors import damaged
+from stickslip_ros.recordings.metadata import TopicDescription
+from stickslip_ros.recordings.qos import qos_profiles
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length of the body
@@ -33,19 +36,18 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish ti
 SMALLEST_MESSAGE = HEAD.size + MESSAGE_HEAD.size
 """Bytes of a message record without data."""
 
-_CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length of compression
-_LENGTH = struct.Struct("<Q")
-
-LONGEST_CHUNK_HEAD = _CHUNK_HEAD.size + max(map(len, COMPRESSIONS)) + _LENGTH.size
-"""Bytes at the beginning of the body of a chunk that hold everything but the data."""
-
 LARGEST_CHUNK = 64 * 1024 * 1024
 """Bytes of a chunk, unpacked. rosbag2 makes 768 KiB, or as much as its largest message takes."""
 
 LARGEST_PACKED = LARGEST_CHUNK + LARGEST_CHUNK // 64
 """Bytes of a chunk as it is stored: data that cannot be packed grows a little."""
 
+_COMPRESSIONS = ("", "lz4", "zstd")  # of chunks, as their records name them
+_CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length of compression
+_LENGTH = struct.Struct("<Q")
+_LARGEST_MESSAGE = 64 * 1024 * 1024
 _LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
+_LARGEST_TOPICS = 8 * 1024 * 1024  # bytes of schemas and channels; 1000 topics take a third of it
 #: Records that are passed over, whatever their length
 _PASSED_OVER = (
     Opcode.MESSAGE_INDEX,
@@ -60,30 +62,16 @@ _LARGEST_BODIES = {
     int(Opcode.MESSAGE): LARGEST_CHUNK,
     int(Opcode.CHUNK): LARGEST_PACKED,
 }
-
-BROKEN = (struct.error, McapError, UnpackError, ValueError, OverflowError)
-"""What reading broken bytes ends in, here and in the library."""
+# A frame may ask its reader to keep that much of the past; rosbag2 asks for 8 MiB at most.
+_LARGEST_WINDOW = 64 * 1024 * 1024
+_UNPACKED_PIECE = 1024 * 1024  # bytes unpacked at a time; the allowance is checked in between
+# Bytes given to zstd at a time; what comes of it, 32 MB at most, is in memory at once.
+_PACKED_PIECE = 1024
 
 
 def parse(kind: Any, body: bytes) -> Any:
-    """Return a record of ``mcap.records`` from its body; a broken one raises :data:`BROKEN`."""
+    """Return a record of ``mcap.records`` from its body; a broken one raises ``BROKEN``."""
     return kind.read(ReadDataStream(BytesIO(body)))
-
-
-@contextlib.contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turn whatever broken bytes lead to into a BagError that names the file."""
-    try:
-        yield
-    except BagError:
-        raise
-    except ReadError as error:
-        raise BagError(str(error)) from error
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except BROKEN as error:
-        reason = " ".join(str(error).split()) or "it ends inside a record"
-        raise damaged(path, reason[:200]) from error
 
 
 class Place(NamedTuple):
@@ -117,14 +105,6 @@ def place_at(stream: IO[bytes], at: int, end: int) -> Place:
     return Place(opcode, at, at + HEAD.size + length)
 
 
-def record_places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
-    """Yield where the records of a part of a file lie; ValueError where one cannot be."""
-    while start < end:
-        place = place_at(stream, start, end)
-        start = place.end
-        yield place
-
-
 def body_at(stream: IO[bytes], place: Place) -> bytes:
     """Return the body of a record."""
     stream.seek(place.start + HEAD.size)
@@ -132,102 +112,220 @@ def body_at(stream: IO[bytes], place: Place) -> bytes:
 
 
 @dataclass(frozen=True)
-class PackedChunk:
-    """A chunk as it stands in the file; times in ns, size in bytes once unpacked.
+class Chunk:
+    """A chunk as it stands in the file; its size in bytes once unpacked, no checksum if 0."""
 
-    :ivar packed: how many bytes of data there should be, and are unless the file was cut.
-    :ivar body_length: bytes that the body of the record should have.
-    """
-
-    start_ns: int
-    end_ns: int
     size: int
     crc: int
     compression: str
-    packed: int
-    body_length: int
-    data: memoryview
+    data: bytes
 
     @staticmethod
-    def read(body: bytes) -> PackedChunk:
-        """Parse the body of a chunk record; its data may be cut, or followed by other bytes.
-
-        :raises ValueError: it is not a chunk, or too large a one.
-        """
-        start_ns, end_ns, size, crc, length = _CHUNK_HEAD.unpack_from(body)
-        at = _CHUNK_HEAD.size
-        compression = body[at : at + length].decode()
-        if compression not in COMPRESSIONS:
+    def read(stream: IO[bytes], place: Place) -> Chunk:
+        """Read a chunk record; ``BROKEN`` if it is none, or too large a one."""
+        stream.seek(place.start + HEAD.size)
+        _, _, size, crc, length = _CHUNK_HEAD.unpack(stream.read(_CHUNK_HEAD.size))
+        compression = stream.read(min(length, 20)).decode()
+        if compression not in _COMPRESSIONS:
             raise ValueError(f"compression {compression!r} is not known, only none, lz4 and zstd")
-        at += length
-        (packed,) = _LENGTH.unpack_from(body, at)
-        at += _LENGTH.size
+        (packed,) = _LENGTH.unpack(stream.read(_LENGTH.size))
+        left = place.end - stream.tell()
+        if packed != left:
+            raise ValueError(f"a chunk has {left} bytes instead of {packed}")
         if size > LARGEST_CHUNK:
             raise ValueError(f"a chunk has {size} bytes; at most {LARGEST_CHUNK} are allowed")
-        data = memoryview(body)[at : at + packed]
-        return PackedChunk(start_ns, end_ns, size, crc, compression, packed, at + packed, data)
-
-    @property
-    def cut(self) -> bool:
-        """Whether data is missing at the end."""
-        return len(self.data) < self.packed
+        return Chunk(size, crc, compression, stream.read(packed))
 
     def unpacked(self, allowance: Allowance | None) -> bytes:
         """Return the unpacked records; ValueError if they are damaged.
 
         :param allowance: of the file; None where the sum is known to be within it.
         """
-        if self.cut:
-            raise ValueError(f"a chunk has {len(self.data)} bytes instead of {self.packed}")
-        data = unpack(self.data, self.compression, self.size, allowance)
+        data = _unpack(self.data, self.compression, self.size, allowance)
         if len(data) != self.size:
-            raise UnpackError(f"it unpacks to {len(data)} bytes instead of {self.size}")
+            raise ValueError(f"it unpacks to {len(data)} bytes instead of {self.size}")
         if self.crc and zlib.crc32(data) != self.crc:
             raise ValueError("the checksum of a chunk is wrong")
         return data
 
 
-def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start and end of the body of each record in a piece of memory.
+def _unpack(data: bytes, compression: str, limit: int, allowance: Allowance | None) -> bytes:
+    """Unpack data; return limit + 1 bytes at most.
 
-    :raises ValueError: a record goes on behind the end.
+    :raises ValueError: broken data.
+    :raises ReadError: the file has unpacked to more than it may.
     """
-    head, size, end = HEAD.unpack_from, HEAD.size, len(data)
-    start = 0
-    while start < end:
-        opcode, length = head(data, start)
-        body = start + size
-        start = body + length
-        if start > end:
-            raise ValueError("a record inside a chunk extends beyond its end")
-        yield opcode, body, start
+    if not compression:
+        return data[: limit + 1]
+    pieces, most = [], limit + 1
+    try:
+        if compression == "lz4":
+            press = lz4.frame.LZ4FrameDecompressor()
+            pieces = [bytes(press.decompress(data, max_length=most))]
+            if allowance:
+                allowance.spend(len(pieces[0]))
+            return pieces[0]
+        # As a stream: asked for it all, the library takes the memory that the frame says.
+        reader = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).stream_reader(data)
+        while most and (piece := reader.read(min(most, _UNPACKED_PIECE))):
+            if allowance:
+                allowance.spend(len(piece))
+            pieces.append(piece)
+            most -= len(piece)
+    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
+        raise ValueError(f"its {compression} data is broken ({error})") from error
+    return b"".join(pieces)
 
 
-Heads = tuple["array[int]", "array[int]", "array[int]"]
+def unpack_message(data: bytes, allowance: Allowance) -> bytes:
+    """Return a message that rosbag2 packed with zstd by itself.
+
+    :raises ValueError: broken data, or a message larger than makes sense.
+    :raises ReadError: the file has unpacked to more than it may.
+    """
+    unpacked = _unpack(data, "zstd", _LARGEST_MESSAGE, allowance)
+    if len(unpacked) > _LARGEST_MESSAGE:
+        raise ValueError(f"it unpacks to more than {_LARGEST_MESSAGE} bytes")
+    return unpacked
+
+
+def open_storage(path: Path) -> tuple[IO[bytes], bool]:
+    """Return an open storage file, and whether all of it could be unpacked.
+
+    A file packed with zstd as a whole is unpacked to a temporary one, gone when closed.
+
+    :raises BagError: its zstd data is broken.
+    :raises ReadError: it is no file, or unpacks to more than it may.
+    :raises OSError: it cannot be read, or the temporary folder has no room.
+    """
+    stream = open_regular(path)
+    if path.suffix != ".zstd":
+        return stream, True
+    with contextlib.ExitStack() as closing, stream:
+        unpacked = closing.enter_context(tempfile.TemporaryFile())
+        allowance = Allowance(path)
+        press = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).decompressobj()
+        try:
+            while not press.eof and (piece := stream.read(_PACKED_PIECE)):
+                data = press.decompress(piece)
+                allowance.spend(len(data))
+                unpacked.write(data)
+        except zstandard.ZstdError as error:
+            raise damaged(path, f"its zstd data is broken ({error})") from error
+        unpacked.seek(0)
+        closing.pop_all()  # the caller closes it
+    return unpacked, bool(press.eof)
+
+
+class Heads(NamedTuple):
+    """The messages in a piece of memory: their channels, log times (ns), starts of their bodies."""
+
+    channels: array[int]
+    times: array[int]
+    starts: array[int]
 
 
 def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Heads:
-    """Return channel, log time (ns) and start of each message record in a piece of memory.
+    """Return the messages among records in memory.
 
     :param learn: called with opcode and body of every other record.
     :raises ValueError: a record is broken.
     """
-    channels, times, starts = array("H"), array("Q"), array("Q")
-    unpack_head = MESSAGE_HEAD.unpack_from
-    for opcode, start, end in records_in(records):
+    channels, times, starts = Heads(array("H"), array("Q"), array("Q"))
+    unpack_head, unpack_message_head = HEAD.unpack_from, MESSAGE_HEAD.unpack_from
+    following, end = 0, len(records)
+    while following < end:
+        opcode, length = unpack_head(records, following)
+        start = following + HEAD.size
+        following = start + length
+        if following > end:
+            raise ValueError("a record inside a chunk extends beyond its end")
         if opcode != Opcode.MESSAGE:
-            learn(opcode, records[start:end])
+            learn(opcode, records[start:following])
             continue
-        if end - start < MESSAGE_HEAD.size:
+        if length < MESSAGE_HEAD.size:
             raise ValueError("a message is shorter than its head")
-        channel, _, log_ns, _ = unpack_head(records, start)
+        channel, _, log_ns, _ = unpack_message_head(records, start)
         channels.append(channel)
         times.append(log_ns)
         starts.append(start)
-    return channels, times, starts
+    return Heads(channels, times, starts)
 
 
-def metadata_text(body: bytes) -> str:
-    """Return the text of rosbag2 in a metadata record, "" for other records."""
-    record = parse(Metadata, body)
-    return str(record.metadata.get("serialized_metadata", "")) if record.name == "rosbag2" else ""
+class BagMessage(NamedTuple):
+    """One message of a bag; times in ns since the Unix epoch.
+
+    :ivar topic: its name.
+    :ivar log_ns: when it was recorded, which is what orders a bag.
+    :ivar publish_ns: when it was published.
+    :ivar sequence: the publisher's number of it, 0 if unknown.
+    :ivar data: the message, serialized.
+    """
+
+    topic: str
+    log_ns: int
+    publish_ns: int
+    sequence: int
+    data: bytes
+
+
+def message_at(records: bytes, start: int, topic: str) -> BagMessage:
+    """Return the message whose body starts there among records in memory."""
+    _, length = HEAD.unpack_from(records, start - HEAD.size)
+    _, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(records, start)
+    data = records[start + MESSAGE_HEAD.size : start + length]
+    return BagMessage(topic, log_ns, publish_ns, sequence, data)
+
+
+class Channels:
+    """What the records of a file besides messages say.
+
+    :ivar topics: by the number of their channel.
+    :ivar metadata_text: what rosbag2 left in the file last, "" if nothing.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing."""
+        self.topics: dict[int, TopicDescription] = {}
+        self.metadata_text = ""
+        self._known: dict[tuple[type, int], Any] = {}
+        self._size = 0
+
+    def learn(self, opcode: int, body: bytes) -> None:
+        """Take a schema, channel or metadata record; other records are passed over.
+
+        :raises ValueError: it is broken, or another one had that number.
+        """
+        if opcode == Opcode.METADATA:
+            found = parse(Metadata, body)
+            if found.name == "rosbag2":
+                text = found.metadata.get("serialized_metadata", "")
+                self.metadata_text = text or self.metadata_text
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+            return
+        kind = Schema if opcode == Opcode.SCHEMA else Channel
+        record = parse(kind, body)
+        known = self._known.get((kind, record.id))
+        if known is None:
+            self._size += len(body)
+            if self._size > _LARGEST_TOPICS:
+                raise ValueError(f"more than {_LARGEST_TOPICS} bytes of schemas and channels")
+            self._known[kind, record.id] = record
+            if kind is Channel:
+                self.topics[record.id] = self._topic(record)
+        elif known != record:
+            raise ValueError(f"two {kind.__name__.lower()}s have the number {record.id}")
+
+    def _topic(self, channel: Channel) -> TopicDescription:
+        schema = self._known.get((Schema, channel.schema_id))
+        if channel.schema_id and schema is None:
+            raise ValueError(f"topic {channel.topic} names schema {channel.schema_id}; it has none")
+        return TopicDescription(
+            name=channel.topic,
+            type=schema.name if schema else "",
+            schema=schema.data.decode() if schema else "",
+            type_hash=channel.metadata.get("topic_type_hash", ""),
+            offered_qos=qos_profiles(channel.metadata.get("offered_qos_profiles", "")),
+            schema_encoding=schema.encoding if schema else "",
+            encoding=channel.message_encoding,
+        )

@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ``metadata.yaml`` of a rosbag2 folder: written in version 9, read in every version."""
+"""The folder of a bag: its ``metadata.yaml``, and which storage files there are.
+
+Metadata are written in version 9 and read in every version.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+from stickslip_ros.opening import open_regular
 from stickslip_ros.parameters.bounded_yaml import load_texts
+from stickslip_ros.recordings.errors import BagError, short, unreadable
 from stickslip_ros.recordings.qos import OfferedQos, YamlFields, qos_profiles
 
 METADATA_FILE = "metadata.yaml"
@@ -17,7 +24,13 @@ METADATA_VERSION = 9
 CDR = "cdr"
 """The format of the messages of ROS 2."""
 
-_OUTER_KEY = "rosbag2_bagfile_information"
+OUTER_KEY = "rosbag2_bagfile_information"
+"""The key of ``metadata.yaml`` that holds the metadata of a bag."""
+
+# No more of a ``metadata.yaml`` needs to be read; what is longer is refused.
+_METADATA_BYTES = 4 * 1024 * 1024
+#: Ends of the names of storage files, by the word of ``metadata.yaml`` for their kind
+_ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
 
 
 @dataclass(frozen=True)
@@ -43,10 +56,12 @@ class TopicDescription:
 
 @dataclass(frozen=True)
 class FileSummary:
-    """Name of a storage file, count of its messages, first and last log time in ns (0 if none)."""
+    """Name of a storage file, its size on the disk (bytes), how many messages it has, from when to
+    when (log times in ns, 0 without messages)."""
 
     name: str
-    message_count: int = 0
+    size: int = 0
+    messages: int = 0
     start_ns: int = 0
     end_ns: int = 0
 
@@ -63,7 +78,7 @@ def bag_metadata(
     :param topics: every topic with the count of its messages.
     :param custom_data: free text by key, kept as it is.
     """
-    filled = [file for file in files if file.message_count]
+    filled = [file for file in files if file.messages]
     start = min((file.start_ns for file in filled), default=0)
     end = max((file.end_ns for file in filled), default=0)
     return {
@@ -71,7 +86,7 @@ def bag_metadata(
         "storage_identifier": "mcap",
         "duration": {"nanoseconds": end - start},
         "starting_time": {"nanoseconds_since_epoch": start},
-        "message_count": sum(file.message_count for file in files),
+        "message_count": sum(file.messages for file in files),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -94,18 +109,13 @@ def bag_metadata(
                 "path": file.name,
                 "starting_time": {"nanoseconds_since_epoch": file.start_ns},
                 "duration": {"nanoseconds": file.end_ns - file.start_ns},
-                "message_count": file.message_count,
+                "message_count": file.messages,
             }
             for file in files
         ],
         "custom_data": dict(custom_data),
         "ros_distro": ros_distro,
     }
-
-
-def in_file(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of ``metadata.yaml``."""
-    return {_OUTER_KEY: metadata}
 
 
 @dataclass(frozen=True)
@@ -146,10 +156,10 @@ def parse_metadata(text: str) -> StoredMetadata:
     :raises ValueError: the text names what is wrong with it.
     """
     found = YamlFields(load_texts(text), "the file")
-    if _OUTER_KEY in found.values:
-        found = found.inside(_OUTER_KEY)
+    if OUTER_KEY in found.values:
+        found = found.inside(OUTER_KEY)
     elif "version" not in found.values:
-        raise ValueError(f"it has no {_OUTER_KEY}")
+        raise ValueError(f"it has no {OUTER_KEY}")
     files = found.each("relative_file_paths")
     if not all(isinstance(name, str) for name in files):
         raise ValueError("an entry of relative_file_paths has to be a single value")
@@ -177,3 +187,59 @@ def _topic(entry: Any) -> TopicDescription:
         offered_qos=qos_profiles(found.values.get("offered_qos_profiles", "")),
         encoding=found.text("serialization_format", CDR),
     )
+
+
+def stored_metadata(path: Path) -> StoredMetadata | None:
+    """Read the ``metadata.yaml`` of a bag, None if there is none.
+
+    :raises BagError: it cannot be read or is broken.
+    """
+    file = path / METADATA_FILE
+    if not path.is_dir() or not file.exists():
+        return None
+    try:
+        with open_regular(file) as stream:
+            return parse_metadata(stream.read(_METADATA_BYTES).decode())
+    except OSError as error:
+        raise unreadable(file, error) from error
+    except ValueError as error:
+        raise BagError(
+            f"{file} is not what rosbag2 writes: {short(error)}; repair it, or move it away: "
+            "the bag can be read without it"
+        ) from error
+
+
+def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path]:
+    """Return the storage files of a bag, all of one kind, in the order of their numbers.
+
+    :param path: a folder, or one file.
+    :param stored: what ``metadata.yaml`` says, which names the kind.
+    :raises BagError: there is none.
+    """
+    if not path.exists():
+        raise BagError(f"there is no bag {path}; check the name")
+    if not path.is_dir():
+        return [path]
+    try:
+        files = sorted(path.iterdir(), key=_numbered)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    by_kind = {
+        kind: [file for file in files if file.name.endswith(ends)] for kind, ends in _ENDS.items()
+    }
+    kind = (stored and stored.storage) or ("mcap" if by_kind["mcap"] else "sqlite3")
+    if by_kind.get(kind):
+        return by_kind[kind]
+    if stored and stored.storage != "mcap":
+        raise BagError(
+            f"{path} is stored as {stored.storage}, of which it has no file that can be read; make "
+            f"an MCAP bag of it with `ros2 bag convert -i {path} -o OPTIONS.yaml`, where "
+            "OPTIONS.yaml says output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
+        )
+    raise BagError(f"there is no .mcap file in {path}; name the folder of a bag")
+
+
+def _numbered(path: Path) -> list[tuple[int, str]]:
+    """Sort bag_2 before bag_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part[:300]), "") if part.isdecimal() else (-1, part) for part in parts]

@@ -23,6 +23,18 @@ _WORDS = {
         "liveliness": "automatic manual_by_node manual_by_topic unknown best_available",
     }.items()
 }
+#: The keys of rosbag2 in its order, and the fields of :class:`OfferedQos`
+_FIELDS = {
+    "history": "history",
+    "depth": "depth",
+    "reliability": "reliability",
+    "durability": "durability",
+    "deadline": "deadline_ns",
+    "lifespan": "lifespan_ns",
+    "liveliness": "liveliness",
+    "liveliness_lease_duration": "liveliness_lease_ns",
+    "avoid_ros_namespace_conventions": "avoid_ros_namespace_conventions",
+}
 
 
 class YamlFields:
@@ -96,17 +108,11 @@ class OfferedQos:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the profile with the keys, and in the order, of rosbag2."""
-        return {
-            "history": self.history,
-            "depth": self.depth,
-            "reliability": self.reliability,
-            "durability": self.durability,
-            "deadline": _duration_dict(self.deadline_ns),
-            "lifespan": _duration_dict(self.lifespan_ns),
-            "liveliness": self.liveliness,
-            "liveliness_lease_duration": _duration_dict(self.liveliness_lease_ns),
-            "avoid_ros_namespace_conventions": self.avoid_ros_namespace_conventions,
-        }
+        found = {key: getattr(self, name) for key, name in _FIELDS.items()}
+        for key, name in _FIELDS.items():
+            if name.endswith("_ns"):
+                found[key] = dict(zip(("sec", "nsec"), divmod(found[key], _NS_PER_S), strict=True))
+        return found
 
 
 def qos_yaml(profiles: Sequence[OfferedQos]) -> str:
@@ -127,33 +133,16 @@ def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:
 
 
 def _profile(found: YamlFields) -> OfferedQos:
-    return OfferedQos(
-        **{name: _policy(found, name) for name in _WORDS},
-        depth=found.integer("depth"),
-        deadline_ns=_duration(found, "deadline"),
-        lifespan_ns=_duration(found, "lifespan"),
-        liveliness_lease_ns=_duration(found, "liveliness_lease_duration"),
-        avoid_ros_namespace_conventions=(
-            found.text("avoid_ros_namespace_conventions").lower() == "true"
-        ),
-    )
-
-
-def _policy(found: YamlFields, name: str) -> str:
-    word = found.text(name, getattr(OfferedQos, name))
-    if not word.isdecimal():
-        return word
-    number = found.integer(name)
-    return _WORDS[name][number] if number < len(_WORDS[name]) else "unknown"
-
-
-def _duration(found: YamlFields, name: str) -> int:
-    if name not in found.values:
-        return _INFINITE_NS
-    parts = found.inside(name)
-    return min(parts.integer("sec") * _NS_PER_S + parts.integer("nsec"), _INFINITE_NS)
-
-
-def _duration_dict(nanoseconds: int) -> dict[str, int]:
-    sec, nsec = divmod(nanoseconds, _NS_PER_S)
-    return {"sec": sec, "nsec": nsec}
+    values: dict[str, Any] = {"depth": found.integer("depth")}
+    for name, words in _WORDS.items():
+        values[name] = found.text(name, getattr(OfferedQos, name))
+        if values[name].isdecimal():
+            number = found.integer(name)
+            values[name] = words[number] if number < len(words) else "unknown"
+    for key, name in _FIELDS.items():
+        if name.endswith("_ns") and key in found.values:
+            parts = found.inside(key)
+            ns = parts.integer("sec") * _NS_PER_S + parts.integer("nsec")
+            values[name] = min(ns, _INFINITE_NS)
+    avoids = found.text("avoid_ros_namespace_conventions").lower() == "true"
+    return OfferedQos(**values, avoid_ros_namespace_conventions=avoids)

@@ -8,20 +8,19 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from stickslip_ros.opening import Allowance
-from stickslip_ros.recordings.errors import BagError, damaged
-from stickslip_ros.recordings.folder import storage_files, stored_metadata
-from stickslip_ros.recordings.mcap_files import McapFiles
-from stickslip_ros.recordings.mcap_reader import BagMessage, Wanted
-from stickslip_ros.recordings.mcap_records import reading
+from stickslip_ros.recordings.errors import BagError, damaged, reading
+from stickslip_ros.recordings.mcap_reader import McapFiles, Wanted
+from stickslip_ros.recordings.mcap_records import BagMessage, unpack_message
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
     METADATA_VERSION,
     FileSummary,
     StoredMetadata,
     TopicDescription,
+    storage_files,
+    stored_metadata,
 )
 from stickslip_ros.recordings.rosbags_files import RosbagsFiles
-from stickslip_ros.recordings.unpacking import UnpackError, unpack_message
 
 _LOG = logging.getLogger(__name__)
 
@@ -41,7 +40,6 @@ class BagReader:
     :ivar topics: every topic by its name, those without messages too.
     :ivar counts: messages by topic.
     :ivar files: the storage files.
-    :ivar sizes: of the storage files as they lie on the disk, bytes by name.
     :ivar warnings: what may be missing, a sentence each; none if nothing is.
     :ivar metadata: what ``metadata.yaml``, or without one the files, say besides.
     :ivar compressions: of the chunks: "zstd", "lz4", "" for none.
@@ -72,7 +70,6 @@ class BagReader:
         self.topics: dict[str, TopicDescription] = dict(sorted({**told, **found}.items()))
         self.counts: dict[str, int] = {name: self._storage.counts[name] for name in self.topics}
         self.files: list[FileSummary] = self._storage.files
-        self.sizes: dict[str, int] = self._storage.sizes
         self.compressions: list[str] = self._storage.compressions
         self.libraries: list[str] = self._storage.libraries
         if stored and stored.message_count not in (None, self.message_count) and not self.warnings:
@@ -123,12 +120,12 @@ class BagReader:
     @property
     def start_ns(self) -> int:
         """Log time of the first message, ns since the Unix epoch; 0 if there is none."""
-        return min((file.start_ns for file in self.files if file.message_count), default=0)
+        return min((file.start_ns for file in self.files if file.messages), default=0)
 
     @property
     def end_ns(self) -> int:
         """Log time of the last message, ns since the Unix epoch; 0 if there is none."""
-        return max((file.end_ns for file in self.files if file.message_count), default=0)
+        return max((file.end_ns for file in self.files if file.messages), default=0)
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -162,22 +159,18 @@ class BagReader:
     def _read(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages; a whole topic with fewer or more than are counted is an error."""
         packed = self.metadata.compression_mode == "message"
-        allowance = Allowance(self.path, sum(self.sizes.values()))
+        allowance = Allowance(self.path, sum(file.size for file in self.files))
         found = 0
         for message in self._storage.messages(wanted):
             found += 1
-            yield self._unpack(message, allowance) if packed else message
+            if packed:
+                with reading(self.path):
+                    message = message._replace(data=unpack_message(message.data, allowance))
+            yield message
         topics = self.counts if wanted.topics is None else wanted.topics
         counted = sum(self.counts[name] for name in topics)
         if wanted == Wanted(wanted.topics) and found != counted:
             raise damaged(self.path, f"{counted} messages are counted, {found} were found")
-
-    def _unpack(self, message: BagMessage, allowance: Allowance) -> BagMessage:
-        with reading(self.path):
-            try:
-                return message._replace(data=unpack_message(message.data, allowance))
-            except UnpackError as error:
-                raise damaged(self.path, f"a message on {message.topic}: {error}") from error
 
 
 def _check_supported(path: Path, stored: StoredMetadata, by_rosbags: bool) -> None:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.opening import open_regular
-from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.mcap_reader import BagMessage, Wanted
+from stickslip_ros.recordings.errors import BagError, short
+from stickslip_ros.recordings.mcap_reader import Wanted
+from stickslip_ros.recordings.mcap_records import BagMessage
 from stickslip_ros.recordings.metadata import FileSummary, StoredMetadata, TopicDescription
 from stickslip_ros.recordings.qos import OfferedQos
 
@@ -68,11 +69,13 @@ class RosbagsFiles:
         for connection in reader.connections:
             self.topics.setdefault(connection.topic, self._topic(connection))
             self.counts[connection.topic] += connection.msgcount
-        self.sizes = {file.name: file.stat().st_size for file in files}
         self.files = [
-            FileSummary(file.name, one.message_count, one.start_time, one.end_time - 1)
-            if one.message_count
-            else FileSummary(file.name)
+            FileSummary(
+                file.name,
+                file.stat().st_size,
+                one.message_count,
+                *((one.start_time, one.end_time - 1) if one.message_count else ()),
+            )
             for file, one in zip(files, reader.readers, strict=True)
         ]
         self.libraries = ["rosbag2 sqlite3" if reader.is2 else "rosbag of ROS 1"]
@@ -114,8 +117,7 @@ class RosbagsFiles:
             raise self._unreadable(error) from error
 
     def _unreadable(self, error: Exception) -> BagError:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
         return BagError(
-            f"{self._path} cannot be read: {reason}; record it anew, or make an MCAP bag of it "
-            "with `ros2 bag convert`"
+            f"{self._path} cannot be read: {short(error)}; record it anew, or make an MCAP bag of "
+            "it with `ros2 bag convert`"
         )

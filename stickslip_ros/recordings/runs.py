@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -207,21 +207,12 @@ def describe(bag: BagReader) -> dict[str, Any]:
     """
     return {
         "bag": str(bag.path),
-        "size": sum(bag.sizes.values()),
+        "size": sum(file.size for file in bag.files),
         "start_ns": bag.start_ns,
         "end_ns": bag.end_ns,
         "duration": 1e-9 * (bag.end_ns - bag.start_ns),
         "messages": bag.message_count,
-        "files": [
-            {
-                "name": file.name,
-                "size": bag.sizes[file.name],
-                "messages": file.message_count,
-                "start_ns": file.start_ns,
-                "end_ns": file.end_ns,
-            }
-            for file in bag.files
-        ],
+        "files": [asdict(file) for file in bag.files],
         "compression": bag.compressions,
         "packed": bag.metadata.compression_mode,
         "topics": [

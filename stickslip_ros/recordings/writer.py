@@ -4,26 +4,46 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import yaml
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
+from mcap.writer import CompressionType, Writer
 
-from stickslip_ros.files import WriteError, reason_and_cure, write_text
+from stickslip_ros.files import WriteError, reason_and_cure, synchronize, write_text
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.mcap_writer import CHUNK_BYTES, COMPRESSIONS, McapWriter
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
+    OUTER_KEY,
     FileSummary,
     TopicDescription,
     bag_metadata,
-    in_file,
 )
+from stickslip_ros.recordings.qos import qos_yaml
+from stickslip_ros.version import __version__
 
+# The writer closes a chunk with the first message that passes this size, so it lies below the
+# 64 KiB that may be lost at most when the process dies.
+_CHUNK_BYTES = 48 * 1024
+_INDEX_BYTES = 256 * 1024  # of the index are kept in memory, five minutes at 1 kHz
+#: Brings files to the disk, one after the other.
+_DISK = ThreadPoolExecutor(1, thread_name_prefix="fsync")
 #: After a write that memory did not suffice for, the file may hold half a record as well.
 _FAULTS = (OSError, MemoryError)
+
+COMPRESSIONS = {
+    "none": CompressionType.NONE,
+    "lz4": CompressionType.LZ4,
+    "zstd": CompressionType.ZSTD,
+}
+"""How the chunks of a file can be packed, by the words for it."""
 
 
 class BagWriter:
@@ -33,6 +53,7 @@ class BagWriter:
 
     :ivar custom_data: text by key that stands in the metadata when the bag is closed.
     :ivar ros_distro: stands there too.
+    :ivar counts: messages written so far, by topic.
     """
 
     def __init__(
@@ -58,23 +79,30 @@ class BagWriter:
         :raises BagError: the folder exists or cannot be made, or a value is out of range; nothing
             is left behind then.
         """
-        _check(compression, max_bytes, max_duration_ns)
+        if compression not in COMPRESSIONS:
+            known = ", ".join(COMPRESSIONS)
+            raise BagError(f"compression is {compression!r}; it has to be one of {known}")
+        if max_bytes and max_bytes < _CHUNK_BYTES:
+            raise BagError(
+                f"max_bytes is {max_bytes}; it has to be {_CHUNK_BYTES} (one chunk) or more, or 0"
+            )
+        if max_duration_ns < 0:
+            raise BagError(f"max_duration_ns is {max_duration_ns}; it has to be positive, or 0")
         self.folder = Path(folder).expanduser().absolute()
         self.custom_data: dict[str, str] = dict(custom_data or {})
         self.ros_distro = ros_distro
+        self.counts: dict[str, int] = {}
         self._topics: dict[str, TopicDescription] = {}
-        self._counts: dict[str, int] = {}
         self._compression = compression
         self._max_bytes = max_bytes
         self._max_duration_ns = max_duration_ns
         self._sync = sync
         self._finished: list[FileSummary] = []
-        self._finished_size = 0
-        self._file: McapWriter | None = None
+        self._file: _McapWriter | None = None
         self._complete = False
         self._failure: OSError | MemoryError | None = None
         self._missing: list[Path] = []
-        with self._telling("create"):
+        with self._naming("create"):
             self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
             try:
                 self.folder.mkdir(parents=True)
@@ -102,14 +130,9 @@ class BagWriter:
         return self._file is None
 
     @property
-    def counts(self) -> dict[str, int]:
-        """Messages written so far, by topic."""
-        return dict(self._counts)
-
-    @property
     def message_count(self) -> int:
         """Messages written so far."""
-        return sum(self._counts.values())
+        return sum(self.counts.values())
 
     @property
     def file_count(self) -> int:
@@ -119,13 +142,7 @@ class BagWriter:
     @property
     def size(self) -> int:
         """Bytes of all files so far, without the chunk that is being filled."""
-        return self._finished_size + (self._file.size if self._file else 0)
-
-    def metadata(self) -> dict[str, Any]:
-        """Return the metadata of the bag as it is now."""
-        files = [*self._finished, *([self._file.summary()] if self._file else [])]
-        topics = [(topic, self._counts[name]) for name, topic in self._topics.items()]
-        return bag_metadata(files, topics, self.ros_distro, self.custom_data)
+        return sum(file.size for file in self._finished) + (self._file.size if self._file else 0)
 
     def has_topic(self, name: str) -> bool:
         """Return whether :meth:`add_topic` was called for that topic."""
@@ -139,7 +156,7 @@ class BagWriter:
         if topic.name in self._topics:
             raise BagError(f"topic {topic.name} is already in the bag {self.folder}; add it once")
         self._topics[topic.name] = topic
-        self._counts[topic.name] = 0
+        self.counts[topic.name] = 0
 
     def write(
         self, topic_name: str, data: bytes, *, log_ns: int, publish_ns: int, sequence: int = 0
@@ -158,25 +175,26 @@ class BagWriter:
             raise BagError(f"topic {topic_name} is not in the bag {self.folder}; add it first")
         if self._file is None:
             raise BagError(f"the bag {self.folder} is closed; write to a new one")
-        if self._is_full(self._file, log_ns):
+        start_ns = self._file.start_ns if self._file.count else log_ns
+        large = self._max_bytes and self._file.size >= self._max_bytes
+        if large or (self._max_duration_ns and log_ns - start_ns >= self._max_duration_ns):
             self.split()
-        with self._telling("write"):
+        with self._naming("write"):
             self._file.write(topic, data, log_ns, publish_ns, sequence)
-        self._counts[topic_name] += 1
+        self.counts[topic_name] += 1
 
     def split(self) -> None:
         """Finish the file and go on with a new one; does nothing as long as the file is empty.
 
         :raises BagError: the disk does not take it; what was flushed before stays.
         """
-        if self._file is None or self._file.start_ns is None:
+        if self._file is None or not self._file.count:
             return
-        with self._telling("write"):
-            metadata = self.metadata()
+        with self._naming("write"):
+            metadata = self._metadata()
             file, self._file = self._file, None  # if that fails, the bag takes no more
             self._finish(file, metadata)
-            self._finished.append(file.summary())
-            self._finished_size += file.path.stat().st_size
+            self._finished.append(file.summary(file.path.stat().st_size))
             self._file = self._new_file()
 
     def flush(self) -> None:
@@ -187,7 +205,7 @@ class BagWriter:
         :raises BagError: the disk takes no more.
         """
         if self._file is not None:
-            with self._telling("write"):
+            with self._naming("write"):
                 self._file.flush(self._sync)
 
     def wait_for_disk(self) -> None:
@@ -196,7 +214,7 @@ class BagWriter:
         :raises BagError: the disk does not take it.
         """
         if self._file is not None:
-            with self._telling("write"):
+            with self._naming("write"):
                 self._file.wait_for_disk()
 
     def close(self) -> None:
@@ -208,11 +226,11 @@ class BagWriter:
             return
         file, self._complete = self._file, True
         try:
-            with self._telling("close"):
-                metadata = self.metadata()
+            with self._naming("close"):
+                metadata = self._metadata()
                 if file is not None:
                     self._finish(file, metadata)
-                text = yaml.safe_dump(in_file(metadata), sort_keys=False)
+                text = yaml.safe_dump({OUTER_KEY: metadata}, sort_keys=False)
                 write_text(self.folder / METADATA_FILE, text)
         finally:
             self._file = None
@@ -230,7 +248,13 @@ class BagWriter:
             with contextlib.suppress(OSError):
                 parent.rmdir()
 
-    def _finish(self, file: McapWriter, metadata: dict[str, Any]) -> None:
+    def _metadata(self) -> dict[str, Any]:
+        """Return the metadata of the bag as it is now."""
+        files = [*self._finished, *([self._file.summary()] if self._file else [])]
+        topics = [(topic, self.counts[name]) for name, topic in self._topics.items()]
+        return bag_metadata(files, topics, self.ros_distro, self.custom_data)
+
+    def _finish(self, file: _McapWriter, metadata: dict[str, Any]) -> None:
         """Finish and close a file; after a failure without an index, which would count too much."""
         try:
             if self._failure:
@@ -239,28 +263,18 @@ class BagWriter:
         finally:
             file.abandon()
 
-    def _new_file(self) -> McapWriter:
+    def _new_file(self) -> _McapWriter:
         path = self.folder / f"{self.folder.name}_{len(self._finished)}.mcap"
         try:
-            return McapWriter(path, self.metadata(), self._compression)
+            return _McapWriter(path, self._metadata(), self._compression)
         except FileExistsError:  # somebody else's
             raise
         except _FAULTS:
             path.unlink(missing_ok=True)  # half a beginning would only be in the way
             raise
 
-    def _is_full(self, file: McapWriter, log_ns: int) -> bool:
-        if self._max_bytes and file.size >= self._max_bytes:
-            return True
-        start_ns = file.start_ns
-        return bool(
-            self._max_duration_ns
-            and start_ns is not None
-            and log_ns - start_ns >= self._max_duration_ns
-        )
-
     @contextlib.contextmanager
-    def _telling(self, action: str) -> Iterator[None]:
+    def _naming(self, action: str) -> Iterator[None]:
         """Turn errors of the operating system into a BagError that names the failed action."""
         try:
             yield
@@ -272,13 +286,141 @@ class BagWriter:
             raise BagError(f"cannot {action} the bag {self.folder}: {error}") from error
 
 
-def _check(compression: str, max_bytes: int, max_duration_ns: int) -> None:
-    if compression not in COMPRESSIONS:
-        known = ", ".join(COMPRESSIONS)
-        raise BagError(f"compression is {compression!r}; it has to be one of {known}")
-    if max_bytes and max_bytes < CHUNK_BYTES:
-        raise BagError(
-            f"max_bytes is {max_bytes}; it has to be {CHUNK_BYTES} (one chunk) or more, or 0"
+class _McapWriter:
+    """Appends messages to a new file, with the profile and the records rosbag2 expects.
+
+    Schemas and channels are written with the first message that needs them: a channel without
+    messages would stand in the summary of the file but not in its data. Every method raises OSError
+    if the disk does not take it.
+
+    :ivar count: of its messages.
+    :ivar start_ns: earliest log time so far, if there is a message.
+    """
+
+    def __init__(self, path: Path, metadata: dict[str, Any], compression: str) -> None:
+        """Create the file, with the state of the bag at this moment."""
+        self.path = path
+        self.count = self.start_ns = self._end_ns = 0
+        self._stream = path.open("xb")
+        self._syncing: Future[None] | None = None
+        self._writer = Writer(
+            self._stream,
+            chunk_size=_CHUNK_BYTES,
+            compression=COMPRESSIONS[compression],
+            use_summary_offsets=False,  # the library writes some of them for what is not there
         )
-    if max_duration_ns < 0:
-        raise BagError(f"max_duration_ns is {max_duration_ns}; it has to be positive, or 0")
+        # The library keeps an object for each chunk, 0.2 MB a minute; there is no public way in.
+        self._writer._Writer__chunk_indices = _ChunkIndexes(path.parent)  # type: ignore[attr-defined]
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        try:
+            self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
+            self._add_metadata(metadata)
+            self._stream.flush()  # so that from here on it is a file that can be recovered
+            synchronize(path.parent)
+        except BaseException:
+            self.abandon()
+            raise
+
+    def summary(self, size: int = 0) -> FileSummary:
+        """Return name, size (bytes), message count, first and last log time."""
+        return FileSummary(self.path.name, size, self.count, self.start_ns, self._end_ns)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file so far, without the chunk that is being filled."""
+        return self._stream.tell()
+
+    def write(
+        self, topic: TopicDescription, data: bytes, log_ns: int, publish_ns: int, sequence: int
+    ) -> None:
+        """Append one serialized message; times in ns since the Unix epoch."""
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            if topic.type not in self._schemas:
+                self._schemas[topic.type] = self._writer.register_schema(
+                    topic.type, topic.schema_encoding, topic.schema.encode()
+                )
+            about = {
+                "offered_qos_profiles": qos_yaml(topic.offered_qos),
+                "topic_type_hash": topic.type_hash,
+            }
+            channel = self._channels[topic.name] = self._writer.register_channel(
+                topic.name, topic.encoding, self._schemas[topic.type], about
+            )
+        self._writer.add_message(
+            channel, log_time=log_ns, data=data, publish_time=publish_ns, sequence=sequence
+        )
+        self.start_ns = min(self.start_ns, log_ns) if self.count else log_ns
+        self._end_ns = max(self._end_ns, log_ns)
+        self.count += 1
+
+    def flush(self, sync: bool) -> None:
+        """Hand everything written so far to the operating system.
+
+        :param sync: begin to bring it to the disk, too, in a thread: a slow disk takes seconds.
+        """
+        self._writer.flush()
+        if sync and (self._syncing is None or self._syncing.done()):
+            self.wait_for_disk()
+            self._syncing = _DISK.submit(_synchronize, os.dup(self._stream.fileno()))
+
+    def wait_for_disk(self) -> None:
+        """Wait until the data flushed with ``sync`` is on the disk."""
+        if self._syncing is not None:
+            syncing, self._syncing = self._syncing, None
+            syncing.result()
+
+    def finish(self, metadata: dict[str, Any]) -> None:
+        """Write the final metadata and the index, bring it to the disk; :meth:`abandon` closes."""
+        self._writer.flush()
+        self._add_metadata(metadata)
+        self._writer.finish()
+        self._stream.flush()
+        self.wait_for_disk()
+        os.fsync(self._stream.fileno())
+
+    def abandon(self) -> None:
+        """Close the file as it is, without an index; never fails."""
+        with contextlib.suppress(OSError):
+            self.wait_for_disk()
+        with contextlib.suppress(OSError):
+            self._stream.close()
+
+    def _add_metadata(self, metadata: dict[str, Any]) -> None:
+        self._writer.add_metadata(
+            "rosbag2", {"serialized_metadata": yaml.safe_dump(metadata, sort_keys=False)}
+        )
+
+
+class _ChunkIndexes:
+    """Takes the place of a list of chunk indexes; many of them are kept as bytes in a file.
+
+    The file has no name, so that nothing of it is left when the process is killed.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file: IO[bytes] = tempfile.SpooledTemporaryFile(_INDEX_BYTES, dir=str(folder))  # noqa: SIM115  closed by write
+
+    def append(self, index: ChunkIndex) -> None:
+        """Take the index of a chunk that was written."""
+        builder = RecordBuilder()
+        index.write(builder)
+        self._file.write(builder.end())
+
+    def __iter__(self) -> Iterator[_ChunkIndexes]:
+        """Yield this object, which writes all indexes into the summary."""
+        yield self
+
+    def write(self, summary: RecordBuilder) -> None:
+        """Write them all."""
+        self._file.seek(0)
+        summary.write(self._file.read())
+        self._file.close()
+
+
+def _synchronize(file: int) -> None:
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)

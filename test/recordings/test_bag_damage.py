@@ -94,7 +94,7 @@ def damages() -> Iterator[Damage]:
     yield Damage("time in index", _lie_about_time, "outside the time range of the index")
     for start in (None, 0):
         yield Damage(f"twice, {start}", lambda d, s=start: _repeat(d, s),  # type: ignore[misc]
-                     found="twice; it is taken once")  # fmt: skip
+                     found="bytes were left out")  # fmt: skip
     for off in (1000, 0, -40):
         yield Damage(f"hidden, {off}", lambda d, o=off: _hide_chunks(d, o), "",  # type: ignore[misc]
                      found="bytes were left out")  # fmt: skip
@@ -103,6 +103,7 @@ def damages() -> Iterator[Damage]:
             yield Damage(
                 f"length {length} of {kind.name}",
                 lambda d, k=kind, n=length: _length(d, records_of(d, k)[0], n),  # type: ignore[misc]
+                lost=(0, 100 if kind == Opcode.CHUNK else 0),
             )
 
 

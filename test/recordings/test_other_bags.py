@@ -29,7 +29,7 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.recordings import BagError, decoder_for, nanoseconds, open_bag, recover, statuses
+from stickslip_ros.recordings import BagError, decoder_for, nanoseconds, open_bag, statuses
 
 
 def write_sqlite(folder: Path, version: Literal[8, 9], count: int = 500) -> list[Sample]:
@@ -84,7 +84,7 @@ def test_a_file_without_messages_has_no_times(tmp_path: Path) -> None:
     metadata.write_text(yaml.safe_dump(known))
     with open_bag(tmp_path / "run") as bag:
         assert (bag.start_ns, bag.end_ns) == (START, written[-1][1])
-        ends = [(each.message_count, each.start_ns, each.end_ns) for each in bag.files]
+        ends = [(each.messages, each.start_ns, each.end_ns) for each in bag.files]
         assert ends == [(500, START, written[-1][1]), (0, 0, 0)]
 
 
@@ -119,54 +119,6 @@ def test_counts_are_held_against_the_metadata(tmp_path: Path) -> None:
         database.execute("UPDATE messages SET timestamp = -5 WHERE id = 3")
     with open_bag(tmp_path / "run") as bag:
         assert len(list(bag.messages([STEPS.name]))) == bag.counts[STEPS.name]
-
-
-def test_a_killed_bag_of_sqlite3_is_recovered(tmp_path: Path) -> None:
-    """With what only stands in the log beside it; cut; and in the schema of older versions."""
-    written = write_sqlite(tmp_path / "run", 9)
-    whole_bag = expected(written)
-    done = recover(tmp_path / "run")
-    assert (done.messages, done.unprotected, done.findings) == (500, 500, ())
-    assert contents(done.folder) == whole_bag
-    with open_bag(done.folder) as bag:
-        assert bag.topics[JOINTS.name].type_hash == JOINTS.type_hash
-        assert bag.custom_data == {"seed": "7"}
-
-    (file,) = (tmp_path / "run").glob("*.db3")
-    killed = tmp_path / "killed"
-    killed.mkdir()
-    database = sqlite3.connect(file)
-    database.execute("PRAGMA journal_mode = WAL")
-    database.execute("PRAGMA wal_autocheckpoint = 0")
-    row = database.execute("SELECT * FROM messages WHERE id = 500").fetchone()
-    database.execute("INSERT INTO messages VALUES (?, ?, ?, ?)", (501, row[1], row[2] + 1, row[3]))
-    database.commit()
-    for one in (tmp_path / "run").glob("*.db3*"):  # as they lie there when it is killed
-        (killed / one.name).write_bytes(one.read_bytes())
-    database.close()
-    before = {one.name: one.read_bytes() for one in killed.iterdir()}
-    done = recover(killed)
-    whole_bag.append((whole_bag[-1][0], row[2] + 1, row[3]))
-    assert contents(done.folder) == whole_bag
-    assert any("was not closed: what its log holds is taken" in text for text in done.findings)
-    assert {one.name: one.read_bytes() for one in killed.iterdir()} == before
-
-    whole = file.read_bytes()
-    file.write_bytes(whole[: len(whole) // 2 // 4096 * 4096])
-    (tmp_path / "run" / "metadata.yaml").unlink()
-    done = recover(tmp_path / "run", tmp_path / "cut")
-    assert 50 < done.messages < 450
-    assert contents(done.folder) == whole_bag[: done.messages]
-    assert any("malformed; what comes before it is taken" in text for text in done.findings)
-
-    file.write_bytes(whole)
-    with sqlite3.connect(file) as old:
-        old.execute("DROP TABLE message_definitions")
-        old.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
-        old.execute("UPDATE messages SET topic_id = 99 WHERE id = 7")
-    done = recover(file, tmp_path / "old")
-    assert contents(done.folder) == whole_bag[:6] + whole_bag[7:]
-    assert done.dropped_bytes == len(whole_bag[6][2])
 
 
 def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:

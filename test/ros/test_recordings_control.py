@@ -85,7 +85,7 @@ def test_a_bag_is_split_on_demand_and_the_recorder_says_how_it_goes(
     assert recorder.wait() == 0
     assert counts(tmp_path / "run") == {"/numbers": 3}
     with open_bag(tmp_path / "run") as bag:
-        assert [file.message_count for file in bag.files] == [2, 1]
+        assert [file.messages for file in bag.files] == [2, 1]
         assert bag.compressions == ["zstd"]
 
 
