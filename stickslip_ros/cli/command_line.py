@@ -2,7 +2,7 @@
 """The subcommands of ``stickslip``, each imported only when it is named.
 
 A new subcommand is a module in this folder, with ``arguments`` and ``run``, and a row of
-`SUBCOMMANDS`.
+`SUBCOMMANDS`. Of several in one module, each has a function of its own, such as ``run_guide``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import importlib
 import io
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from types import ModuleType
 from typing import Any, NoReturn
 
 from stickslip_ros.errors import (
@@ -27,8 +28,7 @@ from stickslip_ros.version import __version__
 
 _BAD_USE = 2
 
-#: The list of the help, in this order: each subcommand and its purpose. The module of a
-#: subcommand has its name, with _ for -.
+#: The list of the help, in this order: each subcommand and its purpose.
 SUBCOMMANDS = {
     "simulate": "run steps from rest and print step size, backstep and 0-amplitude",
     "explore": "open a local page with sliders for the drive and curves that follow them",
@@ -52,6 +52,14 @@ SUBCOMMANDS = {
     "completion": "print a script that completes commands in bash, zsh or fish",
 }
 
+#: Modules that do not have the name of the subcommand, with _ for -.
+_MODULES = {
+    "elongate": "shape",
+    "guide": "predict",
+    "demo": "installation",
+    "warm-up": "installation",
+    "completion": "installation",
+}
 #: Old subcommands, and their replacements.
 MOVED = {
     "bench": 'make bench ARGS="..." in a checkout measures speed and error (docs/benchmark.md)',
@@ -88,43 +96,47 @@ def _who(name: str) -> str:
     return style_text(f"{name}:", "bold red", sys.stderr)
 
 
-def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser for a command line, with the options of the subcommand that it names."""
-    return _parser([next((text for text in argv if not text.startswith("-")), "")])
+def parser_for(argv: Sequence[str] | None = None) -> argparse.ArgumentParser:
+    """Return the parser for a command line, with the options of the subcommand that it names.
 
-
-def full_parser() -> argparse.ArgumentParser:
-    """Return the parser with the options of every subcommand; it loads all of them."""
-    return _parser(list(SUBCOMMANDS))
-
-
-def _parser(named: Sequence[str]) -> argparse.ArgumentParser:
+    Without argv it has those of every subcommand, all of which it loads.
+    """
+    named: Collection[str] = SUBCOMMANDS
+    if argv is not None:
+        named = [next((text for text in argv if not text.startswith("-")), "")]
     parser = Parser(
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
-    add_commands(parser, "command", "stickslip_ros.cli", SUBCOMMANDS, named)
+    add_commands(
+        parser, "command", SUBCOMMANDS, named,
+        lambda name: importlib.import_module(
+            f"{__package__}.{_MODULES.get(name, name.replace('-', '_'))}"
+        ),
+    )  # fmt: skip
     return parser
 
 
 def add_commands(
     parser: argparse.ArgumentParser,
     dest: str,
-    package: str,
     texts: Mapping[str, str],
-    named: Sequence[str],
+    named: Collection[str],
+    module_of: Callable[[str], ModuleType],
 ) -> None:
-    """Add the modules of a package as commands; named ones get their options."""
+    """Add commands with their texts; named ones get the options that their modules give them."""
     subparsers = parser.add_subparsers(required=True, metavar=dest.upper(), dest=dest)
     for name, text in texts.items():
         about = f"{text[0].upper()}{text[1:]}."
         # argparse fills in values at % in a help text, but not in a description.
         command = subparsers.add_parser(name, help=text.replace("%", "%%"), description=about)
         if name in named:
+            word = name.replace("-", "_")
             with libraries_for(name):
-                module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
-            command.set_defaults(run=getattr(module, "run", None))
-            module.arguments(command)
+                module = vars(module_of(name))
+            command.set_defaults(run=module.get(f"run_{word}", module.get("run")))
+            add_options = module.get(f"{word}_arguments") or module["arguments"]
+            add_options(command)
 
 
 def run(argv: Sequence[str] | None) -> int:
@@ -141,19 +153,15 @@ def run(argv: Sequence[str] | None) -> int:
     args, unknown = parser.parse_known_args(given)
     name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
     if unknown:
-        text = f"unrecognized arguments: {' '.join(unknown)}{_cure(unknown)}; see {name} --help"
+        from stickslip_ros.parameters import PARAMETERS
+
+        option, _, value = unknown[0].lstrip("-").replace("-", "_").partition("=")
+        value = value or (unknown[1] if len(unknown) > 1 else "VALUE")
+        cure = f"; parameters are set by --set {option}={value}" if option in PARAMETERS else ""
+        text = f"unrecognized arguments: {' '.join(unknown)}{cure}; see {name} --help"
         print(_who(name), text, file=sys.stderr)
         return _BAD_USE
     return finish(name, args)
-
-
-def _cure(unknown: Sequence[str]) -> str:
-    """Return how to set an unknown option that is a parameter of an axis."""
-    from stickslip_ros.parameters import PARAMETERS
-
-    name, _, value = unknown[0].lstrip("-").replace("-", "_").partition("=")
-    value = value or (unknown[1] if len(unknown) > 1 else "VALUE")
-    return f"; parameters are set by --set {name}={value}" if name in PARAMETERS else ""
 
 
 def finish(name: str, args: argparse.Namespace) -> int:
@@ -161,16 +169,15 @@ def finish(name: str, args: argparse.Namespace) -> int:
     try:
         with libraries_for(name.removeprefix("stickslip ")):
             code = int(args.run(args))
-        if getattr(args, "show", False):
-            from stickslip_ros.cli.options import show_picture  # --version does without it
+        if getattr(args, "show", False) and args.plot.exists():
+            import webbrowser  # --version does without it
 
-            show_picture(args.plot)
+            print(f"picture: {args.plot}", file=sys.stderr)
+            webbrowser.open(args.plot.resolve().as_uri())
         return code
-    except StickslipError as error:
-        print(_who(name), error, file=sys.stderr)
-        return _BAD_USE
-    except MemoryError:
-        print(_who(name), OUT_OF_MEMORY, file=sys.stderr)
+    except (StickslipError, MemoryError) as error:
+        text = OUT_OF_MEMORY if isinstance(error, MemoryError) else str(error)
+        print(_who(name), text, file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)

@@ -9,10 +9,8 @@ import shlex
 import sys
 import tempfile
 import threading
-import webbrowser
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,13 +139,6 @@ def write_outputs(
 def print_result(args: argparse.Namespace, content: Any, text: Callable[[], str]) -> None:
     """Print a result: with --json its content as one object, nan as null; else as a text."""
     print(json.dumps(to_json(content), allow_nan=False) if args.json else text())
-
-
-def show_picture(path: Path) -> None:
-    """Open a picture that a command wrote, and say where it is."""
-    if path.exists():
-        print(f"picture: {path}", file=sys.stderr)
-        webbrowser.open(path.resolve().as_uri())
 
 
 def add_drive(parser: argparse.ArgumentParser) -> None:
@@ -295,28 +286,3 @@ def add_axis(parser: argparse.ArgumentParser) -> None:
     option(parser, "--axis", "NODE", text, default=f"/{AXIS_NODE}")
     text = "how long to wait for an answer of the axis (default: 10)"
     option(parser, "--timeout", "S", text, quantity("s"), default=10.0)
-
-
-def run_node(
-    program: str, module: str, node: str, given: Mapping[str, Any], remaps: Sequence[str] = ()
-) -> int:
-    """Run a node class of ``stickslip_ros.ros`` until it ends; return its exit code.
-
-    given are parameters by name, None for those that were not given; remaps have the form
-    ``/old:=/new``. Raises UsageError where there is no ROS.
-    """
-    with require_ros():
-        from rclpy.parameter import Parameter
-
-        from stickslip_ros.ros.process import run
-    for remap in remaps:
-        if ":=" not in remap:
-            raise UsageError(f"--remap is {remap!r}; it has to look like /old:=/new")
-    kind = getattr(import_module(f"stickslip_ros.ros.{module}"), node)
-    overrides = [Parameter(name, value=value) for name, value in given.items() if value is not None]
-    rules = [word for remap in remaps for word in ("-r", remap)]
-    return run(
-        program,
-        [program, "--ros-args", *rules] if rules else [program],
-        lambda stop_requested: kind(stop_requested, parameter_overrides=overrides),
-    )

@@ -63,7 +63,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     from stickslip_ros.compiled import plain_until_compiled, report_compilation
     from stickslip_ros.library.run import SimulatedRun, check_steps
-    from stickslip_ros.traces import run_steps
+    from stickslip_ros.traces import run_steps, save_csv
+    from stickslip_ros.traces.motion import save_readings
 
     check_steps(args.steps, bool((args.trace and not args.trace_rate) or args.plot), "--steps")
     check_outputs(args)
@@ -71,9 +72,16 @@ def run(args: argparse.Namespace) -> int:
     p = parameters_from(args)
     with plain_until_compiled(), progress_bar(abs(args.steps), "simulating steps") as bar:
         result = SimulatedRun(p, run_steps(p, args.steps, bar.update), args.steps)
-    zero, unknown = _zero_amplitude(result)
-    if args.trace:
-        _save_trace(result, args)
+    unknown = ""
+    try:
+        zero = result.zero_amplitude
+    except ParameterError as error:  # the run has been possible, so a drive of the search is not
+        zero, unknown = math.nan, str(error)
+    if args.sensor:
+        save_readings(result.readings, args.trace)
+    elif args.trace:
+        even = args.trace_rate is not None
+        save_csv(result.trace_at(args.trace_rate) if even else result.trace, args.trace)
     if args.plot:
         from stickslip_ros.reporting.picture import draw_picture
 
@@ -90,27 +98,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _save_trace(run: SimulatedRun, args: argparse.Namespace) -> None:
-    from stickslip_ros.traces import save_csv
-    from stickslip_ros.traces.motion import save_readings
-
-    if args.sensor:
-        save_readings(run.readings, args.trace)
-    else:
-        trace = run.trace if args.trace_rate is None else run.trace_at(args.trace_rate)
-        save_csv(trace, args.trace)
-
-
-def _zero_amplitude(run: SimulatedRun) -> tuple[float | None, str]:
-    """Return the 0-amplitude (m), None if there is none; nan and why if the search failed."""
-    try:
-        return run.zero_amplitude, ""
-    except ParameterError as error:  # the run has been possible, so a drive of the search is not
-        return math.nan, str(error)
-
-
 def _content(run: SimulatedRun, zero: float | None, band: Band | None) -> dict[str, object]:
-    return {
+    content = {
         "steps": run.count,
         "position": run.position,
         "step_size": run.step_size,
@@ -118,8 +107,19 @@ def _content(run: SimulatedRun, zero: float | None, band: Band | None) -> dict[s
         "mean_speed": run.mean_speed,
         "zero_amplitude": zero,
         "parameters": run.parameters.flat(),
-        **({"ensemble": _band_as_json(band)} if band else {}),
     }
+    if band:
+        ends = {
+            "step_size": band.step_size,
+            "backstep": band.backstep,
+            "position": (band.low, band.high),
+        }
+        content["ensemble"] = {
+            "draws": band.draws,
+            "impossible": band.impossible,
+            **{name: {"low": low, "high": high} for name, (low, high) in ends.items()},
+        }
+    return content
 
 
 def _table(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
@@ -145,24 +145,13 @@ def _table(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
         ("mean speed", f"{1e6 * run.mean_speed:.3f} {micro_prefix()}m/s"),
     ]
     if band:
+        rows.append(("95 % of", f"{band.draws} draws of the ensemble lie within:"))
         rows += [
-            ("95 % of", f"{band.draws} draws of the ensemble lie within:"),
-            ("step size", _between(band.step_size)),
-            ("backstep", _between(band.backstep)),
-            ("position", _between((float(band.low[-1]), float(band.high[-1])))),
+            (name, f"{1e9 * low:.3f} to {1e9 * high:.3f} nm")
+            for name, (low, high) in (
+                ("step size", band.step_size),
+                ("backstep", band.backstep),
+                ("position", (band.low[-1], band.high[-1])),
+            )
         ]
     return format_rows(rows)
-
-
-def _between(ends: tuple[float, float]) -> str:
-    return f"{1e9 * ends[0]:.3f} to {1e9 * ends[1]:.3f} nm"
-
-
-def _band_as_json(band: Band) -> dict[str, object]:
-    found = {
-        "step_size": band.step_size,
-        "backstep": band.backstep,
-        "position": (band.low, band.high),
-    }
-    ends = {name: {"low": low, "high": high} for name, (low, high) in found.items()}
-    return {"draws": band.draws, "impossible": band.impossible, **ends}

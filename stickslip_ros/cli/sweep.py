@@ -24,17 +24,13 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.library.left_out import left_out
+from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
     from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
     from stickslip_ros.library.sweep_plan import Sweep
 
-#: The names of `library.sweep_metrics.METRICS`, for a help that loads nothing that computes.
-METRIC_NAMES = (
-    "step_size", "backstep", "mean_speed", "generated_force", "zero_amplitude",
-    "zero_amplitude_intersection", "blocking_preload",
-)  # fmt: skip
 #: A point runs this many steps at most.
 _MOST_STEPS = 100_000
 #: Values that fit into memory; more go to a table, row by row.
@@ -43,7 +39,7 @@ _MOST_KEPT = 10_000_000
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the subcommand."""
-    parser.epilog = f"Metrics: {', '.join(METRIC_NAMES)}."
+    parser.epilog = f"Metrics: {', '.join(METRICS)}."
     text = "such as preload=0.1:6:60; give it twice for a map; log spaces by equal factors"
     repeated(parser, "--vary", "NAME=START:STOP:COUNT[:log]", text, required=True)
     repeated(parser, "--metric", "NAME", "may be repeated (default: step_size)")

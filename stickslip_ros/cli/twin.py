@@ -7,6 +7,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.cli.explore import add_page_server, serve
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
     add_outputs,
@@ -21,7 +22,6 @@ from stickslip_ros.cli.options import (
     require_ros,
     write_outputs,
 )
-from stickslip_ros.cli.page_server import add_page_server, serve
 from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.twin.settings import ASKED, TwinSettings

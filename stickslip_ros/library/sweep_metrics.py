@@ -1,24 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The metrics that a sweep can compute at each point.
 
-A new metric is a line in `METRICS`, and its name in ``cli/sweep.py``, whose help loads nothing.
+A new metric is a line in `METRICS`. Help texts and completion read their names, so this file loads
+what computes only when it is asked for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from stickslip_ros.library.operating_points import blocking_preloads, generated_forces, steps_of
-from stickslip_ros.library.zero_amplitude import (
-    intersections,
-    why_no_zero_amplitude,
-    zero_amplitudes,
-)
 from stickslip_ros.parameters import Parameters
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_POINTS, _ZERO = (f"{__package__}.{name}" for name in ("operating_points", "zero_amplitude"))
 
 
 @dataclass(frozen=True)
@@ -28,18 +30,22 @@ class Points:
     p: Parameters
     count: int
     steps: int
-    _runs: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
+    _runs: list[tuple[Array, Array]] = field(default_factory=list)
 
     @property
-    def settled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def settled(self) -> tuple[Array, Array]:
         """Step size and backstep (m), each (points,); several metrics share the run.
 
         Kept by hand: up to Python 3.11 a cached_property holds a lock over all instances, which
         lets threads run one after the other.
         """
         if not self._runs:
-            self._runs.append(steps_of(self.p, self.count, self.steps))
+            self._runs.append(self.solve(_POINTS, "steps_of"))
         return self._runs[0]
+
+    def solve(self, module: str, function: str) -> Any:
+        """Return what a function of a module makes of the points."""
+        return getattr(import_module(module), function)(self.p, self.count, self.steps)
 
 
 @dataclass(frozen=True)
@@ -47,7 +53,7 @@ class SweepMetric:
     """One number for each operating point."""
 
     unit: str
-    evaluate: Callable[[Points], NDArray[np.float64]]  #: returns (points,), nan for no value
+    evaluate: Callable[[Points], Array]  #: returns (points,), nan for no value
     runs: int  #: runs of steps that a point takes, about
     empty: str | Callable[[Parameters, int], str]  #: why a possible point may have no value
 
@@ -56,10 +62,9 @@ class SweepMetric:
         return self.empty if isinstance(self.empty, str) else self.empty(p, steps)
 
 
-def _search(
-    function: Callable[[Parameters, int, int], NDArray[np.float64]],
-) -> Callable[[Points], NDArray[np.float64]]:
-    return lambda points: function(points.p, points.count, points.steps)
+def _why_no_zero_amplitude(p: Parameters, steps: int) -> str:
+    found: str = import_module(_ZERO).why_no_zero_amplitude(p, steps)
+    return found
 
 
 #: By name.
@@ -75,13 +80,24 @@ METRICS: Mapping[str, SweepMetric] = {
         "the run did not end",
     ),
     "generated_force": SweepMetric(
-        "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
+        "N",
+        lambda points: points.solve(_POINTS, "generated_forces"),
+        20,
+        "the runner still gains on the spring at the end",
     ),
-    "zero_amplitude": SweepMetric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude),
+    "zero_amplitude": SweepMetric(
+        "m", lambda points: points.solve(_ZERO, "zero_amplitudes"), 16, _why_no_zero_amplitude
+    ),
     "zero_amplitude_intersection": SweepMetric(
-        "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
+        "m",
+        lambda points: points.solve(_ZERO, "intersections"),
+        6,
+        "fewer than three of the amplitudes give clear steps",
     ),
     "blocking_preload": SweepMetric(
-        "N", _search(blocking_preloads), 30, "no preload blocks the axis, or none lets it step"
+        "N",
+        lambda points: points.solve(_POINTS, "blocking_preloads"),
+        30,
+        "no preload blocks the axis, or none lets it step",
     ),
 }

@@ -16,9 +16,7 @@ from live import wait_until
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.sweep import METRIC_NAMES
 from stickslip_ros.library import sweep_plan as studies_sweep
-from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_plan import results
 from stickslip_ros.traces import run_steps
 
@@ -39,10 +37,6 @@ def rows_of(text: str) -> list[list[str]]:
 def compiled() -> None:
     """Have everything compiled: on a fresh machine the first sweep says that it compiles."""
     assert main([*SMALL, "--json"]) == 0
-
-
-def test_the_help_names_every_metric() -> None:
-    assert tuple(METRICS) == METRIC_NAMES
 
 
 def test_without_out_the_table_goes_to_stdout(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from stickslip_ros.cli.command_line import SUBCOMMANDS
-from stickslip_ros.cli.completion import SHELLS
+from stickslip_ros.cli.installation import SHELLS
 from stickslip_ros.cli.main import main
 
 

@@ -11,7 +11,7 @@ HEAVY = {"numpy", "scipy", "numba", "matplotlib", "jinja2", "mcap", "rclpy", "tq
 
 _EVERY_HELP = """
 import argparse, sys
-from stickslip_ros.cli.command_line import full_parser
+from stickslip_ros.cli.command_line import parser_for
 
 def show(parser):
     shown = [parser.format_help()]
@@ -20,7 +20,7 @@ def show(parser):
             shown += [text for inner in action.choices.values() for text in show(inner)]
     return shown
 
-assert len(show(full_parser())) > 20
+assert len(show(parser_for())) > 20
 print(*sys.modules)
 """
 _SIMULATE = """

@@ -1,0 +1,325 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip bag``: actions on recordings."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import asdict
+from datetime import UTC, datetime
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.cli.command_line import add_commands
+from stickslip_ros.cli.options import (
+    add_outputs,
+    check_outputs,
+    flag,
+    option,
+    print_result,
+    progress_bar,
+    quantity,
+    repeated,
+    require_ros,
+)
+from stickslip_ros.errors import UsageError
+from stickslip_ros.parameters import parse_assignment
+
+#: In the order of the help.
+ACTIONS = {
+    "info": "topics, times, sizes, QoS and the parameters of the recorded axis",
+    "record": "record topics until Ctrl-C (default: all topics of the axis)",
+    "play": "publish the messages of a bag at their times, with their recorded QoS",
+    "resimulate": "compute a recorded run again and compare every state with the recorded one",
+    "recover": "make a good bag from an unfinished or damaged one",
+    "export": "write the messages as tables, CSV or Parquet",
+}
+#: A run that came out otherwise; an old bag of which something is missing or cannot be vouched for.
+_DIFFERENT, _DOUBTFUL = 1, 3
+#: What is in the arguments of record and play that is no parameter of their nodes.
+_NO_PARAMETERS = ("command", "action", "run", "remap")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the actions."""
+    add_commands(parser, "action", ACTIONS, ACTIONS, lambda _: sys.modules[__name__])
+
+
+def _add_bag(parser: argparse.ArgumentParser) -> None:
+    option(parser, "bag", "BAG", "folder of a bag, or one file of it", Path)
+
+
+# -- info
+
+
+def info_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    _add_bag(parser)
+    add_outputs(parser, "the position over time")
+
+
+def run_info(args: argparse.Namespace) -> int:
+    """Describe a recording."""
+    from stickslip_ros.recordings import describe, open_bag
+
+    check_outputs(args)
+    if args.plot:
+        from stickslip_ros.measurement.load_motion import load_motion
+        from stickslip_ros.reporting.picture import draw_picture
+
+        draw_picture(args.plot, load_motion(args.bag).motion.plot)
+    with open_bag(args.bag) as bag:
+        found = describe(bag)
+    print_result(args, found, lambda: "\n".join(_description(found)))
+    return 0
+
+
+def _description(found: dict[str, Any]) -> list[str]:
+    chunks = ", ".join(name or "none" for name in found["compression"]) or "none"
+    packed = f", each {found['packed']} packed as a whole" if found["packed"] else ""
+    lines = [
+        f"bag          {found['bag']}",
+        f"size         {_bytes(found['size'])} in {len(found['files'])} files",
+        f"compression  {chunks}{packed}",
+        f"start        {_date(found['start_ns'])}",
+        f"end          {_date(found['end_ns'])}",
+        f"duration     {found['duration']:.3f} s",
+        f"messages     {found['messages']}",
+        f"recorded by  {', '.join(found['written_by'])}"
+        f"{', ROS ' + found['ros_distro'] if found['ros_distro'] else ''}",
+    ]
+    lines += [f"{key:<12} {text}" for key, text in found["custom_data"].items()]
+    lines += ["", "topics"]
+    width = max((len(topic["name"]) for topic in found["topics"]), default=0)
+    for topic in found["topics"]:
+        kinds = {f"{one['reliability']}, {one['durability']}" for one in topic["offered_qos"]}
+        lines.append(
+            f"  {topic['name']:<{width}} {topic['messages']:>9}  {topic['type']}  "
+            f"{'; '.join(sorted(kinds))}"
+        )
+    for name, parameters in found["axes"].items():
+        lines += ["", f"axis of {name}"]
+        lines += [f"  {key:<24} {text}" for key, text in parameters.items()]
+    return lines
+
+
+def _date(ns: int) -> str:
+    """Return a time with all its digits, which a float would not keep."""
+    try:
+        date = datetime.fromtimestamp(ns // 1_000_000_000, UTC)
+    except (OverflowError, ValueError, OSError):
+        return f"{ns} ns"
+    return f"{date:%Y-%m-%d %H:%M:%S}.{ns % 1_000_000_000:09d} UTC"
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.4g} {unit}"
+        count /= 1000
+    return f"{count:.4g} GB"
+
+
+# -- record and play
+
+
+def record_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.epilog = (
+        "Also as a node, ros2 run stickslip_ros recorder_node, with the same options as "
+        "parameters and the services ~/start, ~/stop and ~/split."
+    )
+    option(parser, "topics", "TOPIC", "topics to record", nargs="*")
+    option(parser, "--regex", "R", "also every topic whose full name matches")
+    text = "axis node (default: /stickslip_axis)"
+    option(parser, "--axis", "NODE", text, action="append", dest="axes")
+    text = "new folder (default: stickslip_<date>-<time>)"
+    option(parser, "--out", "DIR", text, dest="output")
+    option(parser, "--compression", "none|lz4|zstd", "compress chunks (default: none)")
+    option(parser, "--max-size", "MB", "size for a new file (default: never)", float)
+    option(parser, "--max-duration", "S", "time for a new file (default: never)", quantity("s"))
+    text = "write the bag to the disk only at the end; a power cut may lose all of it"
+    parser.add_argument("--no-fsync", dest="fsync", action="store_false", default=None, help=text)
+    text = "time between status lines (default: 10)"
+    option(parser, "--status", "S", text, quantity("s"), dest="status_period")
+
+
+def run_record(args: argparse.Namespace) -> int:
+    """Record topics until stopped."""
+    return _run_node(args, "recorder_node", "RecorderNode")
+
+
+def play_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.epilog = (
+        "Also as a node, ros2 run stickslip_ros replay_node, with the same options as parameters."
+    )
+    option(parser, "bag", "BAG", "folder of a bag, or one of its files")
+    option(parser, "--rate", "X", "speed (default: 1)", float)
+    flag(parser, "--loop", "repeat without end", default=None)
+    text = "publish /clock (default rate: 100 Hz)"
+    option(parser, "--clock", "HZ", text, quantity("Hz"), nargs="?", const=100.0)
+    option(parser, "--start", "S", "skip this time at the beginning", quantity("s"))
+    option(parser, "--duration", "S", "play only this long", quantity("s"))
+    option(parser, "--topics", "TOPIC", "play only these (default: all)", nargs="+")
+    repeated(parser, "--remap", "/OLD:=/NEW", "rename a topic")
+
+
+def run_play(args: argparse.Namespace) -> int:
+    """Publish the messages of a bag at their times."""
+    for remap in args.remap:
+        if ":=" not in remap:
+            raise UsageError(f"--remap is {remap!r}; it has to look like /old:=/new")
+    return _run_node(args, "replay_node", "ReplayNode")
+
+
+def _run_node(args: argparse.Namespace, module: str, node: str) -> int:
+    """Run a node class of ``stickslip_ros.ros`` until it ends; return its exit code.
+
+    Options that were given are its parameters. Raises UsageError where there is no ROS.
+    """
+    with require_ros():
+        from rclpy.parameter import Parameter
+
+        from stickslip_ros.ros.process import run
+    kind = getattr(import_module(f"stickslip_ros.ros.{module}"), node)
+    given = {name: value for name, value in vars(args).items() if name not in _NO_PARAMETERS}
+    overrides = [
+        Parameter(name, value=value) for name, value in given.items() if value not in (None, [])
+    ]
+    program = f"stickslip bag {args.action}"
+    rules = [word for remap in getattr(args, "remap", ()) for word in ("-r", remap)]
+    return run(
+        program,
+        [program, "--ros-args", *rules] if rules else [program],
+        lambda stop_requested: kind(stop_requested, parameter_overrides=overrides),
+    )
+
+
+# -- resimulate
+
+
+def resimulate_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.description = (
+        "Rebuilds the run from the parameters and commands in the bag. The same version on the "
+        "same machine gives every recorded state again, bit for bit; exit code 1 if it does not. "
+        "With --set it answers 'what if': the same commands, other parameters."
+    )
+    _add_bag(parser)
+    repeated(parser, "--set", "NAME=VALUE", "change a parameter")
+    option(parser, "--out", "DIR", "write the computed run as a new bag", Path)
+    add_outputs(parser)
+
+
+def run_resimulate(args: argparse.Namespace) -> int:
+    """Simulate a recorded axis again; compare, or change parameters."""
+    from stickslip_ros.axis.command import JOINT_STATE
+    from stickslip_ros.compiled import report_compilation
+    from stickslip_ros.recordings import open_bag, recorded_runs, resimulate
+
+    changes = dict(parse_assignment(text) for text in args.set)
+    with open_bag(args.bag) as bag, report_compilation():
+        states = sum(
+            bag.counts[name] for name, one in bag.topics.items() if one.type == JOINT_STATE
+        )
+        # An axis may have lived long before it was recorded.
+        lived = [(run.end_ns or bag.end_ns) - run.start_ns for run in recorded_runs(bag)]
+        motion = f"computing {1e-9 * sum(lived):.0f} s of motion"
+        with progress_bar(states, motion) as bar:
+            runs = resimulate(bag, changes, args.out, bar.update)
+    reports = [one.as_dict() for one in runs]
+    texts = [_differences(report, bool(changes)) for report in reports]
+    texts += [f"written to {args.out}"] if args.out else []
+    content = {"bag": str(args.bag), "changes": changes, "runs": reports}
+    print_result(args, content, lambda: "\n\n".join(texts))
+    return 0 if changes or all(one.bit_for_bit for one in runs) else _DIFFERENT
+
+
+def _differences(report: dict[str, Any], changed: bool) -> str:
+    lines = [
+        f"{report['axis']}: {report['commands']} commands, {report['states']} states "
+        f"over {report['duration']:.3f} s"
+    ]
+    if report["version"] != report["this_version"]:
+        lines.append(
+            f"recorded by version {report['version'] or '?'}, run again by {report['this_version']}"
+        )
+    recorded, this = report["model_version"], report["this_model_version"]
+    models = f"recorded with model {recorded}, this is model {this}"
+    if recorded > this:
+        lines.append(f"{models}: install a newer version")
+    else:
+        lines += [
+            f"{models}: differs by at most {change['largest']} "
+            f"(since model {change['version']}, {change['what']})"
+            for change in report["model_changes"]
+        ]
+    lines += [f"left out: {text}" for text in report["left_out"]]
+    if report["bit_for_bit"]:
+        lines.append("every recorded state came out again, bit for bit")
+        return "\n".join(lines)
+    against = "the run as recorded" if changed else "what was recorded"
+    lines.append(f"{'largest difference to ' + against:<44}{'at (s)':>12}{'unequal':>20}")
+    for name, d in report["differences"].items():
+        at = "" if d["at"] is None else f"{d['at']:.6f}"
+        lines.append(
+            f"  {name:<26}{d['largest']:>12.3e} {d['unit']:<4}{at:>12}"
+            f"{d['unequal']:>10} of {d['values']}"
+        )
+    return "\n".join(lines)
+
+
+# -- recover and export
+
+
+def recover_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.description = (
+        "Writes everything that is whole into a new bag; the old one stays as it is. "
+        "Exit code 3 if the old bag was not complete; stderr says what was wrong with it."
+    )
+    _add_bag(parser)
+    option(parser, "--out", "NEW", "folder to make (default: BAG_recovered)", Path)
+    add_outputs(parser)
+
+
+def run_recover(args: argparse.Namespace) -> int:
+    """Make a good bag out of one whose recorder was killed."""
+    from stickslip_ros.recordings import bytes_of, recover
+
+    with progress_bar(bytes_of(args.bag), "recovering bytes") as bar:
+        done = recover(args.bag, args.out, bar.update)
+    found = asdict(done)
+    kept = f"{done.messages} messages kept, {done.dropped_bytes} bytes dropped"
+    content = {"bag": str(found.pop("folder")), **found}
+    print_result(args, content, lambda: f"{done.folder}: {kept}")
+    if not args.json:
+        for finding in done.findings:
+            print(f"stickslip bag recover: {finding}", file=sys.stderr)
+    return _DOUBTFUL if done.findings else 0
+
+
+def export_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.description = (
+        "A folder takes a CSV file for each topic, a file one table of all topics, a row for each "
+        "moment. Times are in s since the start of the bag, from the stamps in the messages where "
+        "they have one."
+    )
+    _add_bag(parser)
+    text = "new folder, or a file FILE.csv or FILE.parquet (default: BAG_tables)"
+    option(parser, "--out", "DIR|FILE", text, Path)
+
+
+def run_export(args: argparse.Namespace) -> int:
+    """Write a recording as tables for other programs."""
+    from stickslip_ros.recordings import open_bag
+    from stickslip_ros.recordings.export import export
+
+    bag_name = args.bag.expanduser().absolute()
+    out = args.out or bag_name.with_name(f"{bag_name.stem}_tables")
+    with open_bag(args.bag) as bag, progress_bar(bag.message_count, "exporting messages") as bar:
+        print(export(bag, out, bar.update))
+    return 0
