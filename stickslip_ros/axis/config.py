@@ -18,7 +18,7 @@ from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
-from stickslip_ros.parameters.device_groups import SLIDER
+from stickslip_ros.parameters.groups import SLIDER
 
 #: Drive cycles that are kept: a command of steps does not make its cycle anew
 _MOST_DRIVE_CYCLES = 8

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.parameters.row import read_quantity
 
 _SPIKE_EVERY = 100  # readings
 

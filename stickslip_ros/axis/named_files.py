@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.parameters.number_file import read_bytes
+from stickslip_ros.parameters.bounded_files import read_bytes
 from stickslip_ros.parameters.row import file_names
 
 _DIGEST = "_sha256"

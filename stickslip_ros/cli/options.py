@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.errors import UsageError
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
-from stickslip_ros.parameters.device_groups import AXIS_NODE
-from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.parameters.groups import AXIS_NODE
+from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting import to_json
 from stickslip_ros.reporting.tables import Cell, check_table, write_table
 from stickslip_ros.reporting.terminal import announce_if_slow

@@ -14,7 +14,7 @@ from stickslip_ros.cli.options import add_axis, option, progress_bar, quantity, 
 from stickslip_ros.cli.watch import place_of
 from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.parameters import PARAMETERS, parse_assignment
-from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from stickslip_ros.measurement.reading.motion import motion_of, naming
 from stickslip_ros.measurement.reading.quantities import MOTION
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
-from stickslip_ros.parameters.device_groups import PIEZO, SLIDER
+from stickslip_ros.parameters.groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
 from stickslip_ros.recordings.cdr import (
     JOINT_STATE_TYPE,

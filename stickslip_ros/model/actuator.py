@@ -26,8 +26,7 @@ import yaml
 from numpy.typing import NDArray
 
 from stickslip_ros.parameters import ActuatorParameters, ParameterError, Parameters
-from stickslip_ros.parameters.bounded_yaml import load_values
-from stickslip_ros.parameters.number_file import FileVersion, read_small_text
+from stickslip_ros.parameters.bounded_files import FileVersion, load_values, read_small_text
 
 #: Play operators of a loop that is given by its width alone.
 OPERATORS = 8

@@ -5,14 +5,17 @@ Command line, YAML files, ROS descriptors, documentation and bag snapshots all r
 no physics and no ROS: ``model/`` uses the values, ``ros/`` declares them.
 """
 
-from stickslip_ros.parameters.device_groups import (
+from stickslip_ros.parameters.groups import (
+    ActuatorParameters,
     ClosedLoopParameters,
+    DriveParameters,
+    FrictionParameters,
     LimitParameters,
     NodeParameters,
+    RunnerParameters,
     SensorParameters,
     SolverParameters,
 )
-from stickslip_ros.parameters.drive_groups import ActuatorParameters, DriveParameters
 from stickslip_ros.parameters.parameters import (
     PARAMETERS,
     Parameters,
@@ -22,7 +25,6 @@ from stickslip_ros.parameters.parameters import (
     read_yaml,
     yaml_text,
 )
-from stickslip_ros.parameters.plant_groups import FrictionParameters, RunnerParameters
 from stickslip_ros.parameters.row import Parameter, ParameterError, Value, register
 
 __all__ = [

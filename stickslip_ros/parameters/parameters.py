@@ -13,16 +13,18 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from stickslip_ros.extensions import ROW_PROVIDERS
-from stickslip_ros.parameters.device_groups import (
+from stickslip_ros.parameters.groups import (
+    ActuatorParameters,
     ClosedLoopParameters,
+    DriveParameters,
     FaultParameters,
+    FrictionParameters,
     LimitParameters,
     NodeParameters,
+    RunnerParameters,
     SensorParameters,
     SolverParameters,
 )
-from stickslip_ros.parameters.drive_groups import ActuatorParameters, DriveParameters
-from stickslip_ros.parameters.plant_groups import FrictionParameters, RunnerParameters
 from stickslip_ros.parameters.row import (
     Extended,
     Parameter,

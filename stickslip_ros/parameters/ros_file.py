@@ -10,8 +10,8 @@ from typing import Any
 
 import yaml
 
-from stickslip_ros.parameters.bounded_yaml import load_values
-from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.parameters.bounded_files import load_values
+from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.parameters.row import Parameter, ParameterError, file_names
 
 #: Prefixes of the parameters that every ROS node has; the table does not contain them.

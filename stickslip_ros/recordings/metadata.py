@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.opening import open_regular
-from stickslip_ros.parameters.bounded_yaml import load_texts
+from stickslip_ros.parameters.bounded_files import load_texts
 from stickslip_ros.recordings.errors import BagError, short, unreadable
 from stickslip_ros.recordings.qos import OfferedQos, YamlFields, qos_profiles
 

@@ -19,7 +19,7 @@ from stickslip_ros.axis.events import Event, event_texts, is_set_point
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
-from stickslip_ros.parameters.device_groups import CONTACT, PIEZO, SLIDER
+from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings.cdr import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import (

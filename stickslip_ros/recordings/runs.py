@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpack_set_points
 from stickslip_ros.axis.resimulation import NotRepeatable
-from stickslip_ros.parameters.device_groups import CONTACT, SLIDER
+from stickslip_ros.parameters.groups import CONTACT, SLIDER
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     decode_messages,

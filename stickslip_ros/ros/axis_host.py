@@ -27,7 +27,7 @@ from stickslip_ros.axis.faults import VANISH
 from stickslip_ros.axis.together import TRAJECTORY, Together
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.diagnostics import Diagnostics

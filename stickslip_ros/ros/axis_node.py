@@ -25,7 +25,7 @@ from stickslip_ros.axis.faults import LATE, VANISH
 from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
-from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters, topics
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode, NoAnswer

@@ -16,7 +16,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.library.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.parameters.device_groups import CONTACT, PIEZO, SLIDER
+from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.ros.messages import diagnostic_status
 from stickslip_ros.ros.sim_loop import SimLoop
 from stickslip_ros.traces import phase_now, regime_now

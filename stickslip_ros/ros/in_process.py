@@ -13,7 +13,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.ros.axis_host import axis_or_host
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient

@@ -26,7 +26,7 @@ from stickslip_ros.axis import Event
 from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters.device_groups import CONTACT, PIEZO, SLIDER
+from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings import definition_from_fields
 from stickslip_ros.ros.topics import OutputTopic
 from stickslip_ros.solver import State

@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.errors import UsageError
 from stickslip_ros.files import reason_and_cure
-from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status

@@ -22,7 +22,7 @@ from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.motion import naming
 from stickslip_ros.measurement.reading.quantities import POSITION, TIME, Quantity
 from stickslip_ros.opening import open_regular
-from stickslip_ros.parameters.device_groups import SLIDER
+from stickslip_ros.parameters.groups import SLIDER
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.twin.settings import TwinError

@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from stickslip_ros.parameters import DriveParameters, ParameterError
-from stickslip_ros.parameters.number_file import FileVersion, read_rows
+from stickslip_ros.parameters.bounded_files import FileVersion, read_rows
 from stickslip_ros.waveforms.shape import Shape
 
 _FORM = "one column of levels, or two of time share and level"

@@ -25,7 +25,7 @@ from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading, typed_pairs
 from stickslip_ros.pages.twin import TwinStory, live_parts, twin_page
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
-from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting.page import page
 from stickslip_ros.traces import TraceError
 from stickslip_ros.workbench.controls import (

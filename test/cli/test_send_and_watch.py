@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch import sparkline
-from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.parameters.row import read_quantity
 
 pytest.importorskip("rclpy")
 

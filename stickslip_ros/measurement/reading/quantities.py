@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from stickslip_ros.measurement.reading.table import Column, MeasurementError, Unit
-from stickslip_ros.parameters.quantity import NUMBER
+from stickslip_ros.parameters.row import NUMBER
 
 _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip

@@ -31,7 +31,7 @@ from stickslip_ros.axis.events import STEP_OF_TIME, value_text
 from stickslip_ros.axis.faults import VANISH
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.reporting.terminal import announce_if_slow
 from stickslip_ros.ros.client.listener import Answer, AxisListener
 from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.parameters.row import read_quantity
 
 
 def test_a_unit_may_be_typed_with_a_prefix_and_a_sign() -> None:

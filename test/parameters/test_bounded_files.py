@@ -9,7 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stickslip_ros.parameters.bounded_yaml import load_texts, load_values
+from stickslip_ros.parameters.bounded_files import load_texts, load_values
 
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 
