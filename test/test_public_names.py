@@ -187,7 +187,7 @@ def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
     ]
     assert found.stdout.splitlines() == [*asked, "2 2"], found.stderr
     assert found.stderr.splitlines() == [
-        "stickslip: completion needs shtab: pip install shtab",
+        "stickslip completion: completion needs shtab: pip install shtab",
         "stickslip simulate: simulate needs tqdm: pip install tqdm",
     ]
 
