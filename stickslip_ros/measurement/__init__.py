@@ -7,12 +7,8 @@ from stickslip_ros.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.comparison import Comparison, compare
-    from stickslip_ros.measurement.motion_pair import (
-        Alignment,
-        ComparisonError,
-        ComparisonMetric,
-        Fits,
-    )
+    from stickslip_ros.measurement.metrics import ComparisonMetric
+    from stickslip_ros.measurement.motion_pair import Alignment, ComparisonError, Fits
     from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
 else:
     __getattr__ = lazy_names(__name__)

@@ -11,18 +11,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.metrics import error_of_steps_and_shape, level_of_cycles
+from stickslip_ros.measurement.metrics import (
+    ComparisonMetric,
+    RunPair,
+    align_runs,
+    most_different,
+    pair_runs,
+)
 from stickslip_ros.measurement.motion_pair import (
     ORDER,
     Alignment,
-    ComparisonMetric,
     Fits,
     MotionPair,
     Pairs,
     low_pass,
-    most_different,
 )
-from stickslip_ros.measurement.run_pairs import RunPair, align_runs, pair_runs
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import style_text
@@ -69,6 +72,7 @@ class Comparison:
     rmse: float  #: root mean square difference over the time in common, m
     step_rmse: float  #: part of it that adds up from step to step, m; nan without steps
     shape_rmse: float  #: part of it within the cycles, m; rmse^2 = step_rmse^2 + shape_rmse^2
+    shape_difference: Array  #: measured minus run without the mean of each cycle, m
     slips: Array  #: where cycles end, by the clock of the run, s, (cycles,)
     largest: float  #: largest difference, m
     largest_at: float  #: and when, s
@@ -80,12 +84,6 @@ class Comparison:
     def difference(self) -> Array:
         """Measured minus run, m."""
         return self.measured - self.x
-
-    @property
-    def shape_difference(self) -> Array:
-        """Measured minus run without the mean of each cycle, m: the difference in shape."""
-        weights = Pairs(self.t, self.x, self.measured, self.x).weights
-        return self.difference - level_of_cycles(self.t, self.difference, self.slips, weights)
 
     @property
     def metrics(self) -> list[ComparisonMetric]:
@@ -277,7 +275,10 @@ def compare(
     weights = pairs.weights
     rmse = math.sqrt(float(weights @ difference**2))
     slips = _slips_of(run_pairs, alignment)
-    of_steps, of_shape = error_of_steps_and_shape(pairs.t, difference, slips, weights)
+    # The mean difference of each cycle grows by that of the step sizes in every cycle. The rest is
+    # the shape: backstep, ringing, rise. Both are orthogonal.
+    level = level_of_cycles(pairs.t, difference, slips, weights)
+    of_steps = math.sqrt(float(weights @ level**2)) if len(slips) else math.nan
     span = float(np.ptp(pairs.run))
     worst = int(np.argmax(np.abs(difference)))
     return Comparison(
@@ -292,7 +293,8 @@ def compare(
         measured=measured,
         rmse=rmse,
         step_rmse=of_steps,
-        shape_rmse=of_shape,
+        shape_rmse=math.sqrt(max(rmse**2 - of_steps**2, 0.0)) if len(slips) else math.nan,
+        shape_difference=difference - level,
         slips=slips,
         largest=float(abs(difference[worst])),
         largest_at=float(pairs.t[worst]),
@@ -300,6 +302,17 @@ def compare(
         noise=noise_of(measurement.x) / alignment.gain,
         cycles=_cycle_table(run_pairs, alignment, pairs, difference),
     )
+
+
+def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -> Array:
+    """Return the weighted mean difference (m) of the cycle that a sample is in, (samples,).
+
+    Cycles go from slip to slip (s); the rests before and after are cycles of their own.
+    """
+    edges = np.unique(np.concatenate(([0], np.searchsorted(t, slips), [len(t)])))
+    weight = np.add.reduceat(weights, edges[:-1])
+    levels = np.add.reduceat(weights * difference, edges[:-1])
+    return np.repeat(levels / np.where(weight > 0.0, weight, 1.0), np.diff(edges))
 
 
 def _slips_of(pairs: Sequence[RunPair], alignment: Alignment) -> Array:

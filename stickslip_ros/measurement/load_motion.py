@@ -226,7 +226,8 @@ def read_bag(path: Path) -> tuple[Table, list[int]]:
                 sources.append((topic, field))
                 origins.append(origin)
                 name = f"{topic}/{field}"
-                columns.append(Column(len(columns) + 1, name, unit, None, bag.counts[topic]))
+                number = len(columns) + 1
+                columns.append(Column(name, unit, number=number, length=bag.counts[topic]))
     if not columns:
         raise MeasurementError("it holds no messages with numbers")
 

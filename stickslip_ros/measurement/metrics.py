@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Metrics of run and measurement side by side, and which of them differ.
+"""The runs of steps of both motions in pairs, with their metrics, and which of them differ.
+
+The runs of the measurement have the numbers of `analyse`. The alignment gives the place of a run in
+the other motion; its own actuator, or its own steps, give its slips. It is then analysed at the
+times of the measurement, with the noise of the measurement, by position alone, so that a bias of
+the estimators is the same for both. Only if both motions include their actuators, each is analysed
+with its own.
 
 A value differs if the two are further apart than the tolerance: three times the standard
 uncertainty of the difference, and never less than what the fits themselves can resolve. The
@@ -9,15 +15,22 @@ uncertainty comes from the scatter between settled cycles, for ringing from fits
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.motion_pair import Alignment, ComparisonMetric, MotionPair
+from stickslip_ros.measurement.alignment import align
+from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
+from stickslip_ros.traces.analysis import has_actuator, runs_of
+from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
+from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
-from stickslip_ros.traces.runs import Run
+from stickslip_ros.traces.runs import Run, main_run
+from stickslip_ros.traces.step_analysis import analyse_cycles
 from stickslip_ros.traces.steps import COVERAGE, MeasuredValue
 
 Array = NDArray[np.float64]
@@ -31,35 +44,188 @@ _UNLIKE = 0.1
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
 _ZERO_AMPLITUDE = "0-amplitude"
+#: Periods of the drive before the first and after the last slip of a run that belong to it.
+_BEFORE, _AFTER = 1.5, 0.98
+#: Name, unit, least tolerance for the run's value, whether the gain of the sensor counts, and why
+#: it may be missing. A tenth of a nanometre is ten times what the model is solved to; the period
+#: has its last digits from floating-point times.
+_METRICS: tuple[tuple[str, str, Callable[[float], float], bool, str], ...] = (
+    ("period", "s", lambda run: 1e-9 * run, False, ""),
+    ("step size", "m", lambda run: 1e-10, True, "too few cycles"),
+    ("backstep", "m", lambda run: 1e-10, True, "too few samples after the slips"),
+    ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), False, "no ringing seen"),
+    ("damping ratio", "", lambda run: 2e-2 * abs(run), False, "no ringing seen"),
+)
 
 
-def error_of_steps_and_shape(
-    t: Array, difference: Array, slips: Array, weights: Array
-) -> tuple[float, float]:
-    """Split the root mean square of a difference into the parts of steps and of shape, m.
+@dataclass(frozen=True)
+class ComparisonMetric:
+    """One quantity of both; nan where it cannot be determined."""
 
-    t (s), difference (m) and weights (that add up to 1) have the shape (samples,); slips (s),
-    (cycles,), increase. The part of the steps is the mean difference of each cycle, from slip to
-    slip, with the rests before and after as cycles of their own: it grows by the difference in step
-    size in every cycle. The difference within the cycles is the shape: backstep, ringing, rise.
-    Both parts are orthogonal, so that rmse^2 = steps^2 + shape^2. nan where there are no slips.
+    name: str
+    unit: str  #: SI
+    run: float
+    measured: float
+    tolerance: float
+    why_missing: str = ""
+
+    @property
+    def difference(self) -> float:
+        """Measured minus run."""
+        return self.measured - self.run
+
+    @property
+    def differs(self) -> bool | None:
+        """Whether the two differ; None where that cannot be determined."""
+        if not math.isfinite(self.difference) or not math.isfinite(self.tolerance):
+            return None
+        return bool(abs(self.difference) > self.tolerance)
+
+    @property
+    def verdict(self) -> str:
+        """The same in a word, or why it cannot be determined."""
+        if self.differs is None:
+            return self.why_missing or "not determined"
+        return "differs" if self.differs else "agrees"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it by name, without the name."""
+        names = ("unit", "run", "measured", "difference", "tolerance", "differs")
+        found = {name: getattr(self, name) for name in names}
+        return {**found, "why_missing": self.why_missing or None}
+
+    @classmethod
+    def missing(cls, name: str, unit: str, why: str) -> ComparisonMetric:
+        """Return a metric that cannot be determined."""
+        return cls(name, unit, math.nan, math.nan, math.nan, why)
+
+
+def most_different(runs: Sequence[Sequence[ComparisonMetric]]) -> list[ComparisonMetric]:
+    """Return of each metric that of the run in which it is worst, in the order of the first run.
+
+    A metric that differs is worse than one that is missing, and that is worse than one that agrees.
     """
-    if not len(slips):
-        return math.nan, math.nan
-    whole = float(weights @ difference**2)
-    steps = float(weights @ level_of_cycles(t, difference, slips, weights) ** 2)
-    return math.sqrt(steps), math.sqrt(max(whole - steps, 0.0))
+
+    def badness(one: ComparisonMetric) -> tuple[int, float]:
+        if one.differs is None:
+            return 1, 0.0
+        return 2 * one.differs, abs(one.difference) / max(one.tolerance, 1e-300)
+
+    return [max(same, key=badness) for same in zip(*runs, strict=True)]
 
 
-def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -> Array:
-    """Return the weighted mean difference (m) of the cycle that a sample is in, (samples,)."""
-    edges = np.unique(np.concatenate(([0], np.searchsorted(t, slips), [len(t)])))
-    starts = edges[:-1]
-    if not len(starts):
-        return np.empty(0)
-    weight = np.add.reduceat(weights, starts)
-    levels = np.add.reduceat(weights * difference, starts) / np.where(weight > 0.0, weight, 1.0)
-    return np.repeat(levels, np.diff(edges))
+@dataclass(frozen=True)
+class RunPair:
+    """One run of steps in both motions; None where a motion does not show it, and why."""
+
+    run: Run | None
+    measured: Run | None
+    metrics: Sequence[ComparisonMetric]  #: of this run alone
+    why_missing: str = ""
+
+    @property
+    def name(self) -> str:
+        """Where the run is, for people."""
+        if self.measured is None:
+            return "whole measurement"
+        way = "forward" if self.measured.direction > 0 else "backward"
+        return f"run at {self.measured.start:.4g} s, {way}, {self.measured.steps} steps"
+
+    @property
+    def verdict(self) -> str:
+        """The metrics that differ, in words."""
+        differing = ", ".join(metric.name for metric in self.metrics if metric.differs)
+        return self.why_missing or (f"{differing} differs" if differing else "agrees")
+
+
+def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alignment:
+    """Return the alignment by the measured run with most steps. Raises ComparisonError.
+
+    Several runs look alike, so the whole motions are aligned before a run is chosen.
+    """
+    if not measured:
+        return align(motions, fits, None, None)
+    main = main_run(measured)
+    try:
+        if len(measured) == 1:
+            found = None if has_actuator(motions.run.u) else motions.found_in_run
+            return align(motions, fits, main_run(runs_of(motions.run, found)), main)
+        rough = align(motions, fits, None, None)
+        part, cycles = _RunSteps(motions, rough).near(main)
+        return align(motions, fits, analyse_cycles(part.t, part.x, part.u, cycles), main)
+    except TraceError:
+        return align(motions, fits, None, main)
+
+
+def pair_runs(
+    motions: MotionPair, measured: Sequence[Run], alignment: Alignment, pairs: Pairs
+) -> list[RunPair]:
+    """Pair each measured run with that of the run, analysed at the times of pairs.
+
+    Without measured runs, return one pair without runs.
+    """
+    if not measured:
+        missing = "the measurement has no steps"
+        return [RunPair(None, None, missing_metrics(missing), missing)]
+    run, measurement = motions.run, motions.measurement
+    steps = _RunSteps(motions, alignment)
+    exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
+    noise, seen = noise_of(measurement.x), run
+    if not exact:
+        seen = Motion(run.source, pairs.t, pairs.run)
+    found = []
+    for one in measured:
+        try:
+            part, cycles = steps.near(one)
+            if exact:
+                own = analyse_cycles(part.t, part.x, part.u, cycles)
+            else:
+                own = _analyse_part(seen, cycles, noise)
+        except TraceError as error:
+            missing = f"the run has no such steps: {error}"
+            found.append(RunPair(None, one, missing_metrics(missing), missing))
+        else:
+            found.append(RunPair(own, one, step_metrics(motions, seen, own, one, alignment)))
+    return found
+
+
+def _analyse_part(motion: Motion, cycles: Cycles, noise: float) -> Run:
+    """Analyse cycles by the samples about them, their ends unknown. Raises TraceError."""
+    begin = cycles.slips[0] - _BEFORE * cycles.period
+    part = motion.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
+    if len(part.t) < 2 * len(cycles.slips):
+        raise TraceError("fewer than two samples a cycle are in common")
+    cycles = Cycles.even(cycles.slips, cycles.period, cycles.direction)
+    return analyse_cycles(part.t, part.x, None, cycles, noise=noise)
+
+
+class _RunSteps:
+    """The steps of the run, wherever a measured run is laid over it."""
+
+    def __init__(self, motions: MotionPair, alignment: Alignment) -> None:
+        self._motions, self._run, self._alignment = motions, motions.run, alignment
+
+    def near(self, measured: Run) -> tuple[Motion, Cycles]:
+        """Return motion and cycles about a measured run. Raises TraceError.
+
+        The cycles are the run's own: it may be driven faster than the measurement, or not at all.
+        """
+        first = measured.slips[0] - _BEFORE * measured.period
+        last = measured.slips[-1] + _AFTER * measured.period
+        begin, end = self._alignment.run_time(np.array([first, last]))
+        part = self._run.between(begin, end)
+        if has_actuator(self._run.u):
+            if not has_actuator(part.u):
+                raise TraceError("its actuator rests there")
+            frequency = measured.frequency if measured.steps == 1 else None
+            return part, cycles_of_actuator(part.t, part.u, frequency)
+        found = self._motions.found_in_run
+        likely = [one for one in found if one.direction == measured.direction]
+        best = max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
+        if best is None or min(best.end, end) <= max(best.start, begin):
+            raise TraceError("none are found there")
+        begin, end = best.start - 0.5 * best.period, best.end + _AFTER * best.period
+        return replace(self._run.between(begin, end), u=None), best.cycles
 
 
 def missing_metrics(why: str) -> list[ComparisonMetric]:
@@ -201,15 +367,3 @@ def zero_crossing(deflection: Array, step: Array) -> MeasuredValue:
     scatter = float(np.std(step - slope * deflection - cut, ddof=2))
     gradient = np.array([cut / slope**2, -1.0 / slope])
     return MeasuredValue(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
-
-
-#: Name, unit, least tolerance for the run's value, whether the gain of the sensor counts, and why
-#: it may be missing. A tenth of a nanometre is ten times what the model is solved to; the period
-#: has its last digits from floating-point times.
-_METRICS: tuple[tuple[str, str, Callable[[float], float], bool, str], ...] = (
-    ("period", "s", lambda run: 1e-9 * run, False, ""),
-    ("step size", "m", lambda run: 1e-10, True, "too few cycles"),
-    ("backstep", "m", lambda run: 1e-10, True, "too few samples after the slips"),
-    ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), False, "no ringing seen"),
-    ("damping ratio", "", lambda run: 2e-2 * abs(run), False, "no ringing seen"),
-)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.alignment import ClockSearch
 from stickslip_ros.measurement.metrics import (
+    ComparisonMetric,
     deflections_of,
     single_steps,
     zero_crossing,
@@ -18,7 +19,6 @@ from stickslip_ros.measurement.metrics import (
 from stickslip_ros.measurement.motion_pair import (
     Alignment,
     ComparisonError,
-    ComparisonMetric,
     Fits,
     MotionPair,
     Pairs,

@@ -1,28 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of arrays: NumPy and HDF5, and the content of MATLAB files.
+"""Files of arrays: NumPy, HDF5, MATLAB and the text that Octave saves.
 
 Vectors and the columns of matrices become columns of a table, named by their path, such as
 ``data.x`` or ``run/position``. Units and clocks are taken from attributes where a file has them.
+MATLAB's files are read in a process of their own: a broken one can crash SciPy's reader.
 """
 
 from __future__ import annotations
 
+import io
 import math
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.measurement.reading.instruments import asking, library
-from stickslip_ros.measurement.reading.table import (
-    Clock,
-    MeasurementError,
-    Named,
-    Table,
-    name_and_unit,
-)
+from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementError, Table
 from stickslip_ros.opening import Allowance, open_regular
 
 #: Matrices with more columns are no tables.
@@ -31,28 +33,53 @@ _WIDEST = 256
 _UNITS = ("units", "unit", "Units", "Unit", "unit_string", "YUnits")
 _STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
 _STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
+#: A MATLAB file is broken if it takes longer: seconds, and those for each byte of it.
+_PATIENCE, _PATIENCE_A_BYTE = 20.0, 1e-7
+#: Memory (bytes) of the interpreter and its libraries; copies of the variables beside it.
+_INTERPRETER, _COPIES = 500_000_000, 4
+#: Reads the file named first and leaves its variables, or what is wrong, in the one named second;
+#: the third argument is the memory (bytes) that it may take, where the system can limit that.
+_CHILD = """
+import sys
+sys.path[:1] = []  # the folder that we happen to be in
+import pickle, warnings
+warnings.simplefilter("ignore")
+try:
+    import scipy.io
+    try:
+        import resource
+        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
+    except ImportError:
+        pass
+    held = scipy.io.loadmat(sys.argv[1])
+except BaseException as error:
+    held = " ".join(str(error).split())[:160] or type(error).__name__
+    held = None if isinstance(error, MemoryError) else held
+with open(sys.argv[2], "wb") as file:
+    pickle.dump(held, file, 5)
+"""
 
 
-def columns_in(name: str, array: Any, unit: str | None = None) -> Iterator[Named]:
+def columns_in(
+    name: str, array: Any, unit: str | None = None, clock: Clock | None = None
+) -> Iterator[Column]:
     """Yield the columns that an array holds: its fields, or itself, or its columns."""
     array = np.asarray(array)
     if array.dtype.names:
         flat = array.reshape(-1)
         for field in array.dtype.names:
             inner = flat[field][0] if flat.size == 1 else flat[field]
-            yield from columns_in(f"{name}.{field}" if name else field, inner)
-        return
-    if array.dtype.kind not in "fiu" or array.size < 2:
-        if array.dtype == object and array.size == 1:
-            yield from columns_in(name, array.reshape(-1)[0])
-        return
-    array = np.squeeze(array)
-    if array.ndim == 1:
-        yield name, unit, array, None
-    elif array.ndim == 2 and min(array.shape) <= _WIDEST:
-        rows = array if array.shape[0] >= array.shape[1] else array.T
-        for k in range(rows.shape[1]):
-            yield (f"{name}[{k + 1}]" if name else ""), unit, rows[:, k], None
+            yield from columns_in(f"{name}.{field}" if name else field, inner, None, clock)
+    elif array.dtype == object and array.size == 1:
+        yield from columns_in(name, array.reshape(-1)[0], None, clock)
+    elif array.dtype.kind in "fiu" and array.size > 1:
+        array = np.squeeze(array)
+        if array.ndim == 1:
+            yield Column(name, unit, clock, array)
+        elif array.ndim == 2 and min(array.shape) <= _WIDEST:
+            rows = array if array.shape[0] >= array.shape[1] else array.T
+            for k in range(rows.shape[1]):
+                yield Column(f"{name}[{k + 1}]" if name else "", unit, clock, rows[:, k])
 
 
 def read_npy(path: Path) -> Table:
@@ -62,7 +89,7 @@ def read_npy(path: Path) -> Table:
         mapped = np.load(path, mmap_mode="r", allow_pickle=False)
         if mapped.offset + mapped.nbytes != path.stat().st_size:
             raise MeasurementError("its array is followed by other bytes; write it anew")
-    return table_from(list(columns_in("", np.array(mapped))))
+    return Table.of(columns_in("", np.array(mapped)))
 
 
 def read_npz(path: Path) -> Table:
@@ -83,7 +110,7 @@ def read_npz(path: Path) -> Table:
             with packed.open(member) as file:
                 array = np.lib.format.read_array(file, allow_pickle=False)
             held[member.filename.removesuffix(".npy")] = array
-    return of_mapping(held)
+    return _of_mapping(held)
 
 
 def _stated_bytes(file: IO[bytes]) -> int:
@@ -98,7 +125,7 @@ def _stated_bytes(file: IO[bytes]) -> int:
 def read_hdf5(path: Path) -> Table:
     """Return the datasets of an HDF5 file. Raises MeasurementError and OSError."""
     h5py = library("h5py", "HDF5 and MATLAB 7.3")
-    found: list[Named] = []
+    found: list[Column] = []
     allowance = Allowance(path)
 
     def take(name: str, item: Any) -> None:
@@ -115,13 +142,12 @@ def read_hdf5(path: Path) -> Table:
         allowance.spend(int(numbers) * item.dtype.itemsize)
         facts = {**_plain(item.parent.attrs), **_plain(item.attrs)}
         unit = next((str(facts[key]) for key in _UNITS if key in facts), None)
-        for label, stated, values, _ in columns_in(name, item[()], unit):
-            found.append((label, stated, values, _clock(facts)))
+        found.extend(columns_in(name, item[()], unit, _clock(facts)))
 
     open_regular(path).close()
     with asking("HDF5"), h5py.File(path, "r") as file:
         file.visititems(take)
-    return table_from(found)
+    return Table.of(found)
 
 
 def _plain(attributes: Any) -> dict[str, Any]:
@@ -137,13 +163,13 @@ def _plain(attributes: Any) -> dict[str, Any]:
     return plain
 
 
-def of_mapping(held: Mapping[str, Any]) -> Table:
+def _of_mapping(held: Mapping[str, Any]) -> Table:
     """Return the columns of named arrays; single numbers may give the clock of all."""
     arrays = {name: np.asarray(value) for name, value in held.items()}
     single = {name: one.reshape(-1)[0] for name, one in arrays.items()
               if one.size == 1 and one.dtype.kind in "fiu"}  # fmt: skip
     found = [one for name, array in arrays.items() for one in columns_in(name, array)]
-    return table_from(found, _clock(single))
+    return Table.of(found, _clock(single))
 
 
 def _clock(facts: Mapping[str, Any]) -> Clock | None:
@@ -156,11 +182,80 @@ def _clock(facts: Mapping[str, Any]) -> Clock | None:
     return Clock(start, step) if 0.0 < step < 1e6 and abs(start) < 1e12 else None
 
 
-def table_from(found: list[Named], clock: Clock | None = None) -> Table:
-    """Return a table of named arrays, whose names may end in units; clock of those without one."""
-    return Table.of(
-        [
-            (*(name_and_unit(name) if unit is None else (name, unit)), values, own or clock)
-            for name, unit, values, own in found
-        ]
+def read_mat(path: Path) -> Table:
+    """Return the variables of a MATLAB file. Raises MeasurementError and OSError."""
+    with open_regular(path) as file:
+        if b"MATLAB 7.3" in file.read(32):
+            return read_hdf5(path)
+    with tempfile.TemporaryDirectory(prefix="stickslip-") as folder:
+        out, allowance = Path(folder, "variables"), Allowance(path)
+        memory = _INTERPRETER + _COPIES * allowance.left
+        command = [sys.executable, "-c", _CHILD, os.path.abspath(path), str(out), str(memory)]
+        patience = _PATIENCE + _PATIENCE_A_BYTE * path.stat().st_size
+        one_thread = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # each reserves memory
+        try:
+            child = subprocess.run(
+                command, capture_output=True, timeout=patience, check=False, env=one_thread
+            )
+        except subprocess.TimeoutExpired:
+            raise MeasurementError("its MATLAB variables take too long to read") from None
+        if child.returncode != 0 or not out.exists():
+            raise MeasurementError("its MATLAB variables are broken; export it anew")
+        allowance.spend(out.stat().st_size)
+        held = pickle.loads(out.read_bytes())  # written by our own program
+    if held is None:
+        allowance.spend(allowance.left + 1)
+    if isinstance(held, str):
+        raise MeasurementError(f"its MATLAB variables cannot be read: {held}; export it anew")
+    return _of_mapping({name: v for name, v in held.items() if not name.startswith("__")})
+
+
+_NAME, _TYPE = "# name:", "# type:"
+
+
+def is_octave(start: bytes) -> bool:
+    """Return whether a file begins as Octave's ``save -text`` writes it."""
+    return start.startswith(b"#") and _NAME.encode() in start and _TYPE.encode() in start
+
+
+def read_octave(path: Path) -> Table:
+    """Return the columns of all matrices and ranges. Raises MeasurementError and OSError."""
+    with open_regular(path) as file:
+        lines = file.read().decode("utf-8", "replace").splitlines()
+    starts, allowance = (
+        [k for k, line in enumerate(lines) if line.startswith(_NAME)],
+        Allowance(path),
     )
+    found: list[Column] = []
+    try:
+        for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+            found += _variable(lines[start:end], allowance)
+    except (ValueError, IndexError, KeyError) as error:
+        raise MeasurementError(f"its Octave text is broken: {error}") from None
+    return Table.of(found)
+
+
+def _variable(lines: Sequence[str], allowance: Allowance) -> Iterator[Column]:
+    """Yield the columns of a variable: a matrix with its size and rows, a range with its ends."""
+    keys = (line.lstrip("# ").partition(":")[::2] for line in lines[:8] if line.startswith("#"))
+    facts = {key.strip(): value.strip() for key, value in keys}
+    name, kind = facts["name"], facts.get("type", "")
+    rows = [line for line in lines if line.strip() and not line.startswith("#")]
+    if kind in ("range", "double_range"):
+        stated = rows[0].split() if rows else [facts[key] for key in ("base", "limit", "increment")]
+        base, limit, step = map(float, stated[:3])
+        if step == 0.0 or not 0.0 <= (limit - base) / step < math.inf:
+            raise ValueError(f"the range {name} is not finite")
+        count = int((limit - base) / step * (1 + 1e-12)) + 1
+        allowance.spend(8 * count)
+        yield from columns_in(name, base + step * np.arange(count, dtype=np.float64))
+    elif kind in ("matrix", "float matrix") and "ndims" not in facts:
+        text = io.StringIO("\n".join(rows))
+        matrix: NDArray[np.float64] = np.loadtxt(text, np.float64, ndmin=2, comments=None)
+        size = facts.get("rows", "no"), facts.get("columns", "no")
+        if tuple(map(str, matrix.shape)) != size or not rows:
+            raise ValueError(
+                f"{name} has {len(rows)} rows of {matrix.shape[1]}, but it says {size[0]} of "
+                f"{size[1]}"
+            )
+        yield from columns_in(name, matrix)

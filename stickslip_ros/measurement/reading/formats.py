@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from stickslip_ros.measurement.reading import arrays, instruments, paired_files
+from stickslip_ros.measurement.reading import arrays, instruments
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
-from stickslip_ros.measurement.reading.text import UNPACKING, read_text_table
-from stickslip_ros.measurement.reading.variables import is_octave, read_mat, read_octave
-from stickslip_ros.measurement.reading.waveform import read_waveform
+from stickslip_ros.measurement.reading.text import UNPACKING, numbers_of, read_text_table
 from stickslip_ros.opening import open_regular
 
 Reader = Callable[[Path], Table]
@@ -21,8 +19,8 @@ Reader = Callable[[Path], Table]
 _BY_START: tuple[tuple[bytes, Reader], ...] = (
     (b"\x93NUMPY", arrays.read_npy),
     (b"\x89HDF\r\n\x1a\n", arrays.read_hdf5),
-    (b"MATLAB 5.0 MAT-file", read_mat),
-    (b"MATLAB 7.3 MAT-file", read_mat),
+    (b"MATLAB 5.0 MAT-file", arrays.read_mat),
+    (b"MATLAB 7.3 MAT-file", arrays.read_mat),
     (b"TDSm", instruments.read_tdms),
 )
 #: LeCroy's mark may come after what an interface put before it.
@@ -31,16 +29,16 @@ _WAVEFORM = b"WAVEDESC"
 _YOKOGAWA_HEADER, _YOKOGAWA_SECRET = b"$PublicInfo", b"%WDF"
 _BY_SUFFIX: dict[str, Reader] = {
     ".npz": arrays.read_npz,
-    ".mat": read_mat,
+    ".mat": arrays.read_mat,
     ".uff": instruments.read_uff,
     ".unv": instruments.read_uff,
     ".uf": instruments.read_uff,
     ".tdms": instruments.read_tdms,
-    ".wfm": read_waveform,
-    ".trc": read_waveform,
-    ".isf": read_waveform,
-    ".bin": read_waveform,
-    ".wvf": paired_files.read_wvf,
+    ".wfm": instruments.read_waveform,
+    ".trc": instruments.read_waveform,
+    ".isf": instruments.read_waveform,
+    ".bin": instruments.read_waveform,
+    ".wvf": instruments.read_wvf,
 }
 _KNOWN = (
     "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
@@ -50,7 +48,7 @@ _KNOWN = (
 
 def open_table(path: Path, decimal: str | None = None) -> Table:
     """Return the columns of a file. Raises MeasurementError and OSError."""
-    path = paired_files.numbers_of(path)
+    path = numbers_of(path)
     with open_regular(path) as file:
         start = file.read(1024)
     if not start:
@@ -58,15 +56,15 @@ def open_table(path: Path, decimal: str | None = None) -> Table:
     reader = next((reader for mark, reader in _BY_START if start.startswith(mark)), None)
     reader = reader or _BY_SUFFIX.get(path.suffix.lower())
     if reader is None and _WAVEFORM in start[:64]:
-        reader = read_waveform
+        reader = instruments.read_waveform
     if _YOKOGAWA_HEADER in start:
-        reader = paired_files.read_wvf
-    if start.startswith(_YOKOGAWA_SECRET) and reader is not paired_files.read_wvf:
+        reader = instruments.read_wvf
+    if start.startswith(_YOKOGAWA_SECRET) and reader is not instruments.read_wvf:
         raise MeasurementError(
             "the layout of Yokogawa's .wdf is not published; save it as .wvf or text (Xviewer does)"
         )
-    if is_octave(start):  # under any name
-        reader = read_octave
+    if arrays.is_octave(start):  # under any name
+        reader = arrays.read_octave
     if reader is not None:
         return reader(path)
     try:

@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files read by external libraries: LabVIEW's TDMS, universal files.
+"""Files read by external libraries: LabVIEW's TDMS, universal files, waveforms of oscilloscopes.
 
 A library is loaded when a file needs it; its errors become a MeasurementError.
+
+Oscilloscopes' own files (Rigol, Tektronix, LeCroy, Keysight, Siglent, R&S, ...) are read by
+RigolWFM, which takes every trace for volts over seconds. But a trace may also be a spectrum, a
+current or a length from the scope's mathematics, or a row of segments: so the units of its axes are
+read here. Two makers write pairs. Rohde & Schwarz: ``X.bin`` describes ``X.Wfm.bin`` in XML.
+Yokogawa: ``X.hdr`` describes ``X.wvf`` (manual IM 707713-61E); RigolWFM keeps four traces of the
+first group, here all are read, with units, and samples beyond the range are gaps.
 """
 
 from __future__ import annotations
@@ -14,11 +21,12 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
-from stickslip_ros.opening import Allowance, ReadError
+from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementError, Table
+from stickslip_ros.opening import Allowance, ReadError, open_regular
 
 #: Characters of a library's message that are shown.
 _LONGEST = 160
@@ -28,6 +36,14 @@ _EVEN = 1e-3
 _SPECIFIC_TIME, _SPECIFIC = 17, {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
 #: Placeholder for no text in a universal file.
 _NO_TEXT = ("", "NONE")
+#: Bytes at the start of an oscilloscope's file that hold its header.
+_HEAD = 65536
+#: Keysight's numbers of units.
+_KEYSIGHT = {1: "V", 2: "s", 4: "A", 5: "dB", 6: "Hz"}
+#: Start of the names of Rohde & Schwarz's units, and end of the names of its samples.
+_RS_UNIT, _RS_SAMPLES = "eRS_UNIT_", ".wfm.bin"
+#: How Yokogawa's files begin that have the scope's own settings before and behind the samples.
+_OWN = b"%WDF"
 
 
 def library(module: str, what: str, package: str = "") -> Any:
@@ -66,14 +82,25 @@ def asking(kind: str) -> Iterator[None]:
             ) from None
 
 
-def even_clock(times: Any) -> Clock:
-    """Return the clock of even times. Raises MeasurementError."""
-    steps = np.diff(times)
+def _even_clock(times: Any, stated: float = 0.0) -> Clock:
+    """Return the clock of even times, with the step (s) that the file states, if it does.
+
+    For some scopes the library spreads the times over the whole record, from its start to its
+    end, which makes the step longer by a part in the count of samples. Raises MeasurementError if
+    times are not even, or both steps differ by more.
+    """
+    steps, start = np.diff(times), float(times[0])
     step = float((times[-1] - times[0]) / (len(times) - 1))
     rounding = 4.0 * float(np.spacing(np.abs(times).max()))
     if not step > 0.0 or float(np.abs(steps - step).max()) > _EVEN * step + rounding:
         raise MeasurementError("its waveform has no even times; export it as text")
-    return Clock(float(times[0]), step)
+    if not 0.0 < stated < math.inf:
+        return Clock(start, step)
+    if abs(step / stated - 1.0) > 2.0 / len(times):
+        raise MeasurementError(f"its times are {step:g} s apart, but it states {stated:g} s")
+    single = np.float32(stated)
+    # A number stored with seven digits means the shortest number that gives them.
+    return Clock(start, float(str(single)) if float(single) == stated else stated)
 
 
 def read_tdms(path: Path) -> Table:
@@ -87,10 +114,11 @@ def read_tdms(path: Path) -> Table:
     finally:
         console.setStream(before)
     faults = said.getvalue().splitlines()[:1]
-    return Table.of(found, tuple(f"its TDMS is damaged: {text[:_LONGEST]}" for text in faults))
+    notes = tuple(f"its TDMS is damaged: {text[:_LONGEST]}" for text in faults)
+    return Table.of(found, notes=notes)
 
 
-def _channels(file: Any, allowance: Allowance) -> Iterator[Named]:
+def _channels(file: Any, allowance: Allowance) -> Iterator[Column]:
     """Yield the channels that hold numbers or dates."""
     for channel in (channel for group in file.groups() for channel in group.channels()):
         if len(channel) < 2:
@@ -104,13 +132,13 @@ def _channels(file: Any, allowance: Allowance) -> Iterator[Named]:
             step = float(facts.get("wf_increment", 0.0))
             clock = Clock(float(facts.get("wf_start_offset", 0.0)), step)
             known = clock if 0.0 < step < math.inf else None
-            yield f"{channel.group_name}/{channel.name}", unit, values, known
+            yield Column(f"{channel.group_name}/{channel.name}", unit, known, values)
 
 
 def read_uff(path: Path) -> Table:
     """Return the functions of time in a universal file. Raises MeasurementError and OSError."""
     pyuff = library("pyuff", "universal files")
-    found: list[Named] = []
+    found: list[Column] = []
     with asking("universal file"):
         file = pyuff.UFF(str(path))
         kinds = np.atleast_1d(file.get_set_types())
@@ -119,7 +147,7 @@ def read_uff(path: Path) -> Table:
     return Table.of(found)
 
 
-def _function(data: Any) -> Iterator[Named]:
+def _function(data: Any) -> Iterator[Column]:
     """Yield a data set 58 that is a real function of time."""
     values = np.asarray(data["data"])
     if int(data.get("num_pts", len(values))) != len(values):
@@ -143,7 +171,144 @@ def _function(data: Any) -> Iterator[Named]:
     name = text("id1") or f"set {data.get('rsp_node', 0)}"
     seconds = unit_t is None or unit_t.upper() in ("S", "SEC", "SECONDS")
     if seconds and int(data.get("abscissa_spacing", 1)) == 1:
-        yield name, unit, values, even_clock(times)
+        yield Column(name, unit, _even_clock(times), values)
     else:
-        yield f"{name} time", "s" if seconds else unit_t, times, None
-        yield name, unit, values, None
+        yield Column(f"{name} time", "s" if seconds else unit_t, None, times)
+        yield Column(name, unit, None, values)
+
+
+def read_waveform(path: Path) -> Table:
+    """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError."""
+    wfm = library("RigolWFM.wfm", "waveforms of oscilloscopes", "RigolWFM")
+    if path.name.lower().endswith(_RS_SAMPLES):
+        described = path.with_name(f"{path.name[: -len(_RS_SAMPLES)]}.bin")
+        if not described.is_file():
+            raise MeasurementError(f"its {described.name}, which describes it, is not beside it")
+        path = described
+    with open_regular(path) as file:
+        head = file.read(_HEAD)
+    found: list[Column] = []
+    with asking("waveform"):
+        along, value, segments = _axes(path, head)
+        if along is not None and along.lower() not in ("", "s", "sec", "second"):
+            raise MeasurementError(f"its waveform is over {along}, not over time")
+        if segments > 1:
+            raise MeasurementError(
+                f"its waveform has {segments} segments with gaps between them; export one as text"
+            )
+        for channel in wfm.Wfm.from_file(str(path)).channels:
+            if not channel.enabled or channel.volts is None or channel.times is None:
+                continue
+            times, volts = np.asarray(channel.times), np.asarray(channel.volts)
+            if volts.ndim == 1 and len(volts) > 1 and len(times) == len(volts):
+                unit = {"v": "V", "a": "A", "w": "W"}.get(str(channel.unit.name).lower())
+                clock = _even_clock(times, float(channel.seconds_per_point))
+                found.append(Column(channel.name, value or unit, clock, volts))
+    return Table.of(found)
+
+
+def _axes(path: Path, head: bytes) -> tuple[str | None, str | None, int]:
+    """Return the units of time and value, None where a file does not say, and its segments."""
+    if b":CURV" in head:  # Tektronix's .isf: keys with values, long or short
+        pairs = (
+            one.split(None, 1) for one in head.partition(b":CURV")[0].decode("latin-1").split(";")
+        )
+        facts = {one[0].rpartition(":")[2]: one[1].strip(' "') for one in pairs if len(one) == 2}
+        return facts.get("XUNIT", facts.get("XUN")), facts.get("YUNIT", facts.get("YUN")), 1
+    if b"WAVEDESC" in head:
+        start = head.index(b"WAVEDESC")
+        version = "1_0" if head[start + 16 :].startswith(b"LECROY_1_0") else "2_3"
+        order = "le" if head[start + 34] == 1 else "be"
+        said = _parse(f"lecroy_{version}_{order}_trc", path, start).wavedesc
+        return _text(said.hor_unit), _text(said.vert_unit), int(said.subarray_count)
+    if head[3:7] == b"WFM#":
+        version = "001" if head[3:10] == b"WFM#001" else "002"
+        order = "le" if head[:1] == b"\x0f" else "be"
+        said = _parse(f"tektronix_wfm_{version}_{order}_wfm", path)
+        along, value = said.wfm_header.imp_dim1.units, said.wfm_header.exp_dim1.units
+        return _text(along), _text(value), int(getattr(said, "n_frames", 1) or 1)
+    if head[:2] == b"AG":
+        waves = _parse("agilent_agxx_bin", path).waveforms
+        units = {int(one.wfm_header.x_units) for one in waves}
+        return " and ".join(_KEYSIGHT.get(one, "") for one in sorted(units)), None, 1
+    if head.startswith(b"<?xml"):
+        return None, _unit_described(path), 1
+    return None, None, 1
+
+
+def _parse(module: str, path: Path, start: int = 0) -> Any:
+    """Return the parts of a file, from a byte on, as the library's description has them."""
+    from kaitaistruct import KaitaiStream  # comes with the library
+
+    part = importlib.import_module(f"RigolWFM.{module}")
+    name = module.replace("_", "")
+    kind = next(value for key, value in vars(part).items() if key.lower() == name)
+    with path.open("rb") as file:
+        file.seek(start)
+        return kind(KaitaiStream(io.BytesIO(file.read())))
+
+
+def _text(raw: bytes) -> str | None:
+    return raw.split(b"\0")[0].decode("latin-1").strip() or None
+
+
+def _unit_described(path: Path) -> str:
+    """Return the unit of samples that Rohde & Schwarz describe. Raises MeasurementError."""
+    facts = {one.get("Name"): one.attrib for one in ElementTree.parse(path).iter("Prop")}
+    names = {facts.get("BaseUnit", {}).get("Value", "")}
+    if facts.get("MultiChannelExport", {}).get("Value", "").endswith("_ON"):
+        states, units = facts["MultiChannelExportState"], facts["MultiChannelViewUnit"]
+        chosen = [key for key, state in states.items() if state.endswith("_ON")]
+        names = {units.get(key, "") for key in chosen}
+    if len(names) != 1:
+        raise MeasurementError("its channels have different units; export one channel")
+    return names.pop().removeprefix(_RS_UNIT).removeprefix("LEVEL_")
+
+
+def read_wvf(path: Path) -> Table:
+    """Return the traces of Yokogawa's pair, given either file. MeasurementError and OSError."""
+    layouts = library("RigolWFM.yokogawa_hdr", "waveforms of oscilloscopes", "RigolWFM")
+    described, samples = _beside(path, ".hdr"), _beside(path, ".wvf")
+    found: list[Column] = []
+    with asking("Yokogawa waveform"):
+        header, content = layouts.parse_hdr(str(described)), samples.read_bytes()
+        traces = [(g, k, one) for g, group in enumerate(header.groups)
+                  for k, one in enumerate(group.traces)]  # fmt: skip
+        blocks = max((group.block_number for group in header.groups), default=1)
+        if blocks > 1:
+            raise MeasurementError(
+                f"its waveform has {blocks} blocks with gaps between them; export one as text"
+            )
+        expected = header.data_offset + sum(
+            one.block_size * one.v_data_type.byte_num for _, _, one in traces
+        )
+        size = len(content)
+        if size < expected or (size > expected and not content.startswith(_OWN)):
+            raise MeasurementError(
+                f"its waveform takes {expected} bytes, but {samples.name} has {size}: it is damaged"
+            )
+        for g, k, trace in traces:
+            kind = trace.v_data_type
+            if kind.is_logic or trace.h_unit != "s" or trace.block_size < 2:
+                continue
+            form = f"{header.byte_order}{kind.numpy_dtype}"
+            place = layouts.wvf_byte_offset(header, g, k, 0)
+            raw = np.frombuffer(content, form, trace.block_size, place)
+            values = trace.v_resolution * raw.astype(np.float64) + trace.v_offset
+            for code in (trace.v_illegal, trace.v_plus_over, trace.v_minus_over):
+                if code is not None:
+                    # A header may state the code of 16 bits without its sign.
+                    values[(raw == code) | (raw == code - (1 << 8 * raw.itemsize))] = np.nan
+            clock = Clock(trace.h_offset, trace.h_resolution)
+            found.append(Column(trace.name, trace.v_unit, clock, values))
+    return Table.of(found)
+
+
+def _beside(path: Path, suffix: str) -> Path:
+    """Return the file of that suffix, of the same name. Raises MeasurementError."""
+    if path.suffix.lower() == suffix:
+        return path
+    for one in (suffix, suffix.upper()):
+        if path.with_suffix(one).is_file():
+            return path.with_suffix(one)
+    raise MeasurementError(f"its {path.stem}{suffix} is not beside it; copy both")

@@ -52,26 +52,13 @@ def splitter(delimiter: str | None, quoted: bool) -> Callable[[str], list[str]]:
     return lambda line: [cell.strip() for cell in line.split(delimiter)]
 
 
-def with_point(cell: str, decimal: str, grouped: bool = False) -> str:
-    """Return a cell with a decimal point and without signs of thousands."""
-    if grouped:
-        cell = cell.replace("," if decimal == "." else ".", "")
-    return cell.replace(",", ".") if decimal == "," else cell
-
-
-def is_number(cell: str, decimal: str, grouped: bool = False) -> bool:
-    """Return whether a cell is a number in the spelling of the table."""
-    if grouped:
-        swapped = cell.translate({44: 46, 46: 44}) if decimal == "," else cell
-        if _GROUPED.fullmatch(swapped):
-            return True
-        cell = swapped if decimal == "," else cell
-        return "," not in cell and _NUMBER.fullmatch(cell) is not None
+def number_text(cell: str, decimal: str, grouped: bool = False) -> str | None:
+    """Return a number as Python writes it, None if a cell is none in the spelling of the table."""
     if decimal == ",":
-        if "." in cell:
-            return False
-        cell = cell.replace(",", ".")
-    return _NUMBER.fullmatch(cell) is not None
+        cell = cell.translate({44: 46, 46: 44})  # commas and points swapped
+    if grouped and _GROUPED.fullmatch(cell):
+        cell = cell.replace(",", "")
+    return cell.lower().replace("d", "e") if _NUMBER.fullmatch(cell) else None
 
 
 def is_gap(cell: str) -> bool:
@@ -86,11 +73,10 @@ def is_stamp(cell: str) -> bool:
 
 def value_of(cell: str, decimal: str, grouped: bool) -> float:
     """Return the number in a cell, nan for a gap. Raises ValueError."""
-    if not is_number(cell, decimal, grouped):
-        if is_gap(cell):
-            return math.nan
+    text = number_text(cell, decimal, grouped)
+    if text is None and not is_gap(cell):
         raise ValueError(cell)
-    return float(with_point(cell, decimal, grouped).replace("d", "e").replace("D", "e"))
+    return math.nan if text is None else float(text)
 
 
 class Stamps:
@@ -183,7 +169,7 @@ class Layout:
         """Return a letter for the kind of each cell."""
 
         def kind(cell: str) -> str:
-            if is_number(cell, self.decimal, self.grouped):
+            if number_text(cell, self.decimal, self.grouped):
                 return "n"
             return "s" if is_stamp(cell) else "e" if is_gap(cell) else "w"
 
@@ -243,18 +229,15 @@ def lines_text(line: str, delimiter: str | None) -> str:
 def _decimals(cells: Sequence[str], delimiter: str | None, quoted: bool) -> tuple[str, ...]:
     if delimiter == "," and not quoted:
         return (".",)
-    both = [cell for cell in cells if "," in cell and "." in cell]
-    if any(is_number(cell, ".", True) for cell in both):
+    if any("." in cell and number_text(cell, ".", True) for cell in cells if "," in cell):
         return (".",)
     return (",", ".") if any("," in cell for cell in cells) else (".",)
 
 
 def _is_grouped(cells: Sequence[str], decimal: str) -> bool:
     sign = "," if decimal == "." else "."
-    return any(
-        sign in cell and is_number(cell, decimal, True) and not is_number(cell, decimal)
-        for cell in cells
-    )
+    return any(number_text(cell, decimal, True) and not number_text(cell, decimal)
+               for cell in cells if sign in cell)  # fmt: skip
 
 
 def _first(lines: Sequence[str], found: Layout, rows: dict[int, str]) -> int:

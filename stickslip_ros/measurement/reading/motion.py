@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 _FEWEST = 16
 #: Times from here on (s) count from the first one: they are dates.
 _DATES = 1e8
+#: Steps of the time are this many times as large as the last digit that a number holds.
+_GRAINS = 8.0
 #: No actuator deflects by more (m): its unit is another one.
 _WIDEST_LOOP = 0.01
 #: Share of times that are like the one before them where times are rounded.
@@ -130,8 +132,7 @@ def _read(
     if how.rate and TIME not in quantities:
         chosen.pop("t", None)
     clock = _clock(table, chosen, how)
-    wanted = [replace(c, shifted=key == "t") for key, c in chosen.items()]
-    loaded = table.load(wanted)
+    loaded = table.load(list(chosen.values()))
     values = dict(zip(chosen, loaded.values, strict=True))
     lengths = {len(one) for one in values.values()}
     if len(lengths) > 1:
@@ -155,7 +156,14 @@ def _read(
             else "it holds no numbers"
         )
     if "t" in values:
-        values["t"] = _in_order(values["t"], places, loaded, chosen, notes)
+        t = values["t"]
+        steps = float(t[-1] - t[0]) / max(len(t) - 1, 1)
+        if t[0] > _DATES and 0.0 <= steps < _GRAINS * float(np.spacing(t[0])):
+            raise MeasurementError(
+                f"times such as {t[0]:.17g} have more digits than a number holds; take the first "
+                "one from all of them, or give the samples per second with --rate"
+            )
+        values["t"] = _in_order(t, places, loaded, chosen, notes)
     for key in values.keys() & chosen.keys():
         if chosen[key].factor != 1.0:
             values[key] = chosen[key].factor * values[key]

@@ -99,7 +99,7 @@ class Preamble:
             if kind in "ns":
                 clock = own or self.clock
                 columns.append(
-                    Column(k + 1, name, unit, clock, stamped=kind == "s", alone=bool(own))
+                    Column(name, unit, clock, number=k + 1, stamped=kind == "s", alone=bool(own))
                 )
         return columns
 

@@ -11,8 +11,9 @@ A unit is a prefix and a name, such as ``nm``, ``µs``, ``mV``, ``Volt``, ``seco
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,8 +142,6 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
     return text, None
 
 
-#: What one column of an array in memory is: name, unit, values (samples,), clock.
-Named = tuple[str, str | None, NDArray[np.float64], "Clock | None"]
 #: Characters of a name in a message.
 LONGEST_NAME = 60
 #: Decimal logarithms of the largest number that is one, and of the farthest way to the next.
@@ -169,14 +168,14 @@ class Clock:
 class Column:
     """One column of a table."""
 
-    number: int  #: from 1
     name: str  #: without its unit; empty if it has none
     unit: str | None = None  #: as the file has it
     clock: Clock | None = None  #: of its samples, where the file states it
+    values: NDArray[Any] | None = field(default=None, compare=False)  #: where they are in memory
+    number: int = 0  #: from 1
     length: int | None = None  #: samples, where that is known before reading
     stamped: bool = False  #: holds dates or times of the day, read as seconds
     alone: bool = False  #: its clock is not that of a column of times beside it
-    shifted: bool = False  #: times may count from the first one, to keep their last digits
     factor: float = 1.0  #: to the SI unit, of a column that is chosen for a quantity
 
     def __str__(self) -> str:
@@ -216,22 +215,29 @@ class Table:
     notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, arrays: Sequence[Named], notes: tuple[str, ...] = ()) -> Table:
-        """Return a table of arrays in memory. Raises MeasurementError if there are none."""
-        if not arrays:
+    def of(
+        cls, columns: Iterable[Column], clock: Clock | None = None, notes: tuple[str, ...] = ()
+    ) -> Table:
+        """Return a table of columns in memory, whose names may end in units.
+
+        clock is that of columns without one. Raises MeasurementError if there are no columns.
+        """
+        held = []
+        for number, one in enumerate(columns, 1):
+            name, unit = name_and_unit(one.name) if one.unit is None else (one.name, one.unit)
+            length = None if one.values is None else len(one.values)
+            held.append(replace(one, number=number, name=name, unit=unit, length=length,
+                                clock=one.clock or clock))  # fmt: skip
+        if not held:
             raise MeasurementError("it holds no columns of numbers over time")
-        columns = [
-            Column(number, name, unit, clock, len(values))
-            for number, (name, unit, values, clock) in enumerate(arrays, 1)
-        ]
 
         def load(wanted: Sequence[Column]) -> Loaded:
-            chosen = [np.asarray(arrays[column.number - 1][2], np.float64) for column in wanted]
+            chosen = [np.asarray(column.values, np.float64) for column in wanted]
             for column, values in zip(wanted, chosen, strict=True):
                 _check(column, values)
             return Loaded(chosen)
 
-        return cls(columns, load, notes=notes)
+        return cls(held, load, notes=notes)
 
     def described(self, most: int = 12) -> str:
         """Return a line for each of the first columns: number, name, unit, samples, step."""

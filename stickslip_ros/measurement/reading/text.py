@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Delimited text as a table, packed or not, in whatever encoding it is.
 
-It is laid out, named, and refused where it may be read in two ways.
+It is laid out, named, and refused where it may be read in two ways. NumPy reads a block of lines at
+once. A block that it cannot read, or that does not have as many separators as its rows have, is
+read line by line: rows with words are left out and counted.
+
+Rohde & Schwarz write pairs: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header.
+With one column more than channels were exported, the first is the time; otherwise the description
+gives the time of the first sample and the step.
 """
 
 from __future__ import annotations
@@ -14,17 +20,32 @@ import re
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
-from stickslip_ros.measurement.reading import paired_files
-from stickslip_ros.measurement.reading.layout import Layout, is_number, lines_text
+from stickslip_ros.measurement.reading.layout import (
+    Layout,
+    Stamps,
+    is_comment,
+    lines_text,
+    number_text,
+    value_of,
+)
 from stickslip_ros.measurement.reading.preamble import Preamble
-from stickslip_ros.measurement.reading.rows import Rows
-from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table, Unit
-from stickslip_ros.opening import Allowance, open_regular
+from stickslip_ros.measurement.reading.table import (
+    Clock,
+    Column,
+    Loaded,
+    MeasurementError,
+    Table,
+    Unit,
+)
+from stickslip_ros.opening import Allowance, ReadError, open_regular
 
 #: Characters that the form of a table is found from, and that are read at once.
 _SAMPLE, _BLOCK = 2_000_000, 8_000_000
@@ -45,6 +66,14 @@ _ENCODINGS = {
 _CONTROLS = bytes([*range(1, 9), *range(14, 27), *range(28, 32)])
 #: Faults of packed files.
 UNPACKING = (EOFError, zlib.error, lzma.LZMAError)
+#: Lines that are read one by one where a block cannot be read at once.
+_SINGLY = 500
+#: Share of rows that may be words before the table is taken for something else.
+_MOST_WORDS = 0.1
+#: A block has a number in a form that NumPy does not read.
+_ODD = ('"', "#", "%", "(", "[", "d", "D", "∞")
+#: End of the name of Rohde & Schwarz's numbers; bytes of their description at most.
+_NUMBERS, _DESCRIPTION = ".wfm.csv", 1_000_000
 _WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?\s*(?P<unit>[^\W\d]\S*)")
 
 
@@ -155,7 +184,7 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
         shown = preview_of(lines, 0)
         raise MeasurementError(f"{error}{shown and f'; it begins:{chr(10)}{shown}'}") from None
     preamble = Preamble.of(lines, layout)
-    paired_files.add_description(path, layout, preamble)
+    _add_description(path, layout, preamble)
     _check_units(lines, layout)
     _check_commas(lines, layout, decimal)
 
@@ -166,6 +195,186 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
         return rows.loaded()
 
     return Table(preamble.columns(layout), load, preview_of(lines, layout.first))
+
+
+class Rows:
+    """Reads the wanted columns of lines as they come."""
+
+    def __init__(self, layout: Layout, wanted: Sequence[Column], lines: Sequence[str]) -> None:
+        """lines are the first ones of the file, which show the form of its rows."""
+        self._layout, self._wanted = layout, wanted
+        self._stamps = [Stamps() for _ in wanted]
+        begin = [line for line in lines[layout.first : layout.first + 500] if line.strip()]
+        marks = [line.count(layout.delimiter) for line in begin] if layout.delimiter else []
+        #: Separators that nearly every row has.
+        self._marks = max(set(marks), key=marks.count) if marks else 0
+        self._parts: list[list[NDArray[Any]]] = []
+        self._count = self._lines_seen = self._words = 0
+        self._first_word = ""
+        self._breaks: list[int] = []
+        self._no_rows: list[int] = []  # lines from the first row on that are none
+        self._lengths: list[int] = []  # of the last lines
+
+    def add(self, lines: list[str], last: bool) -> None:
+        """Read further lines; the last one of all may be cut off."""
+        skip = max(0, self._layout.first - self._lines_seen)
+        self._take(lines[skip:], self._lines_seen + skip, last)
+        self._lines_seen += len(lines)
+
+    def loaded(self) -> Loaded:
+        """Return the table. Raises MeasurementError if too many lines are words."""
+        if self._words > _MOST_WORDS * max(self._count, 10):
+            raise MeasurementError(
+                f"{self._words} of {self._words + self._count} lines are no rows of numbers, first "
+                f"{self._first_word}; remove them, or export a table of numbers"
+            )
+        values = []
+        for k in range(len(self._wanted)):
+            values.append(np.concatenate([part[k] for part in self._parts] or [np.empty(0)]))
+            for part in self._parts:
+                part[k] = np.empty(0)  # its memory is needed
+        notes = []
+        if self._words:
+            rows = "1 line is" if self._words == 1 else f"{self._words} lines are"
+            notes.append(f"{rows} left out, not being numbers: {self._first_word}")
+        return Loaded(values, self._place, tuple(notes), tuple(self._breaks))
+
+    def _place(self, row: int) -> str:
+        """Return the place of a row in the file, for people."""
+        line = self._layout.first + row
+        for other in self._no_rows:
+            if other > line:
+                break
+            line += 1
+        return f"line {line + 1}"
+
+    def _take(self, lines: list[str], number: int, last: bool) -> None:
+        """Read lines, the first of them with an index in the file."""
+        values = None if last else self._at_once(lines)
+        if values is None and len(lines) > _SINGLY:  # most of them are as they should be
+            middle = len(lines) // 2
+            self._take(lines[:middle], number, False)
+            self._take(lines[middle:], number + middle, last)
+            return
+        if values is None:
+            rows = self._one_by_one(lines, number, last)
+            values = list(np.array(rows, np.float64).reshape(len(rows), len(self._wanted)).T)
+        self._parts.append([np.ascontiguousarray(column, np.float64) for column in values])
+        self._count += len(values[0])
+        self._lengths = [len(line) for line in lines[-200:] if line] or self._lengths
+
+    def _at_once(self, lines: list[str]) -> list[NDArray[Any]] | None:
+        """Return the columns of lines that are rows like all others, None if they are not."""
+        layout, mark, block = self._layout, self._layout.delimiter, "\n".join(lines)
+        if not lines or layout.grouped or any(column.stamped for column in self._wanted):
+            return None
+        if any(odd in block for odd in _ODD) or (
+            mark is not None and block.count(mark) != len(lines) * self._marks
+        ):
+            return None
+        if layout.decimal == ",":
+            if "." in block:
+                return None
+            block = block.replace(",", ".")
+        wanted = [column.number - 1 for column in self._wanted]
+        if mark is None:  # all are read, so that rows of another width are seen
+            rows = _load(block, None, None)
+            return None if rows is None or rows.shape != (len(lines), len(layout.kinds)) else list(
+                rows.T[wanted])  # fmt: skip
+        rows = _load(block, mark, wanted)
+        if rows is None:  # empty cells are gaps
+            edge = re.escape(mark)
+            gap = re.compile(rf"(^|{edge})(?=[ ]*(?:{edge}|$))", re.MULTILINE)
+            rows = _load(gap.sub(r"\1nan", block), mark, wanted)
+        return None if rows is None or len(rows) != len(lines) else list(rows.T)
+
+    def _one_by_one(self, lines: list[str], number: int, last: bool) -> list[list[float]]:
+        """Return rows; lines of words are counted."""
+        rows: list[list[float]] = []
+        for index, line in enumerate(lines, start=number):
+            if not line.strip() or is_comment(line.strip()):
+                self._no_rows.append(index)
+                continue
+            text = lines_text(line, self._layout.delimiter)
+            row = self._row(self._layout.split(text.split(" #")[0] if " #" in text else text))
+            if row is None or (last and len(line) < min(self._lengths, default=0)):
+                self._words += 1
+                self._no_rows.append(index)
+                self._breaks.append(self._count + len(rows))
+                self._first_word = self._first_word or (
+                    f"line {index + 1} ({' '.join(line.split())[:40]!r})"
+                )
+                continue
+            rows.append(row)
+        return rows
+
+    def _row(self, row: list[str]) -> list[float] | None:
+        """Return the wanted numbers of a row, None if it is none."""
+        layout = self._layout
+        width = len(layout.kinds)
+        if len(row) != width:
+            if layout.delimiter is None or any(row[width:]):
+                return None
+            row = row[:width] + [""] * (width - len(row))
+        try:
+            return [
+                stamps.seconds(row[column.number - 1])
+                if column.stamped
+                else value_of(row[column.number - 1], layout.decimal, layout.grouped)
+                for column, stamps in zip(self._wanted, self._stamps, strict=True)
+            ]
+        except (ValueError, OverflowError):
+            return None
+
+
+def _load(block: str, mark: str | None, wanted: list[int] | None) -> NDArray[Any] | None:
+    """Return the wanted columns of lines, None if there are words in them."""
+    try:
+        return np.loadtxt(block.split("\n"), delimiter=mark, usecols=wanted, comments=None, ndmin=2)
+    except ValueError:
+        return None
+
+
+def numbers_of(path: Path) -> Path:
+    """Return the file with the numbers: path itself, or the file that it describes."""
+    if path.suffix.lower() == ".csv" and not path.name.lower().endswith(_NUMBERS):
+        partner = path.with_name(f"{path.name[:-4]}.Wfm.csv")
+        if partner.is_file():
+            return partner
+    return path
+
+
+def _add_description(path: Path, layout: Layout, preamble: Preamble) -> None:
+    """Add what Rohde & Schwarz's description beside the numbers says, if there is one."""
+    if not path.name.lower().endswith(_NUMBERS) or any(preamble.names):
+        return
+    try:
+        with open_regular(
+            path.with_name(f"{path.name[: -len(_NUMBERS)]}.csv"), _DESCRIPTION
+        ) as file:
+            text = file.read().decode("utf-8", "replace")
+    except (OSError, ReadError):
+        return
+    pairs = (line.partition(":")[::2] for line in text.splitlines())
+    facts = {key: value.rstrip(":").split(":") for key, value in pairs}
+    if "XStart" not in facts or "SignalResolution" not in facts:
+        return
+    names, units = facts.get("Source", [""])[:1], facts.get("BaseUnit", [""])[:1]
+    if facts.get("MultiChannelExport", ["Off"])[0] == "On":
+        rows = (facts.get(f"MultiChannel{key}", [])[1:]
+                for key in ("ExportState", "Source", "ViewUnit"))  # fmt: skip
+        chosen = [row for row in zip_longest(*rows, fillvalue="") if row[0] == "On" and row[1]]
+        names, units = [row[1] for row in chosen], [row[2] for row in chosen]
+    width = len(layout.kinds)
+    if width == len(names) + 1:
+        preamble.names, preamble.units = ["time", *names], ["s", *(one or None for one in units)]
+    elif width == len(names):
+        preamble.names, preamble.units = names, [one or None for one in units]
+        # Of several acquisitions one after the other, nothing says when they were.
+        if facts.get("NumberOfAcquisitions", ["1"])[0] == "1":
+            start, step = float(facts["XStart"][0]), float(facts["SignalResolution"][0])
+            count = int(facts.get("SignalRecordLength", ["0"])[0]) or None
+            preamble.clock = Clock(start, step, count) if step > 0.0 else None
 
 
 def preview_of(lines: Sequence[str], first: int, count: int = 3) -> str:
@@ -218,7 +427,7 @@ def _check_commas(lines: Sequence[str], layout: Layout, decimal: str | None) -> 
         column = [row[k].lstrip("+-") for row in rows if k < len(row) and row[k]]
         with_comma = [cell for cell in column if "," in cell]
         without = [cell for cell in column if "," not in cell]
-        thousands = all(is_number(one, ".", True) and one[0] != "0" for one in with_comma)
+        thousands = all(number_text(one, ".", True) and one[0] != "0" for one in with_comma)
         if with_comma and without and thousands and all(len(cell) <= 3 for cell in without):
             raise MeasurementError(
                 f"column {k + 1}: is {with_comma[0]!r} a number with a decimal comma or one above "

