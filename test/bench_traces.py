@@ -69,6 +69,7 @@ class Drive:
     amplitude: float = 300.0  #: V
     direction: int = 1
     pause: float = 0.0  #: rest of the actuator before it, s
+    lag: float = 0.0  #: time constant of the amplifier, s; that of the first drive counts
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,22 @@ def _falls(axis: Axis, drive: Drive, ends: Array) -> Array:
     return np.asarray(settled[:, None] + np.linspace(0.0, swing, _LOOKS))
 
 
+def _behind_amplifier(
+    kinks: list[float], rates: list[float], longest: list[float], lag: float
+) -> tuple[list[float], list[float], list[float]]:
+    """Return straight pieces of u(t) behind a lag (s), each of its mean rate."""
+    edges, means, steps, left = [kinks[0]], [], [], 0.0
+    for begin, end, rate, step in zip(kinks, kinks[1:], rates, longest, strict=False):
+        fine = 0.1 * lag * np.arange(120)
+        since = np.append(fine[fine < 0.999 * (end - begin)], end - begin)
+        fades = (left - rate) * np.exp(-since / lag)
+        means += (rate - lag * np.diff(fades) / np.diff(since)).tolist()
+        edges += (begin + since[1:]).tolist()
+        steps += [step] * (len(since) - 1)
+        left = rate + float(fades[-1])
+    return edges, means, steps
+
+
 @lru_cache(maxsize=64)
 def _motion(
     axis: Axis, drives: tuple[Drive, ...], rest: float, rate: float, jitter: float, seed: int
@@ -205,6 +222,8 @@ def _motion(
     kinks.append(kinks[-1] + rest)
     rates.append(0.0)
     longest.append(_LONGEST)
+    if drives[0].lag:
+        kinks, rates, longest = _behind_amplifier(kinks, rates, longest, drives[0].lag)
     random = np.random.default_rng(seed)
     t = np.arange(0.0, kinks[-1], 1.0 / rate)
     if jitter:

@@ -55,7 +55,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     repeated(parser, "--prior", "NAME=MEAN:SD", text)
     text = "where a free parameter may lie, SI units (default: 10 times about its start)"
     repeated(parser, "--bounds", "NAME=LOW:HIGH", text)
-    flag(parser, "--fit-gain", "fit the gain of the sensor, too")
     parser.add_argument(
         "--fit-lag", action=argparse.BooleanOptionalAction, default=None,
         help="whether the amplifier may lag, so that intervals allow for it (default: if no "
@@ -65,7 +64,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     flag(parser, "--next", text, dest="suggest_next")
     text = "rank friction laws, all or those named, by how well they predict what was not fitted"
     option(parser, "--laws", "A,B", text, nargs="?", const="")
-    option(parser, "--seed", "N", "of the search (default: 1)", int, default=1)
     text = "write the parameters of the first run with the values found"
     option(parser, "--out", "FILE.yaml", text, Path)
     text = "data and fit, residuals, profiles, correlations, starts"
@@ -82,8 +80,6 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.pages.texts import fit_remarks, fit_sources
 
     check_outputs(args, args.out)
-    if args.seed < 0:
-        raise UsageError(f"--seed is {args.seed}; it has to be 0 or more")
     bounds = _pairs(args.bounds, "--bounds", "LOW:HIGH")
     priors = {name: Prior(*pair) for name, pair in _pairs(args.prior, "--prior", "MEAN:SD").items()}
     for name, prior in priors.items():
@@ -109,8 +105,7 @@ def run(args: argparse.Namespace) -> int:
     with report_compilation(), progress_bar(_PARTS, "identifying") as bar:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
-            fit_gain=args.fit_gain, fit_lag=args.fit_lag, suggest_next=args.suggest_next,
-            seed=args.seed, progress=partial(_show, bar),
+            fit_lag=args.fit_lag, suggest_next=args.suggest_next, progress=partial(_show, bar),
             say=lambda note: print(note, file=sys.stderr),
         )  # fmt: skip
     if args.out:

@@ -174,7 +174,7 @@ class CurveFit:
         left = (self.measured - seen.x) / self.deviation
         return np.nan_to_num(left, nan=CURVE.no_value), np.zeros((self.size, 0))
 
-    def projected(self, change: Array, seen: BinnedModel, basis: Array) -> Array:
+    def projected(self, change: Array, basis: Array) -> Array:
         """Return the change of the residuals for a change of the model, (size,) or (size, n)."""
         return np.asarray((np.nan_to_num(-change).T / self.deviation).T)
 

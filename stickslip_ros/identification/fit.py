@@ -78,7 +78,6 @@ class FittedRun:
     start: float  #: of the first step, by the clock of the measurement, s
     steps: int  #: sign: direction
     clock_drift: float  #: how much longer times of the measurement are, s/s
-    gain: float  #: of the sensor
     noise: float  #: standard deviation of one sample, m
     residual: float  #: root mean square of the residuals of the bins, m
     mains: tuple[float, ...]  #: frequencies of hum that were taken out, Hz
@@ -89,7 +88,7 @@ class FittedRun:
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers, SI units."""
-        keys = ("start", "steps", "clock_drift", "gain", "noise", "residual", "mains")
+        keys = ("start", "steps", "clock_drift", "noise", "residual", "mains")
         return {"measurement": self.source, **{key: getattr(self, key) for key in keys}}
 
 

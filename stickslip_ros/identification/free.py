@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,26 +61,20 @@ class FreeParameters:
 
     def with_lag(self, start: float = FREE.lag_start) -> FreeParameters:
         """Return these parameters and, as the last, the lag of the amplifier."""
-        ends = np.log(np.array([FREE.lag_low, FREE.lag_high]) + FREE.lag_knee)
-        return replace(
-            self,
-            names=(*self.names, LAG),
-            start=np.append(self.start, math.log(start + FREE.lag_knee)),
-            low=np.append(self.low, ends[0]),
-            high=np.append(self.high, ends[1]),
-            priors={**self.priors, LAG: Prior(0.0, FREE.lag_deviation)},
-        )
+        begin, low, high = np.log(np.array([start, FREE.lag_low, FREE.lag_high]) + FREE.lag_knee)
+        return FreeParameters(
+            (*self.names, LAG), np.append(self.start, begin), np.append(self.low, low),
+            np.append(self.high, high), {**self.priors, LAG: Prior(0.0, FREE.lag_deviation)},
+        )  # fmt: skip
 
     def without_lag(self) -> FreeParameters:
         """Return these parameters without the lag of the amplifier."""
         if LAG not in self.names:
             return self
-        cut = slice(0, -1)
-        return replace(
-            self, names=self.names[cut], start=self.start[cut], low=self.low[cut],
-            high=self.high[cut],
-            priors={name: one for name, one in self.priors.items() if name != LAG},
-        )  # fmt: skip
+        priors = {name: one for name, one in self.priors.items() if name != LAG}
+        return FreeParameters(
+            self.names[:-1], self.start[:-1], self.low[:-1], self.high[:-1], priors
+        )
 
     def prior_residuals(self, theta: Array) -> Array:
         """Return the differences of the values from their priors, in standard deviations."""
@@ -131,7 +125,19 @@ def free_parameters(
     bounds, priors = bounds or {}, priors or {}
     chosen = tuple(names) if names else default_names(sets)
     for name in chosen:
-        _check_name(sets, name)
+        row = parameter(name)
+        if row.kind is not float or not (row.group == "friction" or name in _OTHERS):
+            raise IdentificationError(
+                f"{name} cannot be free: it is no constant of the friction law and none of "
+                f"{', '.join(_OTHERS)}"
+            )
+        hidden, _, form = name.rpartition("_")  # as in sigma_0_slope
+        if form in ("slope", "offset") and any(
+            getattr(p.friction, hidden, None) is not None for p in sets
+        ):
+            raise IdentificationError(
+                f"{name} has no effect where {hidden} is set; take {hidden} out of the parameters"
+            )
     if len(set(chosen)) < len(chosen):
         raise IdentificationError(f"a parameter is named twice: {', '.join(chosen)}")
     for what, given in (("bounds", bounds), ("a prior", priors)):
@@ -154,25 +160,6 @@ def free_parameters(
         low[k], high[k] = math.log(least), math.log(most)
         start[k] = math.log(min(max(value, least), most))
     return FreeParameters(chosen, start, low, high, priors)
-
-
-def _check_name(sets: Sequence[Parameters], name: str) -> None:
-    row = parameter(name)
-    if row.kind is not float or not (row.group == "friction" or name in _OTHERS):
-        raise IdentificationError(
-            f"{name} cannot be free: it is no constant of the friction law and none of "
-            f"{', '.join(_OTHERS)}"
-        )
-    hidden = {
-        "sigma_0_slope": "sigma_0",
-        "sigma_0_offset": "sigma_0",
-        "z_ba_slope": "z_ba",
-        "z_ba_offset": "z_ba",
-    }.get(name)
-    if hidden and any(getattr(p.friction, hidden) is not None for p in sets):
-        raise IdentificationError(
-            f"{name} has no effect where {hidden} is set; take {hidden} out of the parameters"
-        )
 
 
 def starting_value(p: Parameters, name: str) -> float:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +58,6 @@ def identify(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, Prior] | None = None,
     curves: Sequence[tuple[Parameters | Mapping[str, object], Curve]] = (),
-    fit_gain: bool = False,
     fit_lag: bool | None = None,
     suggest_next: bool = False,
     laws: Sequence[str] = (),
@@ -75,7 +73,6 @@ def identify(
     :param bounds: lowest and highest value by name, SI units; None: a factor of 10 about the start.
     :param priors: priors of free parameters, by name.
     :param curves: tables of metrics, with the parameters of the drive that they were measured on.
-    :param fit_gain: whether to fit the gain of the sensor.
     :param fit_lag: whether the amplifier may lag (``amplifier_lag``, a time constant in s); None:
         where runs are measured and no set of parameters has an ``amplifier_bandwidth``. An ordinary
         lag of half a microsecond moves ``sigma_0ss`` by more than its interval.
@@ -91,19 +88,24 @@ def identify(
     """
     if not runs and not curves:
         raise IdentificationError("no measurement was given; give one run or curve at least")
-    _check_laws(laws, len(runs))
+    for name in laws:
+        if name not in RANKED_LAWS:
+            raise IdentificationError(
+                f"{name} is no law to rank; known are {', '.join(RANKED_LAWS)}"
+            )
+    if laws and not runs:
+        raise IdentificationError("laws are ranked by runs that they predict; give one (--run)")
     tables = [CurveFit(Parameters.of(p), curve) for p, curve in curves]
     sets = [Parameters.of(p) for p, _ in runs]
     sets += [p for table in tables for p in table.sets()]
     free = free_parameters(sets, fit, bounds, priors)
-    if fit_lag is None:
-        fit_lag = bool(runs) and _can_lag(sets)
-    if fit_lag:
-        if not _can_lag(sets):
-            raise IdentificationError(
-                "the parameters set amplifier_bandwidth, so a lag of the amplifier cannot be free; "
-                "leave it out, or fit no lag (--no-fit-lag)"
-            )
+    known_lag = any(p.actuator.amplifier_bandwidth is not None for p in sets)
+    if fit_lag and known_lag:
+        raise IdentificationError(
+            "the parameters set amplifier_bandwidth, so a lag of the amplifier cannot be free; "
+            "leave it out, or fit no lag (--no-fit-lag)"
+        )
+    if fit_lag or (fit_lag is None and runs and not known_lag):
         free = free.with_lag()
     for table in tables:
         for name in set(table.curve.varied) & set(free.names):
@@ -118,7 +120,7 @@ def identify(
     notes = [note for one in experiments for note in check_record(one)]
     for note in notes:
         say(note)
-    traces = [TraceFit(one, fit_gain) for one in experiments]
+    traces = [TraceFit(one) for one in experiments]
     work = _Work(traces, tables, free, seed, progress)
     found = replace(work.fit(suggest_next), notes=tuple(notes))
     if experiments and all(is_too_coarse(one, found.base) for one in experiments):
@@ -126,20 +128,6 @@ def identify(
     if not laws or not found.complete:
         return found
     return replace(found, laws=work.rank(laws, bounds or {}, priors or {}))
-
-
-def _check_laws(laws: Sequence[str], runs: int) -> None:
-    for name in laws:
-        if name not in RANKED_LAWS:
-            raise IdentificationError(
-                f"{name} is no law to rank; known are {', '.join(RANKED_LAWS)}"
-            )
-    if laws and not runs:
-        raise IdentificationError("laws are ranked by runs that they predict; give one (--run)")
-
-
-def _can_lag(sets: Sequence[Parameters]) -> bool:
-    return all(p.actuator.amplifier_bandwidth is None for p in sets)
 
 
 class _Work:
@@ -197,29 +185,29 @@ class _Work:
             model, more = RANKED_LAWS[name]
             self.progress(f"law {name}", k / len(laws), {})
             work: _Work | None = self
-            if self.traces[0].parameters.friction.model != model or set(more) - set(
-                self.free.names
-            ):
-                free_in = partial(free_of_law, more=more, bounds=bounds, priors=priors)
-                work = self._with_law(model, free_in)
+            own = self.traces[0].parameters.friction.model == model
+            if not own or set(more) - set(self.free.names):
+                work = self._with_law(model, more, bounds, priors)
             if work is not None and work.best is not None:
                 found.append(score_law(name, work.problem, work.best))
         return rank_laws(found)
 
     def _with_law(
-        self, model: str, free_in: Callable[[Sequence[Parameters]], FreeParameters]
+        self,
+        model: str,
+        more: Sequence[str],
+        bounds: Mapping[str, tuple[float, float]],
+        priors: Mapping[str, Prior],
     ) -> _Work | None:
         """Return the same measurements with another law at its optimum, None if it has none."""
         try:
-            traces = [
-                TraceFit(replace(one, parameters=with_law(one.parameters, model)), fit.gain)
-                for one, fit in zip(self.measured, self.traces, strict=True)
-            ]
+            traces = [TraceFit(replace(one, parameters=with_law(one.parameters, model)))
+                      for one in self.measured]  # fmt: skip
             tables = [CurveFit(with_law(one.parameters, model), one.curve) for one in self.tables]
         except ParameterError:
             return None
         sets = [one.parameters for one in traces] + [p for one in tables for p in one.sets()]
-        free = free_in(sets)
+        free = free_of_law(sets, more, bounds, priors)
         if LAG in self.free.names:
             free = free.with_lag()
         work = _Work(traces, tables, free, self.seed, _silent)
@@ -239,7 +227,12 @@ class _Work:
                 continue
             self._choose_variants()
             self._learn()
-            if self._excess() < DESCENT.too_much:
+            excess = [0.0]  # of residuals over the noise between neighbouring bins
+            for k, fit in self.problem.traces:
+                left = fit.unprojected(self.best.seen[k])
+                size = math.sqrt(float(np.mean(left**2 * fit.bins.count * fit.kept)))
+                excess.append(size / fit.bins.noise)
+            if max(excess) < DESCENT.too_much:
                 return
         if self.best is None:
             raise IdentificationError(
@@ -248,7 +241,6 @@ class _Work:
 
     def _search(self, attempt: int) -> None:
         """Descend from the results of a search; keep the best point."""
-
         plain = self.free.without_lag()
         # The search is without a lag.
         lag = self.free.start[len(plain.names) :]
@@ -260,8 +252,19 @@ class _Work:
         before = [fit.starts.copy() for fit in self.traces]
         found_members = search(self.traces, self.tables, plain, self.seed + attempt, searched)
         begins = [np.concatenate([one, lag]) for one in found_members]
-        self._rebase(before)
-        found = self._reset_noise(begins[0])
+        if self.best is not None:  # its clocks count from starts that may have moved
+            for k, (fit, old) in enumerate(zip(self.traces, before, strict=True)):
+                self.problem.clock(self.best.unknowns, k)[:-1] += (old - fit.starts) / CLOCK
+        # The noise may come from a wrong fit; hum is looked for in the residuals of the best point.
+        for fit in self.traces:
+            fit.forget_noise()
+        begun = self._place(begins[0])
+        if begun is not None:
+            for k, fit in self.problem.traces:
+                fit.look_for_hum(begun.seen[k])
+        found = []
+        if self.best is not None:
+            found = [self.problem.point_of(self.best.unknowns, self.best.seen)]
         placed = [(theta, self._place(theta)) for theta in begins]
         starts = [(theta, one) for theta, one in placed if one is not None]
 
@@ -273,12 +276,6 @@ class _Work:
         self.starts += [end.deviance for end in ends]
         self.best = min([*found, *ends], key=lambda one: one.deviance, default=None)
 
-    def _rebase(self, before: Sequence[Array]) -> None:
-        """Count the clocks of the best so far from starts that have moved."""
-        if self.best is not None:
-            for k, (fit, old) in enumerate(zip(self.traces, before, strict=True)):
-                self.problem.clock(self.best.unknowns, k)[:-1] += (old - fit.starts) / CLOCK
-
     def _place(self, theta: Array) -> Point | None:
         """Return the model laid over the measurements; None if it makes no contact."""
         unknowns = self.problem.begin(theta)
@@ -289,21 +286,6 @@ class _Work:
         except ParameterError:
             return None
         return self.problem.point(unknowns)
-
-    def _reset_noise(self, theta: Array) -> list[Point]:
-        """Reset the noise, which may come from a wrong fit; return the best point so far, if any.
-
-        Hum is searched for in the residuals of the best point.
-        """
-        for fit in self.traces:
-            fit.forget_noise()
-        begun = self._place(theta)
-        if begun is not None:
-            for k, fit in self.problem.traces:
-                fit.look_for_hum(begun.seen[k])
-        return (
-            [] if self.best is None else [self.problem.point_of(self.best.unknowns, self.best.seen)]
-        )
 
     def _choose_variants(self) -> None:
         """Choose the runs of the drive if the measurement does not show the rest about them."""
@@ -333,17 +315,6 @@ class _Work:
             begun = self.problem.point_of(self.best.unknowns, self.best.seen)
             self.best = descend(self.problem, begun, DESCENT.then)
             self._report("noise", (k + 1) / DESCENT.learnt, self.best.unknowns)
-
-    def _excess(self) -> float:
-        """Return the largest ratio of residuals to the noise between neighbouring bins."""
-        if self.best is None:
-            return math.inf
-        ratios = []
-        for k, fit in self.problem.traces:
-            left, _ = fit.unprojected(self.best.seen[k])
-            size = math.sqrt(float(np.mean(left**2 * fit.bins.count * fit.kept)))
-            ratios.append(size / fit.bins.noise)
-        return max(ratios, default=0.0)
 
     def _profiles(self) -> tuple[Profiler, list[Profile]]:
         for attempt in range(DESCENT.again + 1):
@@ -378,9 +349,12 @@ class _Work:
         correlations = {
             a: {b: float(matrix[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)
         } if matrix is not None else {}  # fmt: skip
+        free = self.free
+        if LAG in estimates and estimates[LAG].low is None:  # its interval does not exclude 0
+            free, theta = free.without_lag(), theta[:-1]
         return Fit(
             parameters=estimates,
-            base=self._base(theta, estimates),
+            base=free.applied(self.problem.fits[0].parameters, theta),
             correlations=correlations,
             unknown=tuple(profiler.unknown()) if profiler else (),
             runs=tuple(self._run(best, k) for k in range(len(self.traces))),
@@ -393,16 +367,9 @@ class _Work:
             complete=complete,
         )
 
-    def _base(self, theta: Array, estimates: Mapping[str, Estimate]) -> Parameters:
-        """Return the parameters found, with a lag only if its interval excludes 0."""
-        free, first = self.free, self.problem.fits[0].parameters
-        if LAG in estimates and estimates[LAG].low is None:
-            free, theta = free.without_lag(), theta[:-1]
-        return free.applied(first, theta)
-
     def _run(self, best: Point, k: int) -> FittedRun:
         fit, seen, clock = self.traces[k], best.seen[k], self.problem.clock(best.unknowns, k)
-        left, gain = fit.unprojected(seen)
+        left = fit.unprojected(seen)
         kept = fit.kept > 0.0
         scaled = left[kept] * np.sqrt(fit.bins.count[kept])
         return FittedRun(
@@ -410,7 +377,6 @@ class _Work:
             start=float(fit.starts[0] + CLOCK * clock[0]),
             steps=sum(run.steps for run in fit.experiment.runs),
             clock_drift=float(RATE * clock[-1]),
-            gain=gain,
             noise=float(np.sqrt(np.mean(scaled**2))),
             residual=float(np.sqrt(np.mean(left[kept] ** 2))),
             mains=fit.mains,

@@ -144,7 +144,7 @@ def _leave_out_runs(problem: Problem, best: Point) -> Iterator[tuple[int, Array,
         begun = alone.point(problem.clock(best.unknowns, k).copy())
         if begun is not None:
             end = descend(alone, begun, LAW.rounds)
-            yield k, own.unprojected(end.seen[0])[0], fit.bins.count
+            yield k, own.unprojected(end.seen[0]), fit.bins.count
 
 
 def _leave_out_cycles(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
@@ -160,4 +160,4 @@ def _leave_out_cycles(problem: Problem, best: Point) -> Iterator[tuple[int, Arra
         begun = without.point(best.unknowns)
         if begun is not None and out.any():
             end = descend(without, begun, LAW.rounds)
-            yield 0, own.unprojected(end.seen[0])[0][out], fit.bins.count[out]
+            yield 0, own.unprojected(end.seen[0])[out], fit.bins.count[out]

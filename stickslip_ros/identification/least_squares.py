@@ -92,9 +92,8 @@ class Problem:
     def derivatives(self, at: Point, changes: Sequence[Array]) -> Array:
         """Return the derivatives of the residuals for changes of each model, (residuals,)."""
         found = np.zeros(len(at.residuals))
-        own = zip(self.fits, changes, at.seen, at.bases, strict=True)
-        parts = [fit.projected(change, seen, basis) for fit, change, seen, basis in own]
-        changed = np.concatenate(parts)
+        own = zip(self.fits, changes, at.bases, strict=True)
+        changed = np.concatenate([fit.projected(change, basis) for fit, change, basis in own])
         found[: len(changed)] = changed
         return found
 
@@ -110,7 +109,7 @@ class Problem:
         for k, (fit, seen, basis) in enumerate(zip(self.fits, at.seen, at.bases, strict=True)):
             slopes = fit.clock_derivatives(seen, self.clock(at.unknowns, k))
             own = jacobian[row : row + fit.size, self._clocks[k]]
-            own[:] = fit.projected(slopes, seen, basis)
+            own[:] = fit.projected(slopes, basis)
             jacobian[last + k, self._clocks[k]][-1:] = fit.clock_weight
             row += fit.size
         return jacobian

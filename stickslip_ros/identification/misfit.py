@@ -47,7 +47,7 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
             if abs(run.steps) < MISFIT.fewest or np.count_nonzero(inside) < 10 * abs(run.steps):
                 continue
             white = best.residuals[rows][: len(inside)][inside]
-            left = fit.unprojected(best.seen[k])[0][inside]
+            left = fit.unprojected(best.seen[k])[inside]
             source, period = fit.experiment.motion.source, 1.0 / run.frequency
             within = _within_cycle(white, left, place[inside], period, problem.size, source)
             along = _along_run(white, left, place[inside], problem.size)

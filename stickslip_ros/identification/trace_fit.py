@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Residuals of a trace and a model, independent of errors of the sensor and its clock.
 
-Linear errors (zero, drift, gain of the sensor, hum of the mains) are projected out of the residuals
+Linear errors (zero and drift of the sensor, hum of the mains) are projected out of the residuals
 for every set of parameters: variable projection (Golub, Pereyra 1973), with the Jacobian of Kaufman
 (1975). The prior of the hum adds a residual for each of its columns (ridge regression). The starts
 of the runs and the rate of the clock are fitted. An autoregressive model of the noise whitens the
 residuals (Yule, Walker).
+
+A measurement shorter than some tenths of a second hardly distinguishes hum of 50 from 60 Hz, and
+does not show the error of the mains frequency. A wrong choice biases everything else that is
+fitted. So if there is hum, that of both mains is removed, with errors of their frequencies of some
+hundredths.
 """
 
 from __future__ import annotations
@@ -19,14 +24,87 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
-from stickslip_ros.identification.residual_hum import Hum, autocorrelation, hum_in
 from stickslip_ros.identification.settings import BINS, CURVE
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.hum import HARMONICS, MAINS, USUAL, hum_columns
 
 Array = NDArray[np.float64]
 
 #: Unit of the starts and of the rate of the clock in the search: s, s/s.
 CLOCK, RATE = 1e-6, 1e-5
+#: Significance of hum: ratio of the part that each of its columns explains to that of chance; lags
+#: for the correlation of neighbouring residuals.
+_CLEAR, _LAGS = 4.0, 12
+#: Prior standard deviation of the amplitudes in terms of the amplitude found; of the frequency, Hz.
+_TIMES, _OFF = 1.5, 0.05
+
+
+@dataclass(frozen=True)
+class Hum:
+    """Hum that a measurement has."""
+
+    mains: tuple[float, ...]  #: the mains that it is of, Hz
+    middle: float  #: of the measurement, s
+    widths: Array  #: standard deviation of the amplitude of each column beforehand, m, (columns,)
+
+    @classmethod
+    def of(cls, t: Array, left: Array, mains: tuple[float, ...]) -> Hum | None:
+        """Return the hum of some mains (Hz) in residuals (m) at times (s); None without mains."""
+        if not mains:
+            return None
+        columns = np.column_stack([np.ones_like(t), t - t.mean(), *hum_columns(t, mains)])
+        found = np.linalg.lstsq(columns, left, rcond=1e-3)[0][2:]
+        width = max(USUAL, _TIMES * float(np.abs(found).max()))
+        harmonics = np.repeat(np.arange(1.0, HARMONICS + 1.0), 2)
+        both = np.tile(width / harmonics, len(MAINS))
+        return cls(mains, float(t.mean()), np.concatenate([both, 2.0 * np.pi * _OFF * both]))
+
+    def columns(self, t: Array) -> list[Array]:
+        """Return the waves of all mains, and their change with the frequency, at times t (s)."""
+        waves = hum_columns(t, MAINS)
+        orders = np.tile(np.repeat(np.arange(1, HARMONICS + 1), 2), len(MAINS))
+        moved = [k * (t - self.middle) * wave for k, wave in zip(orders, waves, strict=True)]
+        return [*waves, *moved]
+
+
+def hum_in(t: Array, left: Array) -> tuple[float, ...]:
+    """Return the mains frequencies (Hz) of significant hum in residuals (m).
+
+    In a short measurement one frequency may fit most of the hum of the other; the second is
+    returned, too, if it is still significant after the first is removed.
+    """
+    place = (t - t.mean()) / np.ptp(t)
+    plain = [np.ones_like(t), place]
+    found: tuple[float, ...] = ()
+    while len(found) < len(MAINS):
+        others = [one for one in MAINS if one not in found]
+        sizes = [_standing_out(t, left, plain, one) for one in others]
+        best = int(np.argmax(sizes))
+        if not sizes[best] > _CLEAR:
+            break
+        found = (*found, others[best])
+        plain += hum_columns(t, (others[best],))
+    return found
+
+
+def _standing_out(t: Array, left: Array, plain: list[Array], frequency: float) -> float:
+    """Return the significance of a frequency (Hz) besides other columns: 1 is that of chance."""
+    known, _ = np.linalg.qr(np.column_stack(plain))
+    columns = np.column_stack([*plain, *hum_columns(t, (frequency,))])
+    basis, _ = np.linalg.qr(columns)
+    before = left - known @ (known.T @ left)
+    after = left - basis @ (basis.T @ left)
+    noise = float(after @ after) / max(len(t) - columns.shape[1], 1)
+    # Neighbouring residuals may go together: what their mean over a while leaves is chance.
+    size = float(before @ before - after @ after) / max(noise, 1e-40) / (2 * HARMONICS)
+    inflation = 1.0 + 2.0 * float(np.sum(np.maximum(autocorrelation(after, _LAGS)[1:], 0.0)))
+    return size / inflation
+
+
+def autocorrelation(left: Array, most: int) -> Array:
+    """Return the autocorrelation at lags from 0 to most, (most + 1,)."""
+    power = float(left @ left)
+    return np.array([float(left[: len(left) - k] @ left[k:]) / power for k in range(most + 1)])
 
 
 @dataclass(frozen=True)
@@ -52,13 +130,12 @@ class TraceFit:
     rate of the measurement's clock (in 1e-5), shape (runs + 1,).
     """
 
-    def __init__(self, experiment: Experiment, fit_gain: bool = False) -> None:
+    def __init__(self, experiment: Experiment) -> None:
         """Put the samples into bins."""
         self.experiment = experiment
         self.bins: Bins = Bins.of(experiment)
         self.noise = Noise(self.bins.noise, np.ones(1))
         self.hum: Hum | None = None
-        self.gain = fit_gain
         self.kept = np.ones(len(self.bins.t))
         self.starts = np.array([run.start for run in experiment.runs])
         self.clocks = len(self.starts) + 1
@@ -98,14 +175,11 @@ class TraceFit:
         x, v = self.experiment.simulation(parameters, starts).sample(times)
         return BinnedModel(self.bins.means(x), self.bins.means(v))
 
-    def columns(self, seen: BinnedModel) -> Array:
+    def columns(self) -> Array:
         """Return the columns of the linear errors, (bins, columns): those of the hum first."""
         t = self.bins.t
         place = (t - 0.5 * (t[0] + t[-1])) / (t[-1] - t[0])
-        found = [*(self.hum.columns(t) if self.hum else ()), np.ones_like(t), place]
-        if self.gain:
-            found.append(seen.x / max(float(np.ptp(seen.x)), 1e-15))
-        return np.column_stack(found)
+        return np.column_stack([*(self.hum.columns(t) if self.hum else ()), np.ones_like(t), place])
 
     def whitened(self, columns: Array) -> Array:
         """Return values or columns (bins,) or (bins, n) in units of the noise, whitened.
@@ -120,44 +194,39 @@ class TraceFit:
         found[: len(scaled)] = scaled
         return found
 
-    def projected(self, change: Array, seen: BinnedModel, basis: Array) -> Array:
+    def projected(self, change: Array, basis: Array) -> Array:
         """Return the change of the residuals for a change of the model, (bins,) or (bins, n)."""
-        gain = self.unprojected(seen)[1] if self.gain else 1.0
-        white = self.whitened(-gain * change)
+        white = self.whitened(-change)
         return np.asarray(white - basis @ (basis.T @ white))
 
-    def _white_columns(self, seen: BinnedModel) -> Array:
+    def _white_columns(self) -> Array:
         """Return `columns` whitened, with the priors of the amplitudes of the hum, (size, n)."""
-        found = self.whitened(self.columns(seen))
+        found = self.whitened(self.columns())
         if self.hum:
             known = np.arange(len(self.hum.widths))
             found[len(self.bins.t) + known, known] = 1.0 / self.hum.widths
         return found
 
-    def _basis(self, seen: BinnedModel) -> Array:
+    def _basis(self) -> Array:
         """Return an orthonormal basis of the linear errors, (size, n)."""
-        if self.gain:
-            return np.linalg.qr(self._white_columns(seen))[0]
         made_of = (self.bins, self.noise, self.kept, self.hum)
         kept = self._kept_basis
         if kept is None or any(a is not b for a, b in zip(kept[0], made_of, strict=True)):
-            kept = made_of, np.linalg.qr(self._white_columns(seen))[0]
+            kept = made_of, np.linalg.qr(self._white_columns())[0]
             self._kept_basis = kept
         return kept[1]
 
     def residuals(self, seen: BinnedModel) -> tuple[Array, Array]:
         """Return residuals (size,) and an orthonormal basis of the projected errors."""
-        basis = self._basis(seen)
-        white = self.whitened(self.bins.x if self.gain else self.bins.x - seen.x)
+        basis = self._basis()
+        white = self.whitened(self.bins.x - seen.x)
         return white - basis @ (basis.T @ white), basis
 
-    def unprojected(self, seen: BinnedModel) -> tuple[Array, float]:
-        """Return the residuals in m, not whitened, (bins,), and the gain of the sensor."""
-        left = self.bins.x if self.gain else self.bins.x - seen.x
-        white = self._white_columns(seen)
-        found, *_ = np.linalg.lstsq(white, self.whitened(left), rcond=None)
-        gain = found[-1] / max(float(np.ptp(seen.x)), 1e-15) if self.gain else 1.0
-        return left - self.columns(seen) @ found, float(gain)
+    def unprojected(self, seen: BinnedModel) -> Array:
+        """Return the residuals in m, not whitened, (bins,)."""
+        left = self.bins.x - seen.x
+        found, *_ = np.linalg.lstsq(self._white_columns(), self.whitened(left), rcond=None)
+        return left - self.columns() @ found
 
     def clock_derivatives(self, seen: BinnedModel, clock: Array) -> Array:
         """Return the derivatives of x by the clock, (bins, runs + 1)."""
@@ -179,18 +248,18 @@ class TraceFit:
 
     def learn_noise(self, seen: BinnedModel) -> None:
         """Estimate spikes, hum and noise from the residuals of a good model."""
-        left, _ = self.unprojected(seen)
+        left = self.unprojected(seen)
         scaled = left * np.sqrt(self.bins.count)
         spread = 1.4826 * float(np.median(np.abs(scaled - np.median(scaled))))
         self.kept = (np.abs(scaled) <= BINS.spike * max(spread, 1e-15)).astype(np.float64)
         self.look_for_hum(seen)
-        left, _ = self.unprojected(seen)
+        left = self.unprojected(seen)
         self.noise = coloured(left * np.sqrt(self.bins.count) * self.kept)
 
     def look_for_hum(self, seen: BinnedModel) -> None:
         """Take out hum of the mains, if there is any."""
         self.hum = None
-        left = self.unprojected(seen)[0]
+        left = self.unprojected(seen)
         self.hum = Hum.of(self.bins.t, left, hum_in(self.bins.t, left))
 
     def forget_noise(self) -> None:

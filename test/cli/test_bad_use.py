@@ -89,7 +89,6 @@ ROWS = [
     ("identify", "--prior sigma_0=3:0", ["deviation of 0; it has to be above 0"]),
     ("identify", "--bounds sigma_0=a:b", ["write it as NAME=LOW:HIGH"]),
     ("identify", "--fit nothing", ["there is no parameter 'nothing'"]),
-    ("identify", "--seed -1", ["--seed is -1"]),
     ("identify", "--laws ceim,dahl", ["dahl is no law to rank"]),
     ("identify", "--out no/such/folder/fitted.yaml", ["no/such/folder"]),
     ("identify", "--report no/such/folder/fit.html", ["no/such/folder"]),

@@ -8,8 +8,15 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment, Stepping
-from stickslip_ros.identification.residual_hum import Hum, autocorrelation, hum_in
-from stickslip_ros.identification.trace_fit import BinnedModel, Noise, TraceFit, coloured
+from stickslip_ros.identification.trace_fit import (
+    BinnedModel,
+    Hum,
+    Noise,
+    TraceFit,
+    autocorrelation,
+    coloured,
+    hum_in,
+)
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.motion import Motion

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often intervals hold the truth: experiments by lot, from the independent integrator.
 
-    python -m validation.campaigns.intervals [--linear] COUNT [FIRST_SEED]
+    python -m validation.campaigns.intervals [--linear | --lag] COUNT [FIRST_SEED]
 
 prints each experiment and, at the end, how many intervals of each parameter hold the truth. An
 experiment has a contact by lot, one to three traces of 12 cycles with other drives, noise of 0.5 to
 3 nm, in half of the traces hum, in half drift, and starting values wrong by up to a factor of 3.
+With --lag the amplifier lags by up to 2 us, which no parameters say.
 With --linear nothing is searched for: from the Jacobian at the truth follows how far the optimum is
 off, in standard deviations. That takes a second, and tells whether the intervals have the right
 width and whether what the sensor does pulls at the parameters.
@@ -49,9 +50,12 @@ class ScaledAxis(Axis):
         return mass, sigma_0, sigma_1, self.scale * z_ba, self.scale * z_ss, z_limit
 
 
-def experiment(seed: int) -> tuple[dict[str, float], list[tuple[Parameters, Motion]]]:
+def experiment(
+    seed: int, lags: bool = False
+) -> tuple[dict[str, float], list[tuple[Parameters, Motion]]]:
     """Return the truth of an experiment, and its traces with what is known of each drive."""
     random = np.random.default_rng(seed)
+    lag = float(np.random.default_rng([seed, 1]).uniform(0.0, 2e-6)) if lags else 0.0
     count = int(random.integers(1, 4))
     plain = random_axis(random)
     axis = ScaledAxis(
@@ -66,7 +70,7 @@ def experiment(seed: int) -> tuple[dict[str, float], list[tuple[Parameters, Moti
     for k in range(count):
         drive = Drive(
             12, float(np.exp(random.uniform(np.log(60.0), np.log(2000.0)))),
-            float(random.uniform(150.0, 300.0)), 1, PAUSE,
+            float(random.uniform(150.0, 300.0)), 1, PAUSE, lag,
         )  # fmt: skip
         sensor = Sensor(
             rate=5e5,
@@ -130,12 +134,12 @@ def linear(count: int, first: int) -> None:
     print(f"root mean squares {np.round(usual, 2)}; {within} of {np.size(found)} within 1.96")
 
 
-def main(count: int, first: int) -> None:
+def main(count: int, first: int, lags: bool = False) -> None:
     """Run experiments and print what they show."""
     told: dict[str, Counter[str]] = {}
     optima = misfits = 0
     for seed in range(first, first + count):
-        truth, runs = experiment(seed)
+        truth, runs = experiment(seed, lags)
         begun, clock = time.process_time(), time.monotonic()
         found = identify(runs)
         for name, word in judged(truth, found).items():
@@ -159,6 +163,9 @@ def main(count: int, first: int) -> None:
 
 
 if __name__ == "__main__":
-    numbers = [int(one) for one in sys.argv[1:] if one != "--linear"]
-    study = linear if "--linear" in sys.argv else main
-    study(numbers[0], numbers[1] if len(numbers) > 1 else 1000)
+    numbers = [int(one) for one in sys.argv[1:] if not one.startswith("--")]
+    given = numbers[0], numbers[1] if len(numbers) > 1 else 1000
+    if "--linear" in sys.argv:
+        linear(*given)
+    else:
+        main(*given, lags="--lag" in sys.argv)

@@ -100,6 +100,18 @@ DIALECTS: list[tuple[str, str, Reading | None]] = [
         "Time;Channel A\n(us);(mV)\n\n-210,0;∞\n" + rows("{us:.4f};{mv:.3f}", decimal=","),
         IN_VOLTS,
     ),
+    ("PicoScope 7, German", "Zeit;Kanal A\n(ms);(mV)\n\n" + rows("{ms:.8f};{mv:.8f}", decimal=","),
+     IN_VOLTS),
+    ("Saleae Logic 2", "Time [s],Channel 0\n" + rows("{t:.9f},{v:.4f}"), IN_VOLTS),
+    (
+        "Digilent WaveForms",
+        "#Digilent WaveForms Oscilloscope Acquisition\n#Device Name: Discovery2\n"
+        "#Serial Number: SN:210321A3C1F9\n#Date Time: 2026-09-28 00:00:00.000.000.000\n"
+        "#Sample rate: 100000Hz\n#Samples: 40\n#Trigger: Source: Channel 1 Type: Edge Condition: "
+        "Rise Level: 1 V Hysteresis: 10 mV HoldOff: 0 s\n#Channel 1: Range: 500 mV/div Offset: -1 V"
+        "\n\nTime (s),Channel 1 (V),Channel 2 (V)\n" + rows("{t:.6e},{v:.6f},0.1"),
+        Reading(columns={"x": "Channel 1"}, scales={"x": "50nm/V"}),
+    ),
     (
         "Polytec",
         "Source File Name:\tC:\\scan.svd\nPoint Index:\t1\nSignal:\tVib ; Displacement\n\n"
