@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from stickslip_ros.axis.named_files import is_digest
+from stickslip_ros.axis.events import is_digest
 from stickslip_ros.axis.state_machine import REFUSED, SAME, Row
 from stickslip_ros.axis.tasks import AxisTask
 from stickslip_ros.parameters import Parameters

@@ -25,7 +25,7 @@ from stickslip_ros.axis.command import (
     Command,
 )
 from stickslip_ros.axis.device import Device
-from stickslip_ros.axis.named_files import digests_of
+from stickslip_ros.axis.events import digests_of
 from stickslip_ros.axis.state_machine import (
     DISABLED,
     JOGGING,

@@ -16,11 +16,16 @@ from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize, expected_loss
 from stickslip_ros.axis.config import Config
-from stickslip_ros.axis.events import INJECTED, START, CommandRefused, Event, shorten
+from stickslip_ros.axis.events import (
+    INJECTED,
+    START,
+    CommandRefused,
+    Event,
+    digests_of,
+    shorten,
+)
 from stickslip_ros.axis.faults import Moment
-from stickslip_ros.axis.named_files import digests_of
-from stickslip_ros.axis.supervisor import Supervisor
-from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask
+from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supervisor
 from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.version import __version__

@@ -15,8 +15,7 @@ from typing import Any
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event
-from stickslip_ros.axis.named_files import check_files
+from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event, check_files
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.model.versions import FIRST_VERSION, ModelChange, changes_since
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter

@@ -21,10 +21,10 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis
+from stickslip_ros.axis.axis import Together
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import STEPS_OF_TIME
 from stickslip_ros.axis.faults import VANISH
-from stickslip_ros.axis.together import TRAJECTORY, Together
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.parameters.groups import AXIS_NODE
@@ -43,6 +43,7 @@ from stickslip_ros.ros.messages import (
 from stickslip_ros.ros.process import Runnable, StopRequested, run
 from stickslip_ros.ros.sim_loop import SimLoop
 
+TRAJECTORY = COMMANDS["trajectory"]
 #: Those that the host takes while it runs, for all axes
 _OF_TIME = ("real_time_factor", *STEPS_OF_TIME)
 #: Parameters of the process as a whole: those of the host hold for all axes.

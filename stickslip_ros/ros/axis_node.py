@@ -20,9 +20,14 @@ from rclpy.task import Future
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import Event, is_set_point, pack_set_points, shorten
+from stickslip_ros.axis.events import (
+    Event,
+    check_place,
+    is_set_point,
+    pack_set_points,
+    shorten,
+)
 from stickslip_ros.axis.faults import LATE, VANISH
-from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.groups import AXIS_NODE

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node that plays a bag: every message as recorded, at its time, with the QoS it was offered with.
 
-A thread keeps the time; the node itself answers to parameters and signals meanwhile.
+A thread keeps the time; the node itself answers to parameters and signals meanwhile. Deadlines are
+absolute on the steady clock, so single delays do not add up, and late messages do not come in
+bursts. After a stop of the whole process (a debugger, SIGSTOP, a suspended laptop), the rest is
+played later by the duration of the stop.
 """
 
 from __future__ import annotations
@@ -9,8 +12,8 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, TypeVar
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -26,8 +29,9 @@ from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.player import Timetable, with_ticks
 from stickslip_ros.ros.process import StopRequested, run
+
+Item = TypeVar("Item")
 
 NODE_NAME = "stickslip_replay"
 _DEPTH = 1000
@@ -37,6 +41,10 @@ _MATCHING = 3.0
 #: Nobody new for so long, s, means that all have
 _QUIET = 0.5
 _ACKNOWLEDGED = 3.0  # s, the last messages may take to arrive
+#: Largest delay (s) of a busy machine; a longer one counts as a stop.
+LATE = 0.2
+#: Longest sleep (s) between checks whether to end.
+_SLEEP = 0.05
 
 PARAMETERS = (
     OwnParameter("bag", Parameter.Type.STRING, "", "folder of the bag, or one of its files"),
@@ -198,6 +206,48 @@ class ReplayNode(GuardedNode):
             return
         self.get_logger().info(f"played {self.played} messages")
         self.finished.set_result(None)
+
+
+class Timetable:
+    """The times at which messages are due, by a given clock, at a rate."""
+
+    def __init__(self, rate: float, now: Callable[[], float] = time.monotonic) -> None:
+        """Start at the first thing asked for; rate 2 plays in half the time."""
+        self._rate = rate
+        self._now = now
+        self._start: float | None = None
+        self.moved = 0.0  #: s by which stops of the process have delayed the rest
+
+    def wait(self, t: float, ended: Callable[[], bool]) -> bool:
+        """Sleep until the time t (s since the beginning) has come; return False if ended first."""
+        if self._start is None:
+            self._start = self._now() - t / self._rate
+        due = self._start + t / self._rate
+        while (left := due - self._now()) > 0.0:
+            if ended():
+                return False
+            time.sleep(min(left, _SLEEP))
+        if -left > LATE:
+            self._start -= left
+            self.moved -= left
+        return not ended()
+
+
+def with_ticks(
+    messages: Iterable[tuple[int, Item]], period_ns: int
+) -> Iterator[tuple[int, Item | None]]:
+    """Yield messages in their order, and None every period between the first and the last.
+
+    messages are pairs of a time (ns) and anything; with period 0 there is nothing between.
+    """
+    tick: int | None = None
+    for time_ns, message in messages:
+        if period_ns and tick is None:
+            tick = time_ns
+        while tick is not None and tick <= time_ns:
+            yield tick, None
+            tick += period_ns
+        yield time_ns, message
 
 
 def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:

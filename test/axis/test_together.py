@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.together import Together
+from stickslip_ros.axis.axis import Together
 from stickslip_ros.parameters import ParameterError
 
 BLOCK = 0.01  # s, as of a node
