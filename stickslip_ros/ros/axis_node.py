@@ -175,14 +175,14 @@ class AxisNode(GuardedNode):
 
     def publish_state(self) -> None:
         """Publish the present state to those who subscribe, and the events before it."""
-        now, messages = self._sim_loop.stamp(), self._messages
+        messages, stamp = self._messages, self._sim_loop.stamp
         if self._is_read(topics.JOINTS):
-            self.publish(topics.JOINTS, messages.joints(self.axis.state, now))
+            self.publish(topics.JOINTS, messages.joints(self.axis.state, stamp()))
         if self._is_read(topics.RUNNER):
             offset = self.axis.config.offset
-            self.publish(topics.RUNNER, messages.runner(self.axis.state, offset, now))
+            self.publish(topics.RUNNER, messages.runner(self.axis.state, offset, stamp()))
         if self._is_read(topics.CONTACT):
-            self.publish(topics.CONTACT, messages.contact(self.axis.state, now))
+            self.publish(topics.CONTACT, messages.contact(self.axis.state, stamp()))
         self.publish_events()
 
     def _is_read(self, topic: OutputTopic) -> bool:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Collection, Sequence
-from time import perf_counter, thread_time
+from time import monotonic_ns, perf_counter, thread_time
 from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
@@ -120,7 +120,6 @@ class SimLoop:
         self._node = node
         self._values = values
         self._stop_requested = stop_requested
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._start = 0
         self._axes: Sequence[AxisOfLoop] = ()
         self._to_report: list[AxisOfLoop] = []  # that have their turn in this period
@@ -144,8 +143,8 @@ class SimLoop:
     def start(self, axes: Sequence[AxisOfLoop], in_step: Callable[[], None] = lambda: None) -> None:
         """Let the time of these axes begin, at 0; in_step is called when all have one time."""
         self._axes, self._in_step = axes, in_step
-        self._start = self._steady.now().nanoseconds
-        timer, steady = self._node.create_timer, self._steady
+        self._start = monotonic_ns()
+        timer, steady = self._node.create_timer, Clock(clock_type=ClockType.STEADY_TIME)
         period = self.pacer.period
         self.pacer = Pacer(period, self.elapsed())
         self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
@@ -163,7 +162,7 @@ class SimLoop:
         if not now:
             self._node.get_logger().info("waits for the first message on /clock", once=True)
             return
-        steady, factor = self._steady.now().nanoseconds, 0.0 if self.paused else self._factor
+        steady, factor = monotonic_ns(), 0.0 if self.paused else self._factor
         axes = [one.axis for one in self._axes]
         self.pace = Pace(axes, factor, steady, now, thread_time, followed)
         self.begun = True
@@ -215,7 +214,7 @@ class SimLoop:
         """Let the timer run that moves the time now; the other one costs nothing."""
         hurries = self._until > 0 if self.paused else self._factor == 0.0
         if self.begun:
-            self.pace.change(self._steady.now().nanoseconds, 0.0 if self.paused else self._factor)
+            self.pace.change(monotonic_ns(), 0.0 if self.paused else self._factor)
         if hurries:
             self._tick.cancel()
             self._hurry.reset()
@@ -240,7 +239,7 @@ class SimLoop:
 
     def act(self, *nodes: AxisOfLoop) -> None:
         """Bring an axis, or several, to the present, at which a command acts."""
-        began, now = perf_counter(), self._steady.now().nanoseconds
+        began, now = perf_counter(), monotonic_ns()
         for node in nodes:
             self.pace.act(now, node.axis)
         self.blocks.note(perf_counter() - began)
@@ -264,7 +263,7 @@ class SimLoop:
 
     def elapsed(self) -> float:
         """Return the real time since the start, s."""
-        return (self._steady.now().nanoseconds - self._start) * 1e-9
+        return (monotonic_ns() - self._start) * 1e-9
 
     def _paced(self) -> None:
         if not self._asked_for_priority:
@@ -285,7 +284,7 @@ class SimLoop:
     def _catch_up(self, only: Axis | None = None) -> bool:
         """Advance to the present; return whether there is a new state to publish."""
         began = perf_counter()
-        there = self.pace.catch_up(self._steady.now().nanoseconds, only)
+        there = self.pace.catch_up(monotonic_ns(), only)
         self.blocks.note(perf_counter() - began)
         return there
 
@@ -325,7 +324,7 @@ class SimLoop:
         self._ready_readers = waiting
         if not self._to_report:
             self._to_report = list(self._axes)
-            self.last_report = self.pace.report(self._steady.now().nanoseconds)
+            self.last_report = self.pace.report(monotonic_ns())
         self._to_report.pop(0).report()
         if not self._to_report:
             self.pacer.forget_worst()
