@@ -15,7 +15,7 @@ from stickslip_ros.parameters import ParameterError
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis
-    from stickslip_ros.emulator.dialogue import Controller
+    from stickslip_ros.emulator.controller import Controller
     from stickslip_ros.emulator.server import OwnAxes, Server, ServerThread
 
 __all__ = ["CONTROLLERS", "Controller", "OwnAxes", "Server", "ServerThread", "controller_of"]
@@ -36,8 +36,8 @@ CONTROLLERS = {
     "anc300": Kind(
         "anc300", "Anc300", 7230, 7, "attocube ANC300, console over TCP, password 123456"
     ),
-    "scu": Kind("scu", "Scu", 5001, 3, "SmarAct SCU, ASCII interface"),
-    "mcs": Kind("mcs", "Mcs", 5000, 18, "SmarAct MCS, ASCII interface"),
+    "scu": Kind("smaract", "Scu", 5001, 3, "SmarAct SCU, ASCII interface"),
+    "mcs": Kind("smaract", "Mcs", 5000, 18, "SmarAct MCS, ASCII interface"),
     "mcs2": Kind("mcs2", "Mcs2", 55551, 18, "SmarAct MCS2, SCPI interface"),
     "amc": Kind("amc", "Amc", 9090, 3, "attocube AMC, JSON interface"),
     "e871": Kind("gcs", "Gcs", 50000, 1, "PI E-871, GCS 2"),

@@ -13,13 +13,14 @@ import re
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.emulator.channel import Channel
-from stickslip_ros.emulator.dialogue import (
+from stickslip_ros.axis import Axis
+from stickslip_ros.emulator.controller import (
     LONGEST_LINE,
+    Channel,
     Controller,
     Dialogue,
     Lines,
+    Reasons,
     Refused,
     Request,
 )
@@ -192,6 +193,8 @@ class Actor(Channel):
 class AmcDialogue(Dialogue):
     """One client; each request is answered with a line."""
 
+    reasons = Reasons((-32601, "Method not found"), _BAD, _BAD, _BAD, _BAD, _STATE)
+
     def cutter(self) -> Lines:
         """Cut requests, which no line feed has to end."""
         return Objects()
@@ -215,28 +218,25 @@ class AmcDialogue(Dialogue):
         values = request.get("params") or []
         if not isinstance(values, list):
             raise Refused(_BAD)
-        whose: Any = self.controller
-        command = OF_CONTROLLER.get(name)
-        if not command:
-            command = OF_AXIS.get(name)
-            if not command:
-                raise Refused((-32601, "Method not found"))
+        command, whose = OF_CONTROLLER.get(name), self.controller
+        if not command and (command := OF_AXIS.get(name)):
             axis, *values = values or [None]
-            if axis not in range(len(whose.channels)):
-                raise Refused(_BAD)
-            whose = whose.channels[int(axis)]
-        command.check_count(len(values), _BAD, _BAD)
-        if not all(isinstance(value, int | float) and abs(value) < 2**63 for value in values):
-            raise Refused(_BAD)
+            whose = self.channel(int(axis) if axis in range(_AXES) else -1)
         try:
-            found = command.run(whose, *values)
+            found = self.carry_out(command, whose, values)
         except Refused as refused:
+            if isinstance(refused.reason, tuple):  # an error of JSON-RPC
+                raise
             return [refused.reason]
-        except CommandRefused:
-            return [_STATE]
         if isinstance(found, str) and name.startswith("system.") and "api" not in request:
             return [found]  # older drivers expect the text alone
         return [0, *(found if isinstance(found, list) else [] if found is None else [found])]
+
+    def read(self, value: Any) -> Any:
+        """Return an argument that is a number. Raises Refused."""
+        if not (isinstance(value, int | float) and abs(value) < 2**63):
+            raise Refused(_BAD)
+        return value
 
 
 class Amc(Controller):

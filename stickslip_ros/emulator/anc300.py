@@ -12,9 +12,16 @@ import math
 import re
 from collections.abc import Callable
 
-from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis import Axis
 from stickslip_ros.axis.state_machine import FAULT
-from stickslip_ros.emulator.dialogue import Controller, Dialogue, Refused, Request, Waiting
+from stickslip_ros.emulator.controller import (
+    Controller,
+    Dialogue,
+    Reasons,
+    Refused,
+    Request,
+    Waiting,
+)
 from stickslip_ros.version import __version__
 
 PASSWORD = b"123456"
@@ -145,6 +152,14 @@ class Console(Dialogue):
 
     greeting = _NEGOTIATION + b"\r\nAuthorization code: "
     patience: float | None = _PATIENCE_S
+    reasons = Reasons(
+        unknown="Unknown command",
+        no_channel="Wrong axis number",
+        too_few="Wrong number of arguments",
+        too_many="Wrong number of arguments",
+        locked="",
+        impossible="Value out of range",
+    )
 
     def __init__(self, controller: Anc300) -> None:
         """Ask for the password first."""
@@ -165,11 +180,10 @@ class Console(Dialogue):
         try:
             if said is None:
                 raise Refused("Line too long")
-            found = self._carry_out(text.split())
+            found = self._answer(text.split())
         except Refused as refused:
-            return self._ended(f"{echo}{refused.reason}\r\nERROR\r\n")
-        except CommandRefused as refusal:
-            return self._ended(f"{echo}Value out of range: {refusal}\r\nERROR\r\n")
+            detail = f": {refused.__cause__}" if refused.__cause__ else ""
+            return self._ended(f"{echo}{refused.reason}{detail}\r\nERROR\r\n")
         if isinstance(found, Waiting):
             waiting = found
             return Waiting(
@@ -193,7 +207,7 @@ class Console(Dialogue):
         again = b"" if self.over() else b"Authorization code: "
         return stars + b"Authorization failed\r\n" + again
 
-    def _carry_out(self, words: list[str]) -> str | Waiting:
+    def _answer(self, words: list[str]) -> str | Waiting:
         """Return the lines of the answer to a command, or wait; raises Refused."""
         name, *rest = words
         name = name.lower()
@@ -204,22 +218,14 @@ class Console(Dialogue):
             return ""
         if name == "help":
             return _help(*rest[:1])
-        if name not in OF_MODULE:
-            raise Refused("Unknown command")
-        command = OF_MODULE[name]
-        if not rest:
+        if name in OF_MODULE and not rest:
             raise Refused("Axis number missing")
-        module = self._module(rest[0])
-        command.check_count(len(rest) - 1, *2 * ["Wrong number of arguments"])
-        answer: str | Waiting = command.run(module, *rest[1:]) or ""
+        module = None
+        if name in OF_MODULE:
+            numbered = rest[0].isascii() and rest[0].isdigit()
+            module = self.channel(int(rest[0][:9]) - 1 if numbered else -1)
+        answer: str | Waiting = self.carry_out(OF_MODULE.get(name), module, rest[1:]) or ""
         return answer
-
-    def _module(self, word: str) -> Module:
-        modules = self.controller.channels
-        if not word.isascii() or not word.isdigit() or not 1 <= int(word[:9]) <= len(modules):
-            raise Refused("Wrong axis number")
-        module: Module = modules[int(word[:9]) - 1]
-        return module
 
 
 class Anc300(Controller):

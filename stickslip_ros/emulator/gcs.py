@@ -11,12 +11,18 @@ import math
 import re
 from collections.abc import Callable
 from enum import IntEnum
-from typing import NamedTuple
 
-from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis import Axis
 from stickslip_ros.axis.state_machine import HOLDING, TARGETING
-from stickslip_ros.emulator.channel import Channel
-from stickslip_ros.emulator.dialogue import Controller, Dialogue, Lines, Refused
+from stickslip_ros.emulator.controller import (
+    Channel,
+    Controller,
+    Dialogue,
+    Lines,
+    Reasons,
+    Refused,
+    Request,
+)
 from stickslip_ros.version import __version__
 
 _MM = 1e-3
@@ -151,16 +157,12 @@ class Requests(Lines):
         return super().take(re.sub(rb"[\x03-\x09\x0b\x18\x1b]", rb"\n\g<0>\n", data))
 
 
-class Command(NamedTuple):
-    """A command with numbers for each axis, or a query."""
-
-    run: Callable[..., object]  #: gets the axis and the numbers
-    numbers: int = 0  #: that follow the name of each axis
-    moves: bool = False  #: refused in a fault
-
-
 class GcsDialogue(Dialogue):
     """One client of the controller, which all share one error."""
+
+    reasons = Reasons(
+        Code.UNKNOWN, Code.INVALID_AXIS, Code.COUNT, Code.COUNT, Code.NO_SERVO, Code.RANGE
+    )
 
     def cutter(self) -> Lines:
         """Cut lines and single bytes."""
@@ -176,9 +178,16 @@ class GcsDialogue(Dialogue):
             return self._answer(words).encode("latin-1") if words else b""
         except Refused as refused:
             controller.error = refused.reason
-        except CommandRefused:
-            controller.error = Code.RANGE
         return b""
+
+    def read(self, value: str) -> float:
+        """Return an argument as a number, which may be hexadecimal. Raises Refused."""
+        try:
+            number = float(int(value, 16)) if value[:2].lower() == "0x" else float(value)
+        except (ValueError, OverflowError):
+            number = math.nan
+        _require(math.isfinite(number), Code.SYNTAX)
+        return number
 
     def _answer(self, words: list[str]) -> str:
         controller: Gcs = self.controller
@@ -190,18 +199,16 @@ class GcsDialogue(Dialogue):
             return OF_CONTROLLER[name](controller) or ""
         _require(name in OF_AXIS, Code.UNKNOWN)
         command, axes = OF_AXIS[name], controller.axes
-        if command.numbers == 0 and not rest:
-            rest = list(axes)
-        each = 1 + command.numbers
+        each = 1 + command.fewest
+        rest = rest or (list(axes) if each == 1 else [])
         _require(rest and len(rest) % each == 0, Code.COUNT)
         answers = []
         for first in range(0, len(rest), each):
-            word, *texts = rest[first : first + each]
+            word, *numbers = rest[first : first + each]
             _require(word in axes, Code.INVALID_AXIS)
-            _require(not command.moves or not axes[word].locked, Code.NO_SERVO)
-            found = command.run(axes[word], *map(_number, texts))
+            found = self.carry_out(command, axes[word], numbers)
             if name == "SPA?":
-                word = " ".join(rest[first : first + each])
+                word = " ".join([word, *numbers])
             answers.append(f"{word}={found}")
         if not name.endswith("?"):
             if name in ("HLT", "STP"):
@@ -234,15 +241,6 @@ def _require(condition: object, code: int = Code.RANGE) -> None:
         raise Refused(code)
 
 
-def _number(word: str) -> float:
-    try:
-        value = float(int(word, 16)) if word[:2].lower() == "0x" else float(word)
-    except (ValueError, OverflowError):
-        value = math.nan
-    _require(math.isfinite(value), Code.SYNTAX)
-    return value
-
-
 def _parameter(axis: GcsAxis, number: float) -> str:
     kind = _PARAMETERS.get(int(number), ("",))[0]
     _require(kind, Code.UNKNOWN_PARAMETER)
@@ -250,12 +248,12 @@ def _parameter(axis: GcsAxis, number: float) -> str:
     return f"{value:.0f}" if kind == "INT" else f"{value:.6f}"
 
 
-def _stored(number: int) -> dict[str, Command]:
+def _stored(number: int) -> dict[str, Request]:
     """Return the commands that set and get a velocity or an acceleration."""
     name = {0xB: "ACC", 0xC: "DEC"}[number]
     return {
-        name: Command(lambda a, value: a.set_parameter(number, value), 1),
-        f"{name}?": Command(lambda a: f"{a.parameters[number]:.6f}"),
+        name: Request(lambda a, value: a.set_parameter(number, value), 1),
+        f"{name}?": Request(lambda a: f"{a.parameters[number]:.6f}"),
     }
 
 
@@ -263,40 +261,40 @@ def _no_limit_switch(_: GcsAxis) -> None:
     raise Refused(Code.NO_LIMIT_SWITCH)
 
 
-OF_AXIS: dict[str, Command] = {
+OF_AXIS: dict[str, Request] = {
     **_stored(0xB),
     **_stored(0xC),
-    "CST?": Command(lambda a: f"SIM-{a.axis.parameters.node.axis_name}"),
-    "FNL": Command(_no_limit_switch, moves=True),
-    "FPL": Command(_no_limit_switch, moves=True),
-    "FRF": Command(GcsAxis.find_reference, moves=True),
-    "FRF?": Command(lambda a: f"{a.referenced:d}"),
-    "GOH": Command(lambda a: a.move(0.0), moves=True),
-    "HLT": Command(GcsAxis.halt),
-    "LIM?": Command(lambda a: "0"),
-    "MOV": Command(GcsAxis.move, 1, moves=True),
-    "MOV?": Command(lambda a: f"{a.target / _MM:.7f}"),
-    "MVR": Command(lambda a, mm: a.move(a.target / _MM + mm), 1, moves=True),
-    "ONT?": Command(lambda a: f"{a.on_target:d}"),
-    "OSM": Command(GcsAxis.run_steps, 1, moves=True),
-    "OSM?": Command(lambda a: f"{a.steps:.0f}"),
-    "OSN?": Command(lambda a: f"{a.axis.status.steps_left:d}"),
-    "OVL": Command(lambda a, hertz: a.axis.command_frequency(hertz), 1),
-    "OVL?": Command(lambda a: f"{a.axis.status.frequency:.6f}"),
-    "POS": Command(GcsAxis.count_as, 1),
-    "POS?": Command(lambda a: f"{a.position / _MM:.7f}"),
-    "RON": Command(lambda a, on: setattr(a, "needs_reference", bool(on)), 1),
-    "RON?": Command(lambda a: f"{a.needs_reference:d}"),
-    "SPA": Command(GcsAxis.set_parameter, 2),
-    "SPA?": Command(_parameter, 1),
-    "STP": Command(GcsAxis.halt),
-    "SVO": Command(GcsAxis.set_servo, 1),
-    "SVO?": Command(lambda a: f"{a.servo:d}"),
-    "TMN?": Command(lambda a: f"{a.range[0]:.7f}"),
-    "TMX?": Command(lambda a: f"{a.range[1]:.7f}"),
-    "TRS?": Command(lambda a: "1"),
-    "VEL": Command(lambda a, value: setattr(a, "velocity", value), 1),
-    "VEL?": Command(lambda a: f"{a.velocity:.6f}"),
+    "CST?": Request(lambda a: f"SIM-{a.axis.parameters.node.axis_name}"),
+    "FNL": Request(_no_limit_switch, moves=True),
+    "FPL": Request(_no_limit_switch, moves=True),
+    "FRF": Request(GcsAxis.find_reference, moves=True),
+    "FRF?": Request(lambda a: f"{a.referenced:d}"),
+    "GOH": Request(lambda a: a.move(0.0), moves=True),
+    "HLT": Request(GcsAxis.halt),
+    "LIM?": Request(lambda a: "0"),
+    "MOV": Request(GcsAxis.move, 1, moves=True),
+    "MOV?": Request(lambda a: f"{a.target / _MM:.7f}"),
+    "MVR": Request(lambda a, mm: a.move(a.target / _MM + mm), 1, moves=True),
+    "ONT?": Request(lambda a: f"{a.on_target:d}"),
+    "OSM": Request(GcsAxis.run_steps, 1, moves=True),
+    "OSM?": Request(lambda a: f"{a.steps:.0f}"),
+    "OSN?": Request(lambda a: f"{a.axis.status.steps_left:d}"),
+    "OVL": Request(lambda a, hertz: a.axis.command_frequency(hertz), 1),
+    "OVL?": Request(lambda a: f"{a.axis.status.frequency:.6f}"),
+    "POS": Request(GcsAxis.count_as, 1),
+    "POS?": Request(lambda a: f"{a.position / _MM:.7f}"),
+    "RON": Request(lambda a, on: setattr(a, "needs_reference", bool(on)), 1),
+    "RON?": Request(lambda a: f"{a.needs_reference:d}"),
+    "SPA": Request(GcsAxis.set_parameter, 2),
+    "SPA?": Request(_parameter, 1),
+    "STP": Request(GcsAxis.halt),
+    "SVO": Request(GcsAxis.set_servo, 1),
+    "SVO?": Request(lambda a: f"{a.servo:d}"),
+    "TMN?": Request(lambda a: f"{a.range[0]:.7f}"),
+    "TMX?": Request(lambda a: f"{a.range[1]:.7f}"),
+    "TRS?": Request(lambda a: "1"),
+    "VEL": Request(lambda a, value: setattr(a, "velocity", value), 1),
+    "VEL?": Request(lambda a: f"{a.velocity:.6f}"),
 }
 
 

@@ -13,9 +13,9 @@ import re
 from collections import deque
 from typing import Any
 
-from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis import Axis
 from stickslip_ros.axis.state_machine import HOLDING, JOGGING, SCANNING, TARGETING
-from stickslip_ros.emulator.dialogue import Controller, Dialogue, Refused, Request
+from stickslip_ros.emulator.controller import Controller, Dialogue, Reasons, Refused, Request
 from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
 from stickslip_ros.version import __version__
 
@@ -119,6 +119,8 @@ class Mcs2Channel(Channel):
 class Mcs2Dialogue(Dialogue):
     """Commands of one client, with a queue of its errors."""
 
+    reasons = Reasons(-113, 34, -109, -108, LOCKED, -222)
+
     def __init__(self, controller: Mcs2) -> None:
         """Begin the dialogue of one client with a controller."""
         super().__init__(controller)
@@ -133,11 +135,9 @@ class Mcs2Dialogue(Dialogue):
         for text in line.decode("ascii", "replace").split(";"):
             if text.strip():
                 try:
-                    answers.append(self._carry_out(text.strip()))
+                    answers.append(self._answer(text.strip()))
                 except Refused as refused:
                     self._note(refused.reason)
-                except CommandRefused:
-                    self._note(-222)
         said = [str(answer) for answer in answers if answer is not None]
         return (";".join(said) + "\r\n").encode() if said else b""
 
@@ -158,7 +158,7 @@ class Mcs2Dialogue(Dialogue):
         if len(self.errors) < _MOST_ERRORS:
             self.errors.append(code if len(self.errors) < _MOST_ERRORS - 1 else -350)
 
-    def _carry_out(self, text: str) -> object:
+    def _answer(self, text: str) -> object:
         """Return the answer to a question, None to a command; raises Refused."""
         found = _LINE.fullmatch(text)
         if not found:
@@ -168,19 +168,18 @@ class Mcs2Dialogue(Dialogue):
         table, place = OF_CONTROLLER, _CHANNEL.match(header)
         whose: Any = self
         if place:
-            if not int(place[2]) < len(self.controller.channels):
-                raise Refused(34)
-            table, whose = OF_CHANNEL, self.controller.channels[int(place[2])]
+            table, whose = OF_CHANNEL, self.channel(int(place[2]))
             header = header.replace(place[0], place[1], 1).removeprefix("CHAN:")
-        if header not in table:
-            raise Refused(-113)
-        words = [found[2]] if found[2] else []
-        command = table[header]
-        command.check_count(len(words), too_few=-109, too_many=-108)
-        numbers = [_number(word) for word in words]
-        if command.moves and whose.locked:
-            raise Refused(LOCKED)
-        return command.run(whose, *numbers)
+        return self.carry_out(table.get(header), whose, [found[2]] if found[2] else [])
+
+    def read(self, value: str) -> float:
+        """Return an argument as a number. Raises Refused."""
+        try:
+            number = float(value)
+        except ValueError:
+            raise Refused(-104) from None
+        _check(math.isfinite(number))
+        return number
 
 
 class Mcs2(Controller):
@@ -188,15 +187,6 @@ class Mcs2(Controller):
 
     channel = Mcs2Channel
     dialogue = Mcs2Dialogue
-
-
-def _number(word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        raise Refused(-104) from None
-    _check(math.isfinite(value))
-    return value
 
 
 def _check(condition: bool) -> None:

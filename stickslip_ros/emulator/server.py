@@ -17,7 +17,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, NoReturn
 
 from stickslip_ros.axis import Axis, Pace
-from stickslip_ros.emulator.dialogue import Controller, Dialogue, Waiting
+from stickslip_ros.emulator.controller import Controller, Dialogue, Waiting
 
 #: Carries out an action in the thread that owns the axes, which are at the present time then.
 Runner = Callable[[Callable[[], Any]], Awaitable[Any]]

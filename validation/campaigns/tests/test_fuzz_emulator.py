@@ -15,7 +15,7 @@ from cpu_time import cpu_seconds
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
-from stickslip_ros.emulator import amc, anc300, gcs, mcs, mcs2, scu
+from stickslip_ros.emulator import amc, anc300, gcs, mcs2, smaract
 
 from .fuzzing import MOST_GROWTH, TIME, megabytes, search
 
@@ -44,8 +44,8 @@ def _scpi(header: str) -> list[str]:
 
 DIALECTS = {
     "anc300": (_words([*anc300.OF_MODULE, "echo", "help"], "", " ", " "), b"getm 1"),
-    "mcs": (_words([*mcs.OF_CHANNEL, "GNC", "X"], ":", ",", ""), b":GNC"),
-    "scu": (_words([f"{name}0" for name in scu.OF_CHANNEL], ":", "F", "P"), b":I"),
+    "mcs": (_words([*smaract.MCS_CHANNEL, "GNC", "X"], ":", ",", ""), b":GNC"),
+    "scu": (_words([f"{name}0" for name in smaract.SCU_CHANNEL], ":", "F", "P"), b":I"),
     "mcs2": (
         _words([one for name in mcs2.OF_CHANNEL for one in _scpi(name)], ":", ",", " "),
         b":DEV:NUMCHAN?",

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Common parts of all controllers: dialogues line by line, tables of commands, channels.
+
+Everything here is called in one thread, with all axes advanced to the present.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, TARGETING
+
+LONGEST_LINE = 4096  # bytes; a pattern of 256 numbers takes a thousand
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """An answer that comes later."""
+
+    done: Callable[[], bool]  #: whether it may be given; asked again and again
+    answer: Callable[[], bytes]  #: the answer, once it may be given
+
+
+class Refused(Exception):
+    """A command that is not carried out."""
+
+    def __init__(self, reason: Any) -> None:
+        """Keep the reason: a code or a text, as the protocol answers it."""
+        super().__init__(reason)
+        self.reason = reason
+
+
+class Request(NamedTuple):
+    """A command of a channel or of the controller."""
+
+    run: Callable[..., Any]  #: gets whose command it is and the arguments, returns the answer
+    fewest: int = 0  #: arguments that have to follow
+    optional: int = 0  #: arguments that may follow these
+    moves: bool = False  #: refused while the channel may not move
+
+
+class Reasons(NamedTuple):
+    """Why commands are refused, as a protocol answers it."""
+
+    unknown: Any
+    no_channel: Any  #: there is none of that number
+    too_few: Any  #: arguments
+    too_many: Any
+    locked: Any  #: the channel may not move
+    impossible: Any  #: for the axis, with these values or in this state
+
+
+class Dialogue:
+    """One client of a controller; most protocols begin with its first line and never hang up."""
+
+    greeting = b""  #: sent at the connection
+    patience: float | None = None  #: s that the client may stay silent; None: for ever
+    reasons: ClassVar[Reasons]
+
+    def __init__(self, controller: Any) -> None:
+        """Begin the dialogue of a client with a `Controller`."""
+        self.controller = controller
+
+    def cutter(self) -> Lines:
+        """Return what cuts the client's stream."""
+        return Lines(LONGEST_LINE)
+
+    def answer(self, line: bytes | None) -> bytes | Waiting:
+        """Return the answer to a line without its end; None: one that was too long to keep."""
+        raise NotImplementedError
+
+    def over(self) -> bool:
+        """Return whether the controller hangs up."""
+        return False
+
+    def read(self, value: Any) -> Any:
+        """Return an argument as commands take it. Raises Refused."""
+        return value
+
+    def channel(self, number: int) -> Any:
+        """Return a channel, counted from 0 on. Raises Refused."""
+        if not 0 <= number < len(self.controller.channels):
+            raise Refused(self.reasons.no_channel)
+        return self.controller.channels[number]
+
+    def carry_out(self, command: Request | None, whose: Any, values: Sequence[Any]) -> Any:
+        """Return the answer to a command of a channel or the controller. Raises Refused."""
+        if command is None:
+            raise Refused(self.reasons.unknown)
+        if len(values) < command.fewest:
+            raise Refused(self.reasons.too_few)
+        if len(values) > command.fewest + command.optional:
+            raise Refused(self.reasons.too_many)
+        values = [self.read(value) for value in values]
+        if command.moves and whose.locked:
+            raise Refused(self.reasons.locked)
+        try:
+            return command.run(whose, *values)
+        except CommandRefused as refusal:
+            raise Refused(self.reasons.impossible) from refusal
+
+
+class Controller:
+    """A controller of several axes."""
+
+    channel: ClassVar[type[Any]]  #: what it keeps beside an axis that it is made of; has a `tick`
+    dialogue: ClassVar[type[Dialogue]]
+
+    def __init__(self, axes: Sequence[Axis]) -> None:
+        """Make a channel for each axis."""
+        self.channels = [type(self).channel(axis) for axis in axes]
+
+    def connect(self) -> Dialogue:
+        """Return the dialogue with a new client."""
+        return self.dialogue(self)
+
+    def tick(self) -> None:
+        """Do the work that is due without a command; called many times a second."""
+        for channel in self.channels:
+            channel.tick()
+
+
+class Lines:
+    """Cuts a stream into lines that end with CR, LF or both, and never keeps much of it."""
+
+    def __init__(self, longest: int) -> None:
+        """Limit lines to a number of bytes."""
+        self._longest = longest
+        self._kept = b""
+        self._too_long = False
+        self._after_cr = False
+
+    def take(self, data: bytes) -> list[bytes | None]:
+        """Return the lines that end in the data, None for each that was too long."""
+        if not data:
+            return []  # a line feed that follows still belongs to the CR before
+        if self._after_cr:
+            data = data.removeprefix(b"\n")
+        self._after_cr = data.endswith(b"\r")
+        *ended, rest = re.split(rb"\r\n|\r|\n", data)
+        found: list[bytes | None] = []
+        for part in ended:
+            found.append(self._whole(part))
+            self._kept, self._too_long = b"", False
+        rest = self._kept + rest
+        self._too_long |= len(rest) > self._longest
+        self._kept = b"" if self._too_long else rest
+        return found
+
+    def _whole(self, end: bytes) -> bytes | None:
+        line = self._kept + end
+        return None if self._too_long or len(line) > self._longest else line
+
+
+class Channel:
+    """An axis with a sensor, and the state of the controller for it: origin, steps, closed loop."""
+
+    most_volts: ClassVar = math.inf  #: largest amplitude of the controller, V
+
+    def __init__(self, axis: Axis) -> None:
+        """Use an axis; limit its amplitude to the largest of the controller."""
+        self.axis = axis
+        self._origin = 0.0  # reading of the axis (m) that counts as 0
+        self._target = math.nan  # of the closed loop that was begun here, m
+        self._hold_s = math.inf  # that it is kept
+        self._held_since: float | None = None
+        if axis.status.amplitude > self.most_volts:
+            axis.command_amplitude(self.most_volts)
+
+    @property
+    def position(self) -> float:
+        """Measured position, m. Raises CommandRefused while the sensor gives none."""
+        return self._reading - self._origin
+
+    @property
+    def _reading(self) -> float:
+        reading = self.axis.status.position
+        if math.isnan(reading):
+            raise CommandRefused("the sensor gives no reading")
+        return reading
+
+    def set_position(self, x: float) -> None:
+        """Let the present position count as x (m)."""
+        self._origin = self._reading - x
+
+    @property
+    def target(self) -> float:
+        """Target of the closed loop, m; the position if there is none."""
+        target = self.axis.status.target
+        return self.position if math.isnan(target) else target - self._origin
+
+    def limit(self, name: str) -> float:
+        """Return a soft limit, "soft_low" or "soft_high", as positions count, m."""
+        return float(getattr(self.axis.parameters.limits, name) - self._origin)
+
+    def set_limits(self, **limits: float) -> None:
+        """Set soft limits by name, as positions count, m."""
+        self.axis.set_parameters({name: x + self._origin for name, x in limits.items()})
+
+    @property
+    def moving(self) -> bool:
+        """Whether it moves, or its closed loop has not reached the target yet."""
+        return self.axis.moving or self.axis.mode == TARGETING
+
+    @property
+    def locked(self) -> bool:
+        """Whether no motion is allowed: the axis is in fault, or disabled."""
+        return self.axis.mode in (FAULT, DISABLED)
+
+    def step(self, steps: int, volts: float, hertz: float, endless: bool) -> None:
+        """Run steps with an amplitude (V) and frequency (Hz); endless: only the sign counts."""
+        axis = self.axis
+        if not volts or not steps:
+            axis.stop()
+            return
+        # First the one that eases the drive.
+        if hertz < axis.status.frequency:
+            axis.command_frequency(hertz)
+            axis.command_amplitude(volts)
+        else:
+            axis.command_amplitude(volts)
+            axis.command_frequency(hertz)
+        if endless:
+            axis.command_jog(math.copysign(hertz, steps))
+        else:
+            axis.command_steps(steps)
+
+    def go_to(self, x: float, hold_s: float) -> None:
+        """Go to a position (m) in closed loop, hold it for a time (s)."""
+        target = x + self._origin
+        self.axis.command_position(target)
+        self._target, self._hold_s, self._held_since = target, hold_s, None
+
+    def tick(self) -> None:
+        """End the hold of a target after its time, unless another client began it."""
+        axis = self.axis
+        if axis.mode != HOLDING or axis.status.target != self._target:
+            self._held_since = None
+            return
+        if self._held_since is None:
+            self._held_since = axis.state.t
+        if axis.state.t - self._held_since >= self._hold_s:
+            axis.stop()
