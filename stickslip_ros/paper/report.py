@@ -20,18 +20,8 @@ from matplotlib.figure import Figure
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import whole_folder, writing
-from stickslip_ros.paper import (
-    amplitude,
-    influences,
-    materials,
-    preload,
-    response,
-    stiffness,
-    typical,
-    waveforms,
-)
-from stickslip_ros.paper.charts import read_charts
-from stickslip_ros.paper.claim import Claim, ClaimVerdict, Result, read_checks
+from stickslip_ros.paper import influences, materials, response, step_curves, stiffness
+from stickslip_ros.paper.claim import Claim, ClaimVerdict, Result, read_charts, read_checks
 from stickslip_ros.reporting.page import page
 from stickslip_ros.reporting.tables import csv_text
 from stickslip_ros.version import __version__
@@ -40,23 +30,23 @@ from stickslip_ros.version import __version__
 _COMPUTED: Mapping[str, Callable[[], Result]] = {
     "fig02": response.response,
     "fig02b": response.shape,
-    "tab01": typical.table_1,
-    "joint": typical.joint_set,
-    "fig03": amplitude.dead_zone,
+    "tab01": stiffness.table_1,
+    "joint": stiffness.joint_set,
+    "fig03": step_curves.dead_zone,
     "sec22": influences.influences,
     "sec3": influences.vibration,
-    "fig04": amplitude.ratios,
-    "fig04c": amplitude.negative_steps,
-    "fig05": preload.earlier_laws,
-    "tab02": preload.parameter_sets,
+    "fig04": step_curves.ratios,
+    "fig04c": step_curves.negative_steps,
+    "fig05": step_curves.earlier_laws,
+    "tab02": step_curves.parameter_sets,
     "tab03": materials.table,
     "fig06": materials.zero_amplitude_of_materials,
-    "fig07": amplitude.slewrate,
+    "fig07": step_curves.slewrate,
     "eq09": response.balance,
-    "shaping": waveforms.shaping,
-    "elongation": waveforms.elongation,
+    "shaping": response.shaping,
+    "elongation": response.elongation,
     "fig08": materials.damping,
-    "sec43": preload.too_low,
+    "sec43": step_curves.too_low,
     "fig09": materials.blocking,
     "fig10": stiffness.stiffness,
     "sec45": response.hysteresis,
@@ -64,10 +54,10 @@ _COMPUTED: Mapping[str, Callable[[], Result]] = {
     "fig12": materials.slopes_of_force,
     "fig13": influences.velocity,
     "sec52": influences.contacts,
-    "sec53": amplitude.steady_state_distance,
-    "fig14": preload.ceim,
+    "sec53": step_curves.steady_state_distance,
+    "fig14": step_curves.ceim,
     "fig15": stiffness.bounds_of_force,
-    "tab05": typical.guide,
+    "tab05": stiffness.guide,
 }
 _HERE = Path(__file__).parent
 _CHECKS = read_checks(_HERE / "checks.csv")
