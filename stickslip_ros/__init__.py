@@ -5,7 +5,7 @@ The names below are the library; each is loaded when it is first used, so that t
 costs nothing:
 
 >>> import stickslip_ros as ss
->>> run = ss.simulate(preload=0.5, steps=30)
+>>> run = ss.simulate("table1_typical", preload=0.5, steps=30)
 >>> run.steps.shape
 (30,)
 >>> print(f"{1e9 * run.step_size:.2f} nm")

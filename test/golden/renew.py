@@ -32,6 +32,8 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 RESULTS = HERE / "results.json"
 BAGS = HERE / "bags"
+#: Every parameter of the results, which follow no default
+POINT = HERE / "point.yaml"
 PRESET = ROOT / "config" / "edeler_2011_everything.yaml"
 STEPS = "examples/samples/steps_100hz.csv"
 BOTH_WAYS = "examples/samples/there_and_back.csv"
@@ -105,7 +107,7 @@ STUDIED = {
         ("rmse", "noise", "offset", "metrics"),
     ),
     "identify steps": (f"identify --run config/table1_typical.yaml {STEPS}", ("parameters",)),
-    "predict": ("predict", ()),
+    "predict": (f"predict --config {POINT}", ()),
 }
 
 
@@ -126,7 +128,7 @@ def output_of(arguments: list[str]) -> Any:
 
 def simulated(options: str) -> dict[str, Any]:
     """Return positions after each cycle and backstep, as texts that hold every bit."""
-    found = output_of(["simulate", *command_line(options)])
+    found = output_of(["simulate", "--config", str(POINT), *command_line(options)])
     return {
         "position": [float(x).hex() for x in found["position"]],
         "backstep": float(found["backstep"] or math.nan).hex(),
