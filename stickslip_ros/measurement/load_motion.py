@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -217,79 +217,58 @@ def read_bag(path: Path) -> tuple[Table, list[int]]:
     Raises MeasurementError and BagError.
     """
     columns: list[Column] = []
-    sources: list[tuple[str, str]] = []  # topic and field of each column
-    origins: list[int] = []
+    sources: list[tuple[str, str, int]] = []  # topic, field and origin of each column
     with open_bag(path) as bag:
-        for topic in bag.topics:
-            fields, origin = _fields(bag, topic)
-            for field, unit in fields.items():
-                sources.append((topic, field))
-                origins.append(origin)
-                name = f"{topic}/{field}"
-                number = len(columns) + 1
-                columns.append(Column(name, unit, number=number, length=bag.counts[topic]))
+        for topic, about in bag.topics.items():
+            names: dict[str, None] = {}
+            origin = 0
+            messages = _messages(bag, topic) if bag.counts[topic] else iter(())
+            # The parser of types prints types that it refuses; one that nobody knows is left out.
+            with contextlib.suppress(BagError), contextlib.redirect_stderr(io.StringIO()):
+                for stamp, numbers in islice(messages, _LOOKED_AT):
+                    if numbers:
+                        origin = origin if names else stamp
+                        names |= dict.fromkeys([_TIME, *numbers])
+            for field in names:
+                unit = "s" if field == _TIME else _UNITS.get((about.type, field))
+                if about.type == JOINT_STATE_TYPE and field.endswith("/position"):
+                    unit = "m"
+                sources.append((topic, field, origin))
+                length, number = bag.counts[topic], len(sources)
+                columns.append(Column(f"{topic}/{field}", unit, number=number, length=length))
     if not columns:
         raise MeasurementError("it holds no messages with numbers")
 
     def load(wanted: Sequence[Column]) -> Loaded:
-        picked = [sources[column.number - 1] for column in wanted]
-        if len({topic for topic, _ in picked}) > 1:
+        topics, fields, origins = zip(*(sources[one.number - 1] for one in wanted), strict=True)
+        if len(set(topics)) > 1:
             raise MeasurementError("the columns have to be of one topic")
-        fields = [field for _, field in picked]
-        rows = list(_rows(path, picked[0][0], fields, origins[wanted[0].number - 1]))
-        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(picked))
+        with open_bag(path) as bag:  # joints may come one by one: rows have one of them
+            rows = [
+                [(numbers | {_TIME: 1e-9 * (stamp - origins[0])}).get(f, math.nan) for f in fields]
+                for stamp, numbers in _messages(bag, topics[0])
+                if not numbers.keys().isdisjoint({*fields} - {_TIME})
+            ]
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(fields))
         if _TIME in fields:  # a message may come late, or twice
             table = table[np.unique(table[:, fields.index(_TIME)], return_index=True)[1]]
         return Loaded([np.ascontiguousarray(column) for column in table.T])
 
-    return Table(columns, load), origins
+    return Table(columns, load), [origin for _, _, origin in sources]
 
 
-def _fields(bag: BagReader, topic: str) -> tuple[dict[str, str | None], int]:
-    """Return names and units of the numbers in a topic, and the time (ns) of the first message."""
-    found: dict[str, str | None] = {}
-    origin = 0
+def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, dict[str, float]]]:
+    """Yield stamp (ns) and numbers by name of each message, without those of headers and lists."""
     kind = bag.topics[topic].type
-    messages = islice(decode_messages(bag, [topic]) if bag.counts[topic] else (), _LOOKED_AT)
-    try:
-        # The parser of types prints types that it refuses.
-        with contextlib.redirect_stderr(io.StringIO()):
-            for recorded, message in messages:
-                for name in _numbers(message, kind):
-                    if not found:
-                        found[_TIME], origin = "s", stamp_of(message, recorded.log_ns)
-                    found.setdefault(name, _unit(kind, name))
-    except BagError:
-        pass  # of a type that nobody knows
-    return found, origin
-
-
-def _unit(kind: str, name: str) -> str | None:
-    if kind == JOINT_STATE_TYPE:
-        return "m" if name.endswith("/position") else None
-    return _UNITS.get((kind, name))
-
-
-def _numbers(message: Any, kind: str) -> dict[str, float]:
-    """Return the numbers of a message by name, without those of headers and of lists of objects."""
-    return {
-        name: float(value)
-        for name, value in fields_of(message, kind, _LONGEST_ARRAY)
-        if isinstance(value, bool | int | float) and not _NO_COLUMN.search(name)
-    }
-
-
-def _rows(path: Path, topic: str, fields: Sequence[str], origin: int) -> Iterator[list[float]]:
-    """Yield the fields of the messages that have one of them beside the time."""
-    wanted = set(fields) - {_TIME}
-    with open_bag(path) as bag:
-        kind = bag.topics[topic].type
-        for recorded, message in decode_messages(bag, [topic]):
-            numbers = _numbers(message, kind)
-            if wanted.isdisjoint(numbers):
-                continue
-            numbers[_TIME] = 1e-9 * (stamp_of(message, recorded.log_ns) - origin)
-            yield [numbers.get(field, np.nan) for field in fields]
+    for recorded, message in decode_messages(bag, [topic]):
+        yield (
+            stamp_of(message, recorded.log_ns),
+            {
+                name: float(value)
+                for name, value in fields_of(message, kind, _LONGEST_ARRAY)
+                if isinstance(value, bool | int | float) and not _NO_COLUMN.search(name)
+            },
+        )
 
 
 def joint_columns(table: Table, joint: str | None) -> dict[str, str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a comparison: the content of the template ``compare.html``."""
+"""The page of a comparison: the content of the template ``compare.html``, with its plots."""
 
 from __future__ import annotations
 
@@ -8,14 +8,39 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
-from stickslip_ros.measurement.comparison import Comparison
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
-from stickslip_ros.pages.compared_figures import comparison_figures, points_of
+from stickslip_ros.pages.measured import settled_bands
 from stickslip_ros.parameters import PARAMETERS, Value
-from stickslip_ros.reporting import format_si
+from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace, ResultPage, versions
+from stickslip_ros.reporting.plots import (
+    Figure,
+    axis_of,
+    layout_of,
+    line_of,
+    stretch_of,
+    thin_columns,
+)
+from stickslip_ros.traces.motion import Motion
 
+Array = NDArray[np.float64]
+
+DIFFERENCE = "#5b4a8a"
+SHAPE = "#b3a5d9"
+#: Points of a line over the whole run, and over one step.
+_OVERVIEW, _DETAIL = 6000, 4000
+#: The phases between the points of Fig. 2 (Fig. 1), with a tint for each.
+PHASES = (
+    ("A", "B", "presliding 1", "#dfe8d3"),
+    ("B", "C", "stick", "#eef3e6"),
+    ("C", "E", "slowdown 1, presliding 2, slip", "#f3c9bd"),
+    ("E", "F", "slowdown 2", "#dccfe8"),
+)
 #: Rows of the table of cycles.
 _ROWS = 200
 
@@ -39,7 +64,7 @@ def comparison_page(
         "versions": {"stickslip_ros, run": simulation.version or "not known", **versions()},
         "cards": _cards(found),
         "largest": _largest,
-        "cycles": _cycles(found),
+        "cycles": _table(found),
         "parameters": {name: _parameter(name, value) for name, value in known.items()},
     }
     return ResultPage("compare.html", _plots(found), parts)
@@ -73,39 +98,40 @@ def _cards(found: Comparison) -> list[tuple[str, str, str]]:
 
 def _plots(found: Comparison) -> list[PlotPlace]:
     """Return the plots that there are, with their titles and descriptions."""
-    drawn = comparison_figures(found)
-    step = next(metric for metric in found.metrics if metric.name == "step size")
-    in_run, as_measured = format_si(step.run, step.unit), format_si(step.measured, step.unit)
-    within = (
-        f" Within the cycles it is {format_si(found.shape_rmse, 'm')} RMSE."
-        if math.isfinite(found.shape_rmse)
-        else ""
+    span, at = format_si(float(found.t[-1] - found.t[0]), "s"), format_si(found.largest_at, "s")
+    text = (
+        f"Position of run and measurement over {span}, and their residual: "
+        f"{format_si(found.rmse, 'm')} RMSE, at most {format_si(found.largest, 'm')}, at {at}."
     )
-    points = ", ".join(points_of(found))
-    places = (
-        PlotPlace(
-            "overview",
-            "Whole run",
-            "Position of run and measurement over "
-            f"{format_si(float(found.t[-1] - found.t[0]), 's')}, and their "
-            f"residual: {format_si(found.rmse, 'm')} RMSE, at most "
-            f"{format_si(found.largest, 'm')}, at {format_si(found.largest_at, 's')}.{within}",
-        ),
-        PlotPlace("step", "One step and its phases", f"One cycle with its points {points}. "
-              f"The step is {in_run} in the run and {as_measured} as measured."),
-        PlotPlace("slip", "Backstep and ringing", "The same cycle, close to its slip."),
-        PlotPlace("cycles", "Cycle by cycle", "Step, backstep and RMSE of each cycle, run and "
-              "measurement, on the scale of the settled steps, with 95 % intervals of the measured "
-              "means. The table below has the numbers."),
-    )  # fmt: skip
-    return [one._replace(figure=drawn[one.name]) for one in places if one.name in drawn]
+    if math.isfinite(found.shape_rmse):
+        text += f" Within the cycles it is {format_si(found.shape_rmse, 'm')} RMSE."
+    plots = [PlotPlace("overview", "Whole run", text, _overview(found))]
+    if found.run_steps is not None:
+        middle = len(found.run_steps.slips) // 2
+        step = next(metric for metric in found.metrics if metric.name == "step size")
+        in_run, as_measured = (format_si(one, step.unit) for one in (step.run, step.measured))
+        text = (
+            f"One cycle with its points {', '.join(points_of(found))}. The step is {in_run} in the "
+            f"run and {as_measured} as measured."
+        )
+        close = "The same cycle, close to its slip."
+        plots.append(PlotPlace("step", "One step and its phases", text, _step(found, middle)))
+        plots.append(PlotPlace("slip", "Backstep and ringing", close, _slip(found, middle)))
+    if found.cycles is not None and len(found.cycles.slip) > 1:
+        text = (
+            "Step, backstep and RMSE of each cycle, run and measurement, on the scale of the "
+            "settled steps, with 95 % intervals of the measured means. The table below has the "
+            "numbers."
+        )
+        plots.append(PlotPlace("cycles", "Cycle by cycle", text, _cycles(found)))
+    return plots
 
 
 def _largest(*values: float) -> float:
     return max((abs(value) for value in values if math.isfinite(value)), default=0.0) or 1.0
 
 
-def _cycles(found: Comparison) -> _Cycles | None:
+def _table(found: Comparison) -> _Cycles | None:
     table = found.cycles
     if table is None:
         return None
@@ -125,3 +151,166 @@ def _parameter(name: str, value: Value) -> str:
     if not isinstance(value, float):
         return str(value)
     return f"{value:g} {PARAMETERS[name].unit if name in PARAMETERS else ''}".strip()
+
+
+def points_of(found: Comparison) -> dict[str, float]:
+    """Return the points of the cycle that is shown, times in s; D is in the contact, unseen."""
+    steps = found.run_steps
+    if steps is None:
+        return {}
+    every = {name: float(steps.points[name][len(steps.slips) // 2]) for name in "ABCEF"}
+    return {name: at for name, at in every.items() if np.isfinite(at)}
+
+
+def _overview(found: Comparison) -> Figure:
+    factor, unit = scale_of(float(np.ptp(found.x)), "m")
+    rest, rest_unit = scale_of(found.largest, "m")
+    time, time_unit = scale_of(float(found.t[-1] - found.t[0]), "s")
+    t, x, measured, difference, shape = thin_columns(
+        found.t, found.x, found.measured, found.difference, found.shape_difference, count=_OVERVIEW
+    )
+    data = [
+        line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
+        line_of(time * t, factor * x, "run", SIMULATED, unit, time_unit),
+        line_of(time * t, rest * difference, "measured − run", DIFFERENCE, rest_unit, time_unit,
+              yaxis="y2"),
+    ]  # fmt: skip
+    if len(found.slips):
+        name = "of that, within the cycles"
+        data.append(line_of(time * t, rest * shape, name, SHAPE, rest_unit, time_unit, yaxis="y2"))
+    layout = layout_of(
+        520,
+        xaxis=axis_of(f"time ({time_unit})", anchor="y2"),
+        yaxis=axis_of(f"position ({unit})", domain=[0.42, 1.0]),
+        yaxis2=axis_of(f"residual ({rest_unit})", domain=[0.0, 0.34], zeroline=True),
+    )
+    return {"data": data, "layout": layout}
+
+
+def _step(found: Comparison, k: int) -> Figure:
+    """Show one cycle with its phases."""
+    steps = found.run_steps
+    assert steps is not None
+    start, slip = float(steps.starts[k]), float(steps.slips[k])
+    after = 3.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else 0.1 * steps.period
+    window = start - 0.02 * steps.period, slip + min(0.9 * steps.period, 4.0 * after)
+    origin = float(np.interp(start, found.t, found.x))
+    figure = _close(found, window, start, origin, found.run)
+    factor, _ = scale_of(window[1] - window[0], "s")
+    shapes, notes = [], []
+    for first, last, name, tint in PHASES:
+        begin, end = (factor * (float(steps.points[p][k]) - start) for p in (first, last))
+        if not end > begin:
+            continue
+        shapes.append(stretch_of(begin, end, tint))
+        figure["data"].append(
+            {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": name,
+             "marker": {"symbol": "square", "size": 12, "color": tint}}
+        )  # fmt: skip
+    # Points come in close pairs: one name left of its line, one right of it.
+    sides = {"A": ("right", 0), "B": ("left", 0), "C": ("right", 0), "E": ("left", 0),
+             "F": ("left", 16)}  # fmt: skip
+    for point, at in points_of(found).items():
+        side, lift = sides[point]
+        notes.append(
+            {"x": factor * (at - start), "y": 0, "yref": "paper", "yanchor": "bottom",
+             "text": f"<b>{point}</b>", "showarrow": False, "xanchor": side, "yshift": lift}
+        )  # fmt: skip
+    figure["layout"].update(shapes=shapes, annotations=notes)
+    return figure
+
+
+def _slip(found: Comparison, k: int) -> Figure:
+    """Show the backstep and the ringing after a slip."""
+    steps = found.run_steps
+    assert steps is not None
+    slip = float(steps.slips[k])
+    swing = 1.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else 0.02 * steps.period
+    window = slip - 1.0 * swing, slip + min(8.0 * swing, 0.9 * steps.period)
+    origin = float(np.interp(slip, found.t, found.x))
+    return _close(found, window, slip, origin, None)
+
+
+def _close(
+    found: Comparison,
+    window: tuple[float, float],
+    origin: float,
+    x0: float,
+    with_actuator: Motion | None,
+) -> Figure:
+    inside = (found.t >= window[0]) & (found.t <= window[1])
+    columns = found.t[inside], found.x[inside], found.measured[inside]
+    t, x, measured = thin_columns(*columns, count=_DETAIL)
+    time, time_unit = scale_of(window[1] - window[0], "s")
+    factor, unit = 1e9, "nm"
+    data = [
+        line_of(time * (t - origin), factor * (measured - x0), "measured", MEASURED, unit,
+                time_unit, mode="lines+markers" if len(t) < 400 else "lines", marker={"size": 4}),
+        line_of(time * (t - origin), factor * (x - x0), "run", SIMULATED, unit, time_unit),
+    ]  # fmt: skip
+    if with_actuator is not None and with_actuator.u is not None:
+        piece = with_actuator.between(*window)
+        if piece.u is not None and len(piece.t):
+            u0 = float(np.interp(origin, with_actuator.t, with_actuator.u))
+            shown_t, u = thin_columns(piece.t, piece.u - u0, count=_DETAIL // 4)
+            place = time * (shown_t - origin)
+            data.append(line_of(place, factor * u, "actuator", ACTUATOR, unit, time_unit))
+    what = "start of the cycle" if with_actuator is not None else "slip"
+    layout = layout_of(
+        380 if with_actuator is None else 420,
+        xaxis=axis_of(f"time after the {what} ({time_unit})"),
+        yaxis=axis_of(f"displacement ({unit})"),
+    )
+    return {"data": data, "layout": layout}
+
+
+def _settled_range(table: CycleTable) -> Figure:
+    """Return the range of the settled steps; the first ones from rest are far off."""
+    both = 1e9 * np.concatenate([table.step[2:], table.measured_step[2:]])
+    both = both[np.isfinite(both)]
+    if not len(both):
+        return {}
+    margin = 0.2 * float(np.ptp(both)) + 0.1
+    return {"range": [float(both.min()) - margin, float(both.max()) + margin]}
+
+
+def _cycles(found: Comparison) -> Figure:
+    table = found.cycles
+    assert table is not None
+    number = np.arange(1.0, len(table.slip) + 1.0)
+    nano = 1e9
+    lines = (
+        (nano * table.measured_step, "step, measured", MEASURED, "y"),
+        (nano * table.step, "step, run", SIMULATED, "y"),
+        (nano * table.measured_backstep, "backstep, measured", "#e08e84", "y2"),
+        (nano * table.backstep, "backstep, run", "#7f9fd0", "y2"),
+        (nano * table.rmse, "RMSE of the cycle", DIFFERENCE, "y3"),
+    )
+    mode = "lines+markers" if len(number) <= 200 else "lines"
+    data = []
+    for values, name, color, axis in lines:
+        if not np.isfinite(values).any():
+            continue
+        filled = np.nan_to_num(values, nan=float(np.nanmean(values)))
+        if len(number) > _OVERVIEW:
+            shown_number, shown_values = thin_columns(number, filled, count=_OVERVIEW)
+        else:
+            shown_number, shown_values = number, values
+        data.append(
+            line_of(shown_number, shown_values, name, color, "nm", "", yaxis=axis, mode=mode,
+                  marker={"size": 4})
+        )  # fmt: skip
+    shapes, first = [], 1
+    for one in found.pairs:
+        if one.run is not None and one.measured is not None:
+            shapes += settled_bands(one.measured, first, found.alignment.gain)
+            first += one.run.steps
+    layout = layout_of(
+        600,
+        shapes=shapes,
+        xaxis=axis_of("cycle", anchor="y3", tickformat="d"),
+        yaxis=axis_of("step (nm)", domain=[0.70, 1.0], **_settled_range(table)),
+        yaxis2=axis_of("backstep (nm)", domain=[0.35, 0.65]),
+        yaxis3=axis_of("RMSE (nm)", domain=[0.0, 0.30], rangemode="tozero"),
+    )
+    return {"data": data, "layout": layout}

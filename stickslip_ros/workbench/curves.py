@@ -16,7 +16,7 @@ from stickslip_ros.library.grid import ListedAxis
 from stickslip_ros.library.left_out import OF_A_CYCLE, left_out
 from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.pages.compared_figures import PHASES
+from stickslip_ros.pages.compared import PHASES
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import format_si, scale_of, to_json
 from stickslip_ros.reporting.plots import thin_columns

@@ -148,7 +148,15 @@ def _read(
     if how.rows is not None:
         kept = slice(how.rows[0] - 1, how.rows[1])
         values, places = {key: v[kept] for key, v in values.items()}, places[kept]
-    values, places = _without_gaps(values, places, known, notes)
+    # Comparisons are false for nan.
+    good = {key: (v < LARGEST) & (v > -LARGEST) for key, v in values.items()}
+    for key in [key for key in values if not (known[key].required or good[key].all())]:
+        notes.append(f"the {known[key].what} has gaps and is left out")
+        del values[key], good[key]
+    whole = np.logical_and.reduce(list(good.values()))
+    if left := int(len(whole) - whole.sum()):
+        notes.append(f"{left} of {len(whole)} rows have a gap and are left out")
+        values, places = {key: v[whole] for key, v in values.items()}, places[whole]
     if len(places) < (_FEWEST if TIME in quantities else 1):
         raise MeasurementError(
             f"{len(places)} row{'s' * (len(places) != 1)} of numbers; {_FEWEST} or more are needed"
@@ -209,28 +217,6 @@ def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[
             f"missing; if they are at the end, add --rows 1:{count}"
         )
     return np.arange(count, dtype=np.float64)
-
-
-def _without_gaps(
-    values: dict[str, NDArray[np.float64]],
-    places: NDArray[np.int64],
-    known: Mapping[str, Quantity],
-    notes: list[str],
-) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.int64]]:
-    """Return the rows that have a value for each quantity; note the others."""
-    # Comparisons are false for nan.
-    good = {key: (v < LARGEST) & (v > -LARGEST) for key, v in values.items()}
-    for key in [key for key in values if not known[key].required]:
-        if not good[key].all():
-            notes.append(f"the {known[key].what} has gaps and is left out")
-            del values[key], good[key]
-    whole = np.logical_and.reduce(list(good.values()))
-    left = int(len(whole) - whole.sum())
-    if left:
-        notes.append(f"{left} of {len(whole)} rows have a gap and are left out")
-        values = {key: v[whole] for key, v in values.items()}
-        places = places[whole]
-    return values, places
 
 
 def _in_order(
