@@ -74,7 +74,11 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.pages.compared import comparison_page
     from stickslip_ros.pages.texts import comparison_text
 
-    allowed = _allowed(args)
+    given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
+    allowed = {name: value for name, value in given.items() if value is not None}
+    for name, value in allowed.items():
+        if not 0.0 <= value < math.inf:
+            raise UsageError(f"--max-{name} is {value:g}; it has to be 0 or more")
     check_outputs(args)
     simulation, measurement, runs = _motions(args)
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
@@ -93,14 +97,6 @@ def run(args: argparse.Namespace) -> int:
         who = style_text("stickslip compare:", "bold red", sys.stderr)
         print(f"{who} {judgement}", file=sys.stderr)
     return 1 if exceeded else 0
-
-
-def _allowed(args: argparse.Namespace) -> dict[str, float]:
-    given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
-    for name, value in given.items():
-        if value is not None and not 0.0 <= value < math.inf:
-            raise UsageError(f"--max-{name} is {value:g}; it has to be 0 or more")
-    return {name: value for name, value in given.items() if value is not None}
 
 
 def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] | None]:

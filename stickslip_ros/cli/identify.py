@@ -74,7 +74,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.identification import Prior, identify, read_curve
+    from stickslip_ros.identification import RANKED_LAWS, Prior, identify, read_curve
     from stickslip_ros.measurement.load_motion import is_parameter_file
     from stickslip_ros.pages.fitted import fit_page
     from stickslip_ros.pages.texts import fit_remarks, fit_sources
@@ -89,6 +89,9 @@ def run(args: argparse.Namespace) -> int:
                 "it has to be above 0"
             )
     names = [name.strip() for name in args.fit.split(",")] if args.fit else None
+    laws = list(RANKED_LAWS) if args.laws == "" else []  # all if the option names none
+    if args.laws:
+        laws = [name.strip() for name in args.laws.split(",")]
     for drive, path in (*args.runs, *args.curves):
         if is_parameter_file(path) and not is_parameter_file(drive):
             raise UsageError(
@@ -104,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         report_left_out("identify", left_out(known))
     with report_compilation(), progress_bar(_PARTS, "identifying") as bar:
         found = identify(
-            runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
+            runs, names, bounds=bounds, priors=priors, curves=curves, laws=laws,
             fit_lag=args.fit_lag, suggest_next=args.suggest_next, progress=partial(_show, bar),
             say=lambda note: print(note, file=sys.stderr),
         )  # fmt: skip
@@ -122,15 +125,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"stickslip identify: misfit: {found.misfit.text}", file=sys.stderr)
         return 1
     return 0
-
-
-def _laws(text: str | None) -> list[str]:
-    """Return the laws to rank: none without the option, all if it names none."""
-    from stickslip_ros.identification import RANKED_LAWS
-
-    if text is None:
-        return []
-    return [name.strip() for name in text.split(",")] if text else list(RANKED_LAWS)
 
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:

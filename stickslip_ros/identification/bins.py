@@ -81,7 +81,13 @@ class Bins:
         fine = min(fine, BINS.most / duration)
         _, few, _, close = _means(t, x, 1.0 / fine)
         spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
-        dense = _near_slips(experiment, middle, width) & (count > 2)
+        dense = np.zeros(len(middle), dtype=bool)  # about the slip of a cycle
+        begin, end = experiment.slip[0] - 1.5 * width, experiment.slip[1] + 1.5 * width
+        for run in experiment.runs:
+            place = (middle - run.start) * run.frequency
+            since = np.mod(middle - run.start - begin, 1.0 / run.frequency)
+            dense |= (since < end - begin) & (place > 0) & (place < abs(run.steps) + 0.5)
+        dense &= count > 2
         nodes, owner, weight = _nodes(t, number, middle, spread, dense, count)
         return cls(middle, mean, count, nodes, owner, weight, _noise(close, few))
 
@@ -94,17 +100,6 @@ def _means(t: Array, x: Array, width: float) -> tuple[NDArray[np.int64], Array, 
     number = np.repeat(np.arange(len(begins)), count.astype(np.int64))
     middle = np.add.reduceat(t - t[0], begins) / count + t[0]
     return number, count, middle, np.add.reduceat(x, begins) / count
-
-
-def _near_slips(experiment: Experiment, t: Array, width: float) -> NDArray[np.bool_]:
-    """Return which bins lie about the slip of a cycle."""
-    near = np.zeros(len(t), dtype=bool)
-    begin, end = experiment.slip[0] - 1.5 * width, experiment.slip[1] + 1.5 * width
-    for run in experiment.runs:
-        place = (t - run.start) * run.frequency
-        since = np.mod(t - run.start - begin, 1.0 / run.frequency)
-        near |= (since < end - begin) & (place > 0) & (place < abs(run.steps) + 0.5)
-    return near
 
 
 def _nodes(

@@ -178,11 +178,17 @@ _EXPLANATIONS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
 def _gains(problem: Problem, best: Point) -> dict[str, float]:
     """Return by how much each effect would lower the deviance, all else following, linearly."""
     basis, _ = np.linalg.qr(problem.jacobian(best))
+    theta = best.unknowns[: len(problem.free.names)]
     gains = {}
     for name, change in _EXPLANATIONS.items():
-        slope = _slope(problem, best, change)
-        if slope is None:
+        changes = []
+        try:
+            for k, (fit, seen) in enumerate(zip(problem.fits, best.seen, strict=True)):
+                p = change(problem.free.applied(fit.parameters, theta), MISFIT.part)
+                changes.append(fit.model(p, problem.clock(best.unknowns, k)).x - seen.x)
+        except (ParameterError, SolverError):
             continue
+        slope = problem.derivatives(best, changes)
         slope = slope - basis @ (basis.T @ slope)
         power, along = float(slope @ slope), float(slope @ best.residuals)
         if power > 0.0 and not (name == _LAG and along > 0.0):  # nothing lags by less than none
@@ -203,17 +209,3 @@ def _best_explanation(problem: Problem, best: Point, gains: Mapping[str, float])
     if not name or gains[name] < MISFIT.takes_up * beyond:
         return "no single effect of the model takes it up"
     return f"{name} would take up {100.0 * min(gains[name] / beyond, 1.0):.0f} % of it"
-
-
-def _slope(
-    problem: Problem, best: Point, change: Callable[[Parameters, float], Parameters]
-) -> Array | None:
-    theta = best.unknowns[: len(problem.free.names)]
-    changes = []
-    try:
-        for k, (fit, seen) in enumerate(zip(problem.fits, best.seen, strict=True)):
-            p = change(problem.free.applied(fit.parameters, theta), MISFIT.part)
-            changes.append(fit.model(p, problem.clock(best.unknowns, k)).x - seen.x)
-    except (ParameterError, SolverError):
-        return None
-    return problem.derivatives(best, changes)

@@ -136,8 +136,11 @@ class Profiler:
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
-            little = gain < PROFILE.settled * self.scale * self.rise
-            better = None if little else self._try_step(at, step)
+            tries = (self.problem.bounded(at.unknowns + part * step) for part in (1.0, 0.3))
+            better = None
+            if not gain < PROFILE.settled * self.scale * self.rise:
+                points = filter(None, map(self.problem.point, tries))
+                better = next((one for one in points if one.deviance < at.deviance), None)
             if better is not None:
                 at = better
             elif place is at:  # only slopes taken here tell that this is the end
@@ -155,13 +158,6 @@ class Profiler:
             return np.asarray(-np.linalg.lstsq(jacobian[:, some], residuals, rcond=1e-10)[0])
 
         return self.problem.step(unknowns, columns, solve)
-
-    def _try_step(self, at: Point, step: Array) -> Point | None:
-        for part in (1.0, 0.3):
-            found = self.problem.point(self.problem.bounded(at.unknowns + part * step))
-            if found is not None and found.deviance < at.deviance:
-                return found
-        return None
 
     def correlations(self) -> Array:
         """Return the correlations of the logarithms, (parameters,) * 2."""

@@ -21,9 +21,8 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.curve import CurveFit
-from stickslip_ros.identification.experiment import Experiment, Stepping
+from stickslip_ros.identification.experiment import Stepping
 from stickslip_ros.identification.free import FreeParameters
 from stickslip_ros.identification.settings import SEARCH, START
 from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
@@ -166,7 +165,14 @@ class CoarseFit:
         """Choose bins outside of slips, within the first cycles of the first run."""
         self.experiment = fit.experiment
         self._starts = fit.starts
-        self._bins = _some(fit.experiment, fit.bins)
+        run, (begin, end), bins = fit.experiment.runs[0], fit.experiment.unsure, fit.bins
+        begin = max(begin, run.start - 1.0 / run.frequency)
+        end = min(end, run.start + SEARCH.cycles / run.frequency)
+        slip, slip_end = fit.experiment.slip
+        since = np.mod(bins.t - run.start - slip_end, 1.0 / run.frequency)
+        until = 1.0 / run.frequency - (slip_end - slip) - since
+        outside = (since > SEARCH.guard) & (until > SEARCH.guard)
+        self._bins = bins.some((bins.t >= begin) & (bins.t <= end) & outside, SEARCH.bins)
         self._basis = self._bins.of_sensor()
 
     def cost(self, p: Parameters) -> float:
@@ -190,18 +196,6 @@ class CoarseFit:
         return (math.log(frequency / ringing.frequency) / SEARCH.frequency) ** 2 + (
             math.log(max(decay, 1e-9) / ringing.decay) / SEARCH.decay
         ) ** 2
-
-
-def _some(experiment: Experiment, bins: Bins) -> Bins:
-    begin, end = experiment.unsure
-    run = experiment.runs[0]
-    begin = max(begin, run.start - 1.0 / run.frequency)
-    end = min(end, run.start + (SEARCH.cycles) / run.frequency)
-    slip, slip_end = experiment.slip
-    since = np.mod(bins.t - run.start - slip_end, 1.0 / run.frequency)
-    until = 1.0 / run.frequency - (slip_end - slip) - since
-    kept = (bins.t >= begin) & (bins.t <= end) & (since > SEARCH.guard) & (until > SEARCH.guard)
-    return bins.some(kept, SEARCH.bins)
 
 
 def search(
@@ -252,12 +246,9 @@ def search(
         seed=random,
         callback=after,
     )
-    return _distinct(np.asarray(found.population), np.asarray(found.population_energies))
-
-
-def _distinct(population: Array, costs: Array) -> list[Array]:
     handed: list[Array] = []
-    for member in population[np.argsort(costs, kind="stable")]:
+    for k in np.argsort(found.population_energies, kind="stable"):
+        member = np.asarray(found.population[k])
         if all(np.abs(member - other).max() > SEARCH.distinct for other in handed):
             handed.append(member)
         if len(handed) == SEARCH.handed_on:

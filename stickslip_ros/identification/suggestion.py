@@ -79,7 +79,10 @@ def suggest(
         return _first_seen(sorted(found, key=lambda one: one.widest), free, theta)
 
     chosen = best((p, sensor.rate) for p in _drives(base, free, theta))
-    loaded = best((p, sensor.rate) for p in _loaded_drives(base, free, theta))
+    heavier = [base.replace(payload=base.runner.payload + part * base.runner.mass)
+               for part in NEXT.payloads]  # fmt: skip
+    loaded = best((p, sensor.rate) for one in heavier
+                  for p in _drives(one, free, theta, NEXT.amplitudes[::2]))  # fmt: skip
     if chosen is None or (loaded and loaded.widest < NEXT.clearly * chosen.widest):
         chosen = loaded
     if chosen is None:
@@ -176,12 +179,6 @@ def _drives(
         for share in NEXT.frequencies:
             frequency = min(share * ringing, base.drive.max_frequency)
             yield base.replace(amplitude=part * base.actuator.max_voltage, frequency=frequency)
-
-
-def _loaded_drives(base: Parameters, free: FreeParameters, theta: Array) -> Iterator[Parameters]:
-    for part in NEXT.payloads:
-        loaded = base.replace(payload=base.runner.payload + part * base.runner.mass)
-        yield from _drives(loaded, free, theta, NEXT.amplitudes[::2])
 
 
 def _loads(p: Parameters, free: FreeParameters, theta: Array) -> Iterator[Parameters]:

@@ -202,17 +202,10 @@ def compare(
             isinstance(run, str | PathLike) and is_parameter_file(Path(run))
         ):
             p = Parameters.of(run)  # type: ignore[arg-type]
-            return _compare_simulated(p, measured, fits, cutoff)
+            runs = analyses.find_runs(measured.t, measured.x, 1.0 / p.drive.frequency)
+            simulated = simulate_as_measured(p, measured, runs, "simulation")
+            return comparisons.compare(simulated, measured, fits, cutoff, runs)
         return comparisons.compare(_motion(run), measured, fits, cutoff)  # type: ignore[arg-type]
-
-
-def _compare_simulated(
-    p: Parameters, measured: Motion, fits: Fits | None, cutoff: float | None
-) -> Comparison:
-    """Simulate the runs and rests of the measurement, and compare."""
-    runs = analyses.find_runs(measured.t, measured.x, 1.0 / p.drive.frequency)
-    motion = simulate_as_measured(p, measured, runs, "simulation")
-    return comparisons.compare(motion, measured, fits, cutoff, runs)
 
 
 def identify_actuator(

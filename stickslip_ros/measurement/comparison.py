@@ -274,7 +274,13 @@ def compare(
     difference = measured - pairs.run
     weights = pairs.weights
     rmse = math.sqrt(float(weights @ difference**2))
-    slips = _slips_of(run_pairs, alignment)
+    # Those of the run are the better known, those of the measurement stand in for them.
+    slips = np.concatenate([
+        np.empty(0),
+        *(one.run.slips for one in run_pairs if one.run is not None),
+        *(alignment.run_time(one.measured.slips) for one in run_pairs
+          if one.run is None and one.measured is not None),
+    ])  # fmt: skip
     # The mean difference of each cycle grows by that of the step sizes in every cycle. The rest is
     # the shape: backstep, ringing, rise. Both are orthogonal.
     level = level_of_cycles(pairs.t, difference, slips, weights)
@@ -313,20 +319,6 @@ def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -
     weight = np.add.reduceat(weights, edges[:-1])
     levels = np.add.reduceat(weights * difference, edges[:-1])
     return np.repeat(levels / np.where(weight > 0.0, weight, 1.0), np.diff(edges))
-
-
-def _slips_of(pairs: Sequence[RunPair], alignment: Alignment) -> Array:
-    """Return the slips (s, by the clock of the run) of all runs; empty without steps.
-
-    Those of the run are the better known, those of the measurement stand in for them.
-    """
-    found = [np.empty(0)]
-    for one in pairs:
-        if one.run is not None:
-            found.append(one.run.slips)
-        elif one.measured is not None:
-            found.append(alignment.run_time(one.measured.slips))
-    return np.concatenate(found)
 
 
 def _cycle_table(

@@ -179,24 +179,19 @@ def pair_runs(
             part, cycles = steps.near(one)
             if exact:
                 own = analyse_cycles(part.t, part.x, part.u, cycles)
-            else:
-                own = _analyse_part(seen, cycles, noise)
+            else:  # by the samples about them, the ends of the cycles unknown
+                begin = cycles.slips[0] - _BEFORE * cycles.period
+                part = seen.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
+                if len(part.t) < 2 * len(cycles.slips):
+                    raise TraceError("fewer than two samples a cycle are in common")
+                cycles = Cycles.even(cycles.slips, cycles.period, cycles.direction)
+                own = analyse_cycles(part.t, part.x, None, cycles, noise=noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
             found.append(RunPair(None, one, missing_metrics(missing), missing))
         else:
             found.append(RunPair(own, one, step_metrics(motions, seen, own, one, alignment)))
     return found
-
-
-def _analyse_part(motion: Motion, cycles: Cycles, noise: float) -> Run:
-    """Analyse cycles by the samples about them, their ends unknown. Raises TraceError."""
-    begin = cycles.slips[0] - _BEFORE * cycles.period
-    part = motion.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
-    if len(part.t) < 2 * len(cycles.slips):
-        raise TraceError("fewer than two samples a cycle are in common")
-    cycles = Cycles.even(cycles.slips, cycles.period, cycles.direction)
-    return analyse_cycles(part.t, part.x, None, cycles, noise=noise)
 
 
 class _RunSteps:
@@ -243,7 +238,11 @@ def step_metrics(
     """
     metrics = []
     own, other = _estimates(seen, run), _estimates(motions.measurement, measured)
-    own["backstep"], other["backstep"] = _backsteps_of(run, measured)
+    if run.mean_backstep.method == measured.mean_backstep.method:  # its error cancels
+        own["backstep"], other["backstep"] = (
+            MeasuredValue(one.mean_backstep.value, one.mean_backstep.chance)
+            for one in (run, measured)
+        )
     for name, unit, floor, length, missing in _METRICS:
         first, second = own[name], other[name]
         scale = 1.0 / alignment.gain if length else 1.0
@@ -274,15 +273,6 @@ def _estimates(motion: Motion, run: Run) -> dict[str, MeasuredValue]:
             run.damping_ratio, _error_of([part.damping_ratio for part in parts])
         ),
     }
-
-
-def _backsteps_of(run: Run, measured: Run) -> tuple[MeasuredValue, MeasuredValue]:
-    """Return the backsteps of both by the same method, so that its error cancels."""
-    both = run.mean_backstep, measured.mean_backstep
-    if both[0].method != both[1].method:
-        return both
-    first, second = (MeasuredValue(one.value, one.chance) for one in both)
-    return first, second
 
 
 def _error_of(values: list[float]) -> float:

@@ -87,11 +87,15 @@ def _find(
     table: Table, quantity: Quantity, given: Reading, chosen: Mapping[str, Column]
 ) -> Column | Question | None:
     """Return the column of a quantity other than time, None if an optional one is not there."""
-    free = [
-        column
-        for column in table.columns
-        if column not in chosen.values() and _may_be(quantity, column, given)
-    ]
+    free = []  # those whose unit does not speak against the quantity
+    for column in table.columns:
+        fits = column.dimension in (None, quantity.dimension) or (
+            quantity.required and column.dimension == "voltage"
+        )
+        scaled = quantity.key in given.scales and column.dimension != "time"
+        no_value = column.stamped or column.counts or column in chosen.values()
+        if (fits or scaled) and not no_value:
+            free.append(column)
     usual = _with_names(free, quantity.names)
     if not quantity.required:
         given_here = quantity.key in given.units or quantity.key in given.scales
@@ -103,8 +107,12 @@ def _find(
     for only in (by_unit, values):
         if len(only) == 1:
             return only[0]
-    if len(values) == 2 and len(free) == 2 and _in_given_order(table, chosen, values):
-        return values[0] if quantity.key == "voltage" else values[1]
+    if len(values) == 2 and len(free) == 2:
+        first, second = values  # without names and units, the first may well be the time
+        bare = first.dimension is None and not (first.counts or first.clock or second.clock)
+        timely = TIME.key not in chosen and not _is_abscissa(first, table)
+        if bare and timely and _by_place(table):
+            return first if quantity.key == "voltage" else second
     values = values or [column for column in table.columns if not _is_time(column)]
     # Those with a unit are likelier; of those without names the first is often the time.
     values = sorted(
@@ -170,29 +178,6 @@ def _with_names(columns: Sequence[Column], names: Sequence[str]) -> list[Column]
 def _by_place(table: Table) -> bool:
     """Return whether the place of a column may identify it."""
     return len(table.columns) == 2 or not any(column.name for column in table.columns)
-
-
-def _in_given_order(table: Table, chosen: Mapping[str, Column], values: Sequence[Column]) -> bool:
-    """Return whether two columns without names and units are time and position."""
-    return (
-        _by_place(table)
-        and not any(column.clock for column in values)
-        and values[0].dimension is None
-        and not values[0].counts
-        and TIME.key not in chosen
-        and not _is_abscissa(values[0], table)
-    )
-
-
-def _may_be(quantity: Quantity, column: Column, given: Reading) -> bool:
-    """Return whether the unit of a column does not speak against a quantity."""
-    if column.stamped or column.counts:
-        return False
-    if column.dimension in (None, quantity.dimension):
-        return True
-    if quantity.required and column.dimension == "voltage":
-        return True
-    return quantity.key in given.scales and column.dimension != "time"
 
 
 def _is_time(column: Column) -> bool:

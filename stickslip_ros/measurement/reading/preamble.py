@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 
 from stickslip_ros.measurement.reading.layout import Layout, is_stamp
@@ -48,60 +47,39 @@ _LEADING = re.compile(r"^[#%;!/\s]+")
 _SAMPLES_A_SECOND = re.compile(r"(?i)(sa|s|samples|sps|pts)/s(ec|econd)?|sps|hz")
 
 
-@dataclass
-class Preamble:
-    """Information about the columns from before the first number."""
-
-    names: list[str]
-    units: list[str | None]
-    clock: Clock | None = None
-    clocks: dict[int, Clock] = field(default_factory=dict)  #: of columns that have another one
-    seconds: bool = False  #: a column named time is in seconds
-    facts: dict[str, str] = field(default_factory=dict)  #: key as written small: value
-
-    @classmethod
-    def of(cls, lines: Sequence[str], layout: Layout) -> Preamble:
-        """Read the lines above the first row, and words beside the first rows."""
-        above = [_cells(line, layout) for line in lines[: layout.first]]
-        above = [row for row in above if any(row)]
-        beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
-        width = len(layout.kinds)
-        found = Preamble([""] * width, [None] * width)
-        of_header = _header_clock(above)
-        found.facts = _facts([*above, *(row for row in beside if row and not _numeric(row[0]))])
-        _name(above, layout, found)
-        if width > 1 and found.names[1].startswith("field."):
-            found.units[0] = found.units[0] or "ns"  # rostopic echo -p
-        found.clock = _clock({**found.facts, **of_header})
-        found.clocks = _other_clocks(above, found.clock)
-        _key_units(above, layout, found)
-        _recognise(beside, layout, found)
-        horizontal = next((found.facts[key] for key in _TIME_UNITS if key in found.facts), None)
-        unit = Unit.of(horizontal)
-        if unit is not None and unit.dimension != "time":
-            found.clock = None  # a spectrum
-        elif unit is not None and found.clock:
-            start, step = found.clock.start * unit.factor, found.clock.step * unit.factor
-            found.clock = Clock(start, step, found.clock.count)
-        of_time = horizontal is None and found.facts.get("xdimension", "").lower() == "time"
-        first = "".join(above[0]).lower() if above else ""
-        found.seconds = first.startswith(_IN_SECONDS) or unit == Unit("time", 1.0) or of_time
-        return found
-
-    def columns(self, layout: Layout) -> list[Column]:
-        """Return the columns that hold numbers or times."""
-        columns = []
-        for k, kind in enumerate(layout.kinds):
-            name, unit, own = self.names[k], self.units[k], self.clocks.get(k)
-            timely = name.lower() in ("time", "t", "times", "x_value")
-            if unit is None and ((timely and self.seconds) or name == "__time"):
-                unit = "s"
-            if kind in "ns":
-                clock = own or self.clock
-                columns.append(
-                    Column(name, unit, clock, number=k + 1, stamped=kind == "s", alone=bool(own))
-                )
-        return columns
+def columns_above(lines: Sequence[str], layout: Layout) -> list[Column]:
+    """Return the columns that hold numbers or times, by the lines above and words beside them."""
+    above = [_cells(line, layout) for line in lines[: layout.first]]
+    above = [row for row in above if any(row)]
+    beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
+    of_header = _header_clock(above)
+    facts = _facts([*above, *(row for row in beside if row and not _numeric(row[0]))])
+    names, units = _name(above, layout)
+    if len(names) > 1 and names[1].startswith("field."):
+        units[0] = units[0] or "ns"  # rostopic echo -p
+    clock = _clock({**facts, **of_header})
+    own = _other_clocks(above, clock)
+    _fill_key_units(above, layout, names, units, clock is not None)
+    timed = _runs_with(clock, beside, layout) if not any(names) else None
+    if timed is not None:
+        names[timed], units[timed] = "time", "s"
+    horizontal = next((facts[key] for key in _TIME_UNITS if key in facts), None)
+    unit = Unit.of(horizontal)
+    if unit is not None and unit.dimension != "time":
+        clock = None  # a spectrum
+    elif unit is not None and clock:
+        clock = Clock(clock.start * unit.factor, clock.step * unit.factor, clock.count)
+    of_time = horizontal is None and facts.get("xdimension", "").lower() == "time"
+    first = "".join(above[0]).lower() if above else ""
+    if first.startswith(_IN_SECONDS) or unit == Unit("time", 1.0) or of_time:
+        timely = [name.lower() in ("time", "t", "times", "x_value") for name in names]
+        units = [one or ("s" if time else None) for one, time in zip(units, timely, strict=True)]
+    return [
+        Column(name, unit or ("s" if name == "__time" else None), own.get(k, clock),
+               number=k + 1, stamped=kind == "s", alone=k in own)
+        for k, (name, unit, kind) in enumerate(zip(names, units, layout.kinds, strict=True))
+        if kind in "ns"
+    ]  # fmt: skip
 
 
 def _cells(line: str, layout: Layout) -> list[str]:
@@ -134,18 +112,17 @@ def _numeric(text: str) -> bool:
     return _QUANTITY.fullmatch(text) is not None
 
 
-def _recognise(rows: list[list[str]], layout: Layout, found: Preamble) -> None:
-    """Name the first of several nameless columns the time if it runs with the stated clock."""
+def _runs_with(clock: Clock | None, rows: list[list[str]], layout: Layout) -> int | None:
+    """Return the first of several columns of numbers if it runs with a clock, else None."""
     numbers = [k for k, kind in enumerate(layout.kinds) if kind == "n"]
-    if found.clock is None or any(found.names) or len(numbers) < 2:
-        return
+    if clock is None or len(numbers) < 2:
+        return None
     cells = [row[numbers[0]] for row in rows if len(row) > numbers[0]]
     times = [float(cell) for cell in cells if re.fullmatch(NUMBER, cell)]
-    steps = [after - before for before, after in pairwise(times)]
-    step = found.clock.step
+    steps, step = [after - before for before, after in pairwise(times)], clock.step
     even = len(steps) > 8 and all(abs(one - step) <= 0.5 * step for one in steps)
-    if even and abs(times[-1] - times[0] - len(steps) * step) <= 0.5 * step:
-        found.names[numbers[0]], found.units[numbers[0]] = "time", "s"
+    runs = even and abs(times[-1] - times[0] - len(steps) * step) <= 0.5 * step
+    return numbers[0] if runs else None
 
 
 def _header_clock(above: list[list[str]]) -> dict[str, str]:
@@ -176,10 +153,10 @@ def _facts(rows: Iterable[list[str]]) -> dict[str, str]:
     return facts
 
 
-def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
-    """Fill names and units from the last lines that have a cell for each column."""
-    width = len(layout.kinds)
-    least = len(layout.kinds.rstrip("e"))
+def _name(above: list[list[str]], layout: Layout) -> tuple[list[str], list[str | None]]:
+    """Return names and units from the last lines that have a cell for each column."""
+    width, least = len(layout.kinds), len(layout.kinds.rstrip("e"))
+    names, units = [""] * width, list[str | None]([None] * width)
     named = under_units = False
     for row in reversed(above):
         filled = [k for k, cell in enumerate(row, 1) if cell]
@@ -188,51 +165,56 @@ def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
             cells = cells[:-1]  # LabVIEW: beside some rows only
         if not least <= len(cells) <= width or _key(cells[0]) in _TIME_UNITS | _VALUE_UNITS:
             continue
-        if _key(cells[0]) in _NAMES and not any(found.names):
-            found.names[1 : len(cells)] = cells[1:]
+        if _key(cells[0]) in _NAMES and not any(names):
+            names[1 : len(cells)] = cells[1:]
             named = True
             continue
         numbered = row is above[-1] and _key(cells[0]) in ("time", "t", "times")
-        numbered = numbered or under_units
         values = all(
             _numeric(cell) or is_stamp(cell) or re.fullmatch(r"[\d./-]+", cell)
             for cell in cells[1:]
             if cell
         )
-        if all(_SETTING.fullmatch(cell) for cell in cells if cell):
+        if all(_SETTING.fullmatch(cell) for cell in cells if cell) or _numeric(cells[0]):
             continue
-        if _numeric(cells[0]) or (cells[0] and width > 1 and values and not numbered):
-            continue  # a broken row, or a key with its values
+        if cells[0] and width > 1 and values and not (numbered or under_units):
+            continue  # a key with its values
         in_units = any(Unit.of(cell) or is_index(cell) for cell in cells if cell)
-        if in_units and all(is_unit_cell(cell) for cell in cells) and not any(found.units):
-            found.units[: len(cells)] = [cell.strip("()[] ") or None for cell in cells]
+        if in_units and all(is_unit_cell(cell) for cell in cells) and not any(units):
+            units[: len(cells)] = [cell.strip("()[] ") or None for cell in cells]
             under_units = True
             continue
-        if not named and len([cell for cell in cells if cell]) > (width > 2):
+        if named:
+            break
+        if len([cell for cell in cells if cell]) > (width > 2):
             for k, cell in enumerate(cells):
                 setting = _SETTING.fullmatch(cell) is not None
-                found.names[k], unit = (cell, None) if setting else name_and_unit(cell)
-                found.units[k] = found.units[k] or unit
-            return
-        if named:
-            return
+                names[k], unit = (cell, None) if setting else name_and_unit(cell)
+                units[k] = units[k] or unit
+            break
+    return names, units
 
 
-def _key_units(above: list[list[str]], layout: Layout, found: Preamble) -> None:
+def _fill_key_units(
+    above: list[list[str]],
+    layout: Layout,
+    names: list[str],
+    units: list[str | None],
+    has_clock: bool,
+) -> None:
     """Fill the units that stand behind a key, one for each column or one for all."""
     for row in above:
         if not row or _key(row[0]) not in _VALUE_UNITS:
             continue
         stated = [cell for cell in row[1:] if cell]
         for k, kind in enumerate(layout.kinds):
-            name = found.names[k].lower()
-            if found.units[k] or kind != "n" or name in ("time", "t", "x_value"):
+            if units[k] or kind != "n" or names[k].lower() in ("time", "t", "x_value"):
                 continue
             beside = row[k] if 0 < k < len(row) else ""
             if beside and Unit.of(beside):
-                found.units[k] = beside
-            elif len(stated) == 1 and Unit.of(stated[0]) and (k > 0 or found.clock):
-                found.units[k] = stated[0]
+                units[k] = beside
+            elif len(stated) == 1 and Unit.of(stated[0]) and (k > 0 or has_clock):
+                units[k] = stated[0]
 
 
 def _clock(facts: dict[str, str]) -> Clock | None:

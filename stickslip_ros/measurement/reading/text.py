@@ -20,6 +20,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,7 @@ from stickslip_ros.measurement.reading.layout import (
     number_text,
     value_of,
 )
-from stickslip_ros.measurement.reading.preamble import Preamble
+from stickslip_ros.measurement.reading.preamble import columns_above
 from stickslip_ros.measurement.reading.table import (
     Clock,
     Column,
@@ -178,13 +179,17 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
     if begun is None:
         return None
     lines, encoding = begun
+    stated = None  # LabVIEW's header says it
+    for line in lines[:30]:
+        key, _, sign = line.strip().partition("\t")
+        if key == "Decimal_Separator" and sign.strip() in (".", ","):
+            stated = sign.strip()
     try:
-        layout = Layout.of(lines, decimal or _stated_decimal(lines))
+        layout = Layout.of(lines, decimal or stated)
     except MeasurementError as error:
         shown = preview_of(lines, 0)
         raise MeasurementError(f"{error}{shown and f'; it begins:{chr(10)}{shown}'}") from None
-    preamble = Preamble.of(lines, layout)
-    _add_description(path, layout, preamble)
+    columns = _described(path, columns_above(lines, layout))
     _check_units(lines, layout)
     _check_commas(lines, layout, decimal)
 
@@ -194,7 +199,7 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
             rows.add(block, last)
         return rows.loaded()
 
-    return Table(preamble.columns(layout), load, preview_of(lines, layout.first))
+    return Table(columns, load, preview_of(lines, layout.first))
 
 
 class Rows:
@@ -344,37 +349,41 @@ def numbers_of(path: Path) -> Path:
     return path
 
 
-def _add_description(path: Path, layout: Layout, preamble: Preamble) -> None:
-    """Add what Rohde & Schwarz's description beside the numbers says, if there is one."""
-    if not path.name.lower().endswith(_NUMBERS) or any(preamble.names):
-        return
+def _described(path: Path, columns: list[Column]) -> list[Column]:
+    """Return columns with what Rohde & Schwarz's description beside the numbers says of them."""
+    if not path.name.lower().endswith(_NUMBERS) or any(column.name for column in columns):
+        return columns
     try:
         with open_regular(
             path.with_name(f"{path.name[: -len(_NUMBERS)]}.csv"), _DESCRIPTION
         ) as file:
             text = file.read().decode("utf-8", "replace")
     except (OSError, ReadError):
-        return
+        return columns
     pairs = (line.partition(":")[::2] for line in text.splitlines())
     facts = {key: value.rstrip(":").split(":") for key, value in pairs}
     if "XStart" not in facts or "SignalResolution" not in facts:
-        return
-    names, units = facts.get("Source", [""])[:1], facts.get("BaseUnit", [""])[:1]
+        return columns
+    names = [(facts.get("Source", [""])[0], facts.get("BaseUnit", [""])[0])]
     if facts.get("MultiChannelExport", ["Off"])[0] == "On":
         rows = (facts.get(f"MultiChannel{key}", [])[1:]
                 for key in ("ExportState", "Source", "ViewUnit"))  # fmt: skip
-        chosen = [row for row in zip_longest(*rows, fillvalue="") if row[0] == "On" and row[1]]
-        names, units = [row[1] for row in chosen], [row[2] for row in chosen]
-    width = len(layout.kinds)
-    if width == len(names) + 1:
-        preamble.names, preamble.units = ["time", *names], ["s", *(one or None for one in units)]
-    elif width == len(names):
-        preamble.names, preamble.units = names, [one or None for one in units]
-        # Of several acquisitions one after the other, nothing says when they were.
-        if facts.get("NumberOfAcquisitions", ["1"])[0] == "1":
-            start, step = float(facts["XStart"][0]), float(facts["SignalResolution"][0])
-            count = int(facts.get("SignalRecordLength", ["0"])[0]) or None
-            preamble.clock = Clock(start, step, count) if step > 0.0 else None
+        names = [(name, unit) for state, name, unit in zip_longest(*rows, fillvalue="")
+                 if state == "On" and name]  # fmt: skip
+    clock = None
+    if len(columns) == len(names) + 1:
+        names = [("time", "s"), *names]
+    # Of several acquisitions one after the other, nothing says when they were.
+    elif facts.get("NumberOfAcquisitions", ["1"])[0] == "1":
+        start, step = float(facts["XStart"][0]), float(facts["SignalResolution"][0])
+        count = int(facts.get("SignalRecordLength", ["0"])[0]) or None
+        clock = Clock(start, step, count) if step > 0.0 else None
+    if len(columns) != len(names):
+        return columns
+    return [
+        replace(column, name=name, unit=unit or None, clock=clock)
+        for column, (name, unit) in zip(columns, names, strict=True)
+    ]
 
 
 def preview_of(lines: Sequence[str], first: int, count: int = 3) -> str:
@@ -385,15 +394,6 @@ def preview_of(lines: Sequence[str], first: int, count: int = 3) -> str:
     return "\n".join(
         f"  {number:>4} | {text}" for (number, _), text in zip(shown, texts, strict=True)
     ).rstrip()
-
-
-def _stated_decimal(lines: Sequence[str]) -> str | None:
-    """Return the decimal sign that a LabVIEW header states."""
-    for line in lines[:30]:
-        key, _, sign = line.strip().partition("\t")
-        if key == "Decimal_Separator" and sign.strip() in (".", ","):
-            return sign.strip()
-    return None
 
 
 def _check_units(lines: Sequence[str], layout: Layout) -> None:
