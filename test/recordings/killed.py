@@ -2,7 +2,7 @@
 """Recorders that are killed: ``python killed.py FOLDER COMPRESSION COUNT HERTZ`` kills so many.
 
 Each is a process of its own that writes messages of that rate and flushes after each second of
-them, as fast as it can, begins a new file after 5000 and is killed at a random message. Prints as
+them, as fast as it can, begins a new file after 2500 and is killed at a random message. Prints as
 JSON how many messages each had been given to write by then.
 """
 
@@ -20,8 +20,8 @@ from bags import JOINTS, START, joint_state
 from stickslip_ros.recordings import BagWriter
 
 SECOND = 1_000_000_000
-LONGEST = 12_000  # messages
-SPLIT = 5_000  # messages
+LONGEST = 6_000  # messages
+SPLIT = 2_500  # messages
 
 
 def endless(folder: Path, compression: str, hertz: int, progress: mmap.mmap) -> None:

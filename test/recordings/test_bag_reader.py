@@ -283,10 +283,10 @@ def _bombs() -> dict[str, bytes]:
     import lz4.frame
 
     zeros = bytes(2**20)
-    told = zstandard.ZstdCompressor(level=1).compressobj(size=2**30)
+    told = zstandard.ZstdCompressor(level=1).compressobj(size=2**28)
     silent = zstandard.ZstdCompressor(level=1).compressobj()
     packed_told, packed_silent = (
-        b"".join([*(each.compress(zeros) for _ in range(1024)), each.flush()])
+        b"".join([*(each.compress(zeros) for _ in range(256)), each.flush()])
         for each in (told, silent)
     )
     with lz4.frame.LZ4FrameCompressor() as press:
@@ -295,7 +295,7 @@ def _bombs() -> dict[str, bytes]:
     return {
         "zstd that tells its size": _chunk(1000, b"zstd", packed_told),
         "zstd that does not": _chunk(1000, b"zstd", packed_silent),
-        "zstd, large": _chunk(2**30, b"zstd", packed_silent),
+        "zstd, large": _chunk(2**28, b"zstd", packed_silent),
         "zstd, as large as is taken": _chunk(2**26, b"zstd", packed_silent),
         "lz4": _chunk(1000, b"lz4", packed_lz4),
         "lz4, large": _chunk(2**28, b"lz4", packed_lz4),
@@ -361,7 +361,7 @@ def test_zeros_are_no_records(tmp_path: Path) -> None:
 def test_a_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
     press = zstandard.ZstdCompressor().compressobj()
     zeros = bytes(2**20)
-    packed = b"".join([*(press.compress(zeros) for _ in range(1024)), press.flush()])
+    packed = b"".join([*(press.compress(zeros) for _ in range(256)), press.flush()])
     (tmp_path / "bomb.mcap.zstd").write_bytes(packed)
     refused(tmp_path, "unpacks to more than 300 times its size")
     (tmp_path / "bomb.mcap.zstd").write_bytes(b"no zstd")
@@ -370,10 +370,10 @@ def test_a_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
-    """A hundred times the messages, the same memory but for 32 bytes a chunk."""
+    """Thirty times the messages, the same memory but for 250 bytes a chunk."""
     used = {}
     payload = bytes(30_000)
-    for count in (100, 10_000):
+    for count in (100, 3_000):
         folder = tmp_path / f"run_{count}"
         with BagWriter(folder, compression="lz4") as writer:
             writer.add_topic(STEPS)
@@ -381,7 +381,7 @@ def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
                 writer.write(STEPS.name, payload, log_ns=i, publish_ns=i)
         used[count], (said,) = memory_to_read(folder)
         assert said == "read"
-    assert used[10_000] < used[100] + 5
+    assert used[3_000] < used[100] + 3  # of 90
 
 
 def test_chunks_that_cannot_be_sorted_in_memory_are_refused(tmp_path: Path) -> None:
