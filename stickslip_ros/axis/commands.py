@@ -61,10 +61,6 @@ def _check_steps(axis: Device, steps: int) -> None:
         raise ParameterError(f"{steps} steps; a command may have at most {most}")
 
 
-def _check_jog(axis: Device, hertz: float) -> None:
-    axis.config.check_drive(axis.config.amplitude, abs(hertz) or axis.config.frequency)
-
-
 def _check_amplitude(axis: Device, volts: float) -> None:
     for frequency in (axis.config.frequency, *axis.jogs):
         axis.config.check_drive(volts, frequency)
@@ -256,7 +252,9 @@ COMMANDS: dict[str, Command] = {
             row(JOGGING),
             example=(-700.0,),
             off=("jog 0", row(STOPPED)),
-            check=_check_jog,
+            check=lambda axis, hertz: axis.config.check_drive(
+                axis.config.amplitude, abs(hertz) or axis.config.frequency
+            ),
             task=lambda axis, hertz: JogTask(hertz),
             unit="Hz",
             limits=lambda p: (-p.drive.max_frequency, p.drive.max_frequency),

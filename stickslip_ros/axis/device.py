@@ -198,7 +198,10 @@ class Device:
                 self._end_idle()
             else:
                 actuation.advance(look)
-                self._supervise()
+                if end := self.supervisor.check(actuation):
+                    self.note_limit(end)
+                if self._enabled and not self.fault:
+                    self._set_fault(self.supervisor.fault(actuation, self._task))
 
     def _arrive(self) -> None:
         actuation = self.actuation
@@ -220,13 +223,6 @@ class Device:
         if task and (ended or task.arrived(self.actuation)):
             self._end(task)
             self._task = None
-
-    def _supervise(self) -> None:
-        end = self.supervisor.check(self.actuation)
-        if end:
-            self.note_limit(end)
-        if self._enabled and not self.fault:
-            self._set_fault(self.supervisor.fault(self.actuation, self._task))
 
     # -- inside
 

@@ -88,7 +88,11 @@ class Rerun:
         """
         given, _ = start_of(events)
         self._changes = {name: parameter(name).check(v) for name, v in (changes or {}).items()}
-        self._check_files(events)
+        for event, p in parameters_of(events, self._changes):
+            try:
+                check_files(p, event.details, but=self._changes)
+            except ParameterError as error:
+                raise NotRepeatable(str(error)) from None
         try:
             self.axis = Axis({**given, **self._changes})
         except ParameterError as error:
@@ -99,13 +103,6 @@ class Rerun:
         _check_commands(self._commands)
         self._done = 0
         self.left_out: list[str] = []  #: commands refused, each with the reason
-
-    def _check_files(self, events: Sequence[Event]) -> None:
-        for event, p in parameters_of(events, self._changes):
-            try:
-                check_files(p, event.details, but=self._changes)
-            except ParameterError as error:
-                raise NotRepeatable(str(error)) from None
 
     def advance(self, t: float) -> Axis:
         """Execute the commands before t (s), advance to t, return the axis.

@@ -60,7 +60,7 @@ class Sensor:
         self._drift = p.sensor_drift
         self._seed = p.sensor_seed
         self._block = -1
-        self._drawn: NDArray[np.float64] = np.empty(0)
+        self._drawn: NDArray[np.float64] = np.empty(0)  # noise (m) of the readings of that block
 
     def time_of(self, k: int) -> float:
         """Return when reading k is taken, s."""
@@ -75,20 +75,16 @@ class Sensor:
         if self._noise:
             block, place = divmod(k, _BLOCK)
             if block != self._block:
-                self._block, self._drawn = block, self._noise_of(block)
+                self._block = block
+                self._drawn = self._noise * _normals([self._seed, block % _SEEDS])
+                if self._flicker:
+                    self._drawn = self._drawn + self._flicker * _flicker_of(self._seed, block)
             x += float(self._drawn[place])
         if self._drift:
             x += self._drift * self.time_of(k)
         if self._resolution and math.isfinite(x):  # what a failed solver leaves may be no number
             x = round(x / self._resolution) * self._resolution
         return x
-
-    def _noise_of(self, block: int) -> NDArray[np.float64]:
-        """Return the noise (m) of the readings of a block, (_BLOCK,)."""
-        noise = self._noise * _normals([self._seed, block % _SEEDS])
-        if self._flicker:
-            noise = noise + self._flicker * _flicker_of(self._seed, block)
-        return noise
 
 
 def _normals(seed: list[int]) -> NDArray[np.float64]:

@@ -134,7 +134,10 @@ def _rewrite(
             raise BagError(f"there is no part of a recording in {bag}; name the bag you mean")
         if stored:
             findings += _differences(stored, files, writer.message_count)
-        stored = stored or _metadata_inside(sources)
+        for text in [source.channels.metadata_text for source in reversed(sources)]:
+            with contextlib.suppress(ValueError):
+                stored = stored or (parse_metadata(text) if text else None)
+        stored = stored or StoredMetadata()
         writer.custom_data.update(stored.custom_data)
         writer.ros_distro = stored.ros_distro or writer.ros_distro
         for topic in stored.topics:
@@ -234,11 +237,3 @@ def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> It
         yield f"{METADATA_FILE} does not name {name}; its messages are taken as well"
     if stored.message_count not in (None, messages):
         yield f"{METADATA_FILE} counts {stored.message_count} messages, {messages} were found"
-
-
-def _metadata_inside(sources: list[_DamagedFile]) -> StoredMetadata:
-    for source in reversed(sources):
-        if source.channels.metadata_text:
-            with contextlib.suppress(ValueError):
-                return parse_metadata(source.channels.metadata_text)
-    return StoredMetadata()

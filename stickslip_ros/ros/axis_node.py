@@ -225,8 +225,7 @@ class AxisNode(GuardedNode):
         self.publish_events()
 
     def _publish_description(self) -> None:
-        statuses = description(self._name, self.axis)
-        self._publish_statuses(topics.DESCRIPTION, statuses)
+        self._publish_statuses(topics.DESCRIPTION, description(self._name, self.axis))
 
     # -- commands
 
@@ -310,7 +309,12 @@ class AxisNode(GuardedNode):
         """Set parameters, all or none; every refusal counts, also those by rclpy itself."""
         unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
         if unknown:
-            result = SetParametersResult(successful=False, reason=_why_unknown(unknown[0]))
+            reason = f"{unknown[0]} is not declared"
+            try:
+                parameter(unknown[0])
+            except ParameterError as error:
+                reason = str(error)
+            result = SetParametersResult(successful=False, reason=reason)
         else:
             # Before rclpy, whose own refusals do not name the parameter or the cure.
             result = self._check_parameters(parameter_list)
@@ -352,14 +356,6 @@ def _as_declared(change: Parameter) -> Parameter:
     if row and row.kind is float and change.type_ == Parameter.Type.INTEGER:
         return Parameter(change.name, value=float(change.value))
     return change
-
-
-def _why_unknown(name: str) -> str:
-    try:
-        parameter(name)
-    except ParameterError as error:
-        return str(error)
-    return f"{name} is not declared"
 
 
 if __name__ == "__main__":

@@ -56,7 +56,10 @@ class GuardedNode(Node):
         guarded = self._guarded(callback, name)
 
         def answer(request: Any, response: Any) -> Any:
-            return guarded(request, response) or _failed(response, name)
+            done = guarded(request, response)
+            if done is None and hasattr(response, "message"):
+                response.message = f"{name} failed; the log of the node says why"
+            return done or response
 
         return super().create_service(kind, name, answer, *a, **k)
 
@@ -128,13 +131,6 @@ def _too_many(count: int) -> str:
     if count <= MOST_PARAMETERS:
         return ""
     return f"{count} parameters in one request; {MOST_PARAMETERS} is the limit: send several"
-
-
-def _failed(response: Any, service: str) -> Any:
-    """Return an answer that reports the failure, if its type has a field for it."""
-    if hasattr(response, "message"):
-        response.message = f"{service} failed; the log of the node says why"
-    return response
 
 
 def _short(error: Exception) -> str:

@@ -287,14 +287,10 @@ def message_definition(type_name: str) -> str:
 
     :raises UnknownTypeError: it is not installed.
     """
-    for prefix in _install_prefixes():
-        path = prefix / "share" / f"{type_name}.msg"
+    # A sourced ROS names its prefixes; packages installed by pip lie below the interpreter's own.
+    sourced = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    for prefix in filter(None, (*sourced, sys.prefix)):
+        path = Path(prefix) / "share" / f"{type_name}.msg"
         if path.is_file():
             return path.read_text(encoding="utf-8")
     return definition_from_fields(message_class(type_name).get_fields_and_field_types())
-
-
-def _install_prefixes() -> list[Path]:
-    # A sourced ROS names its prefixes; packages installed by pip lie below the interpreter's own.
-    sourced = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    return [Path(prefix) for prefix in (*sourced, sys.prefix) if prefix]

@@ -147,12 +147,12 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
 
 def usage_of(meaning: str, table: Sequence[OwnParameter]) -> str:
     """Return the help text of a node: its purpose, its parameters with their defaults."""
-    rows = [f"  {row.name:<24}{row.description} (default: {_shown(row.default)})" for row in table]
+    rows = []
+    for row in table:
+        many = isinstance(row.default, list)
+        shown = str([one for one in row.default if one] if many else row.default) or "none"
+        rows.append(f"  {row.name:<24}{row.description} (default: {shown})")
     return "\n".join(["", meaning, "", "parameters:", *rows])
-
-
-def _shown(default: Any) -> str:
-    return str([one for one in default if one] if isinstance(default, list) else default) or "none"
 
 
 def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, Any]:

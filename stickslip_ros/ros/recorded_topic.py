@@ -103,7 +103,10 @@ class RecordedTopic:
         self._qos = request_qos(self._offers, expect_latched)
         self._subscription: Subscription | None = None
         self._subscribe()
-        self._type_hash = self._own_type_hash()
+        self._type_hash = ""
+        for info in node.get_subscriptions_info_by_topic(name):
+            if info.topic_type == type_name and info.topic_type_hash.version > 0:
+                self._type_hash = str(info.topic_type_hash)
 
     def waiting_messages(self) -> Iterator[Taken]:
         """Yield the messages that wait in the middleware, at most one full queue."""
@@ -134,7 +137,9 @@ class RecordedTopic:
 
     def note_number(self, number: int | None) -> None:
         """Take the publisher's number of a message for the count of lost ones."""
-        self.losses.note(number, self._publishers_now)
+        self.losses.note(
+            number, lambda: frozenset(bytes(one.endpoint_gid) for one in self._publisher_infos())
+        )
 
     def description(self) -> TopicDescription:
         """Return the description of the topic for a bag, with the QoS that publishers offer now."""
@@ -177,15 +182,6 @@ class RecordedTopic:
 
     def _offered_now(self) -> tuple[QoSProfile, ...]:
         return tuple(info.qos_profile for info in self._publisher_infos())
-
-    def _publishers_now(self) -> frozenset[bytes]:
-        return frozenset(bytes(info.endpoint_gid) for info in self._publisher_infos())
-
-    def _own_type_hash(self) -> str:
-        for info in self._node.get_subscriptions_info_by_topic(self.name):
-            if info.topic_type == self.type_name and info.topic_type_hash.version > 0:
-                return str(info.topic_type_hash)
-        return ""
 
 
 def _offered(qos: QoSProfile) -> OfferedQos:

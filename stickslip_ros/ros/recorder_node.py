@@ -8,6 +8,7 @@ parameter ``wait`` it records from ``~/start`` to ``~/stop``, as often as it is 
 from __future__ import annotations
 
 import math
+import os
 import re
 import sys
 from collections.abc import Callable, Sequence
@@ -30,7 +31,7 @@ from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
 from stickslip_ros.ros.process import StopRequested, run
-from stickslip_ros.ros.recording import Choice, Recording, check_there, ros_distro
+from stickslip_ros.ros.recording import Choice, Recording
 
 NODE_NAME = "stickslip_recorder"
 
@@ -155,7 +156,7 @@ class RecorderNode(GuardedNode):
             folder = f"{folder.rstrip('/')}_{self._bags + 1}"
         bag = BagWriter(
             folder,
-            ros_distro=ros_distro(),
+            ros_distro=os.environ.get("ROS_DISTRO", "jazzy"),
             compression=given["compression"],
             max_bytes=round(1e6 * given["max_size"]),
             max_duration_ns=round(1e9 * given["max_duration"]),
@@ -230,8 +231,10 @@ class RecorderNode(GuardedNode):
 
     def _flush(self) -> None:
         if self._under_way:
-            check_there(self._under_way.bag)
-            self._under_way.bag.flush()
+            bag = self._under_way.bag
+            if not bag.folder.is_dir():
+                raise BagError(f"the bag {bag.folder} was removed during the recording")
+            bag.flush()
 
     def _say(self) -> None:
         if self._under_way:

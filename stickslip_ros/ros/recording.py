@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -61,7 +60,9 @@ class Choice:
             return True
         if self.names or self.pattern is not None:
             return False
-        return any(name in axis_topics(axis) or _is_command(name, axis) for axis in self.axes)
+        return any(
+            name in axis_topics(axis) or name.startswith(f"{axis}/command/") for axis in self.axes
+        )
 
     def __str__(self) -> str:
         """Name the recorded topics."""
@@ -69,10 +70,6 @@ class Choice:
         if self.pattern is not None:
             parts.append(f"topics that match {self.pattern.pattern}")
         return ", ".join(parts) or f"all topics of {', '.join(self.axes)}"
-
-
-def _is_command(name: str, axis: str) -> bool:
-    return name.startswith(f"{axis}/command/")
 
 
 class UnsetClock:
@@ -224,14 +221,3 @@ class Recording:
                 "s; the times of reception in the bag go on without that"
             )
         return unset
-
-
-def ros_distro() -> str:
-    """Return the ROS distribution that the bags written here name as their origin."""
-    return os.environ.get("ROS_DISTRO", "jazzy")
-
-
-def check_there(bag: BagWriter) -> None:
-    """Raise BagError if the bag was removed while it was written."""
-    if not bag.closed and not bag.folder.is_dir():
-        raise BagError(f"the bag {bag.folder} was removed during the recording")

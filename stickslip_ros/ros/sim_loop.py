@@ -266,8 +266,11 @@ class SimLoop:
         return (monotonic_ns() - self._start) * 1e-9
 
     def _paced(self) -> None:
-        if not self._asked_for_priority:
-            self._ask_for_priority()
+        if not self._asked_for_priority:  # here, because only now the thread of the timers is known
+            self._asked_for_priority = True
+            self.priority = request_priority(self._values.real_time_priority)
+            if self.priority != "off":
+                self._node.get_logger().info(f"real-time priority {self.priority}")
         if not self.begun:
             self._begin()
             return
@@ -287,13 +290,6 @@ class SimLoop:
         there = self.pace.catch_up(monotonic_ns(), only)
         self.blocks.note(perf_counter() - began)
         return there
-
-    def _ask_for_priority(self) -> None:
-        """Ask for the thread that runs the timers, which is known only when it does."""
-        self._asked_for_priority = True
-        self.priority = request_priority(self._values.real_time_priority)
-        if self.priority != "off":
-            self._node.get_logger().info(f"real-time priority {self.priority}")
 
     def _as_fast_as_it_can(self) -> None:
         until = perf_counter() + _SLICE

@@ -98,7 +98,11 @@ class AxisClient(AxisListener):
                 self._wait(
                     lambda: (
                         self.connected(listeners)
-                        or (time.monotonic() > known_by and self._is_another_there())
+                        # There are axes, but not this one.
+                        or (
+                            time.monotonic() > known_by
+                            and self.axis not in (self._axes() or [self.axis])
+                        )
                     ),
                     timeout,
                     lambda: self._why_absent(listeners),
@@ -140,11 +144,6 @@ class AxisClient(AxisListener):
     def connected(self, listeners: int = 1) -> bool:
         """Return whether the axis, and as many nodes as needed, are connected both ways."""
         return not self._missing(listeners)
-
-    def _is_another_there(self) -> bool:
-        """Return whether there are axes, but not this one."""
-        axes = self._axes()
-        return bool(axes) and self.axis not in axes
 
     def _axes(self) -> list[str]:
         """Return the full names of the axes that this machine's ROS domain shows."""
