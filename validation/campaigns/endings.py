@@ -96,9 +96,9 @@ def _end(process: subprocess.Popen[bytes], how: str, lot: random.Random, folder:
         process.kill()
     else:
         name, _, twice = how.partition(" ")
-        process.send_signal(SIGNALS[name])
+        os.kill(process.pid, SIGNALS[name])
         if twice and not ended(process.pid, lot.uniform(0.0, 0.2)):
-            process.send_signal(SIGNALS[name])
+            os.kill(process.pid, SIGNALS[name])  # Popen would reap one that has just ended
 
 
 def _faults_of_end(process: subprocess.Popen[bytes], how: str, codes: dict[str, int]) -> list[str]:
