@@ -141,7 +141,7 @@ def analyse(
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> found = ss.analyse(ss.simulate(preload=0.4, steps=12))
+    >>> found = ss.analyse(ss.simulate("table1_typical", steps=12))
     >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
     133.8 nm, ringing at 7549 Hz
     """
@@ -190,7 +190,7 @@ def compare(
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> found = ss.compare({"preload": 0.4}, "steps_100hz.csv")
+    >>> found = ss.compare("table1_typical.yaml", "steps_100hz.csv")
     >>> found.differing
     []
     >>> print(f"rmse {1e9 * found.rmse:.1f} nm, noise of the sensor {1e9 * found.noise:.1f} nm")

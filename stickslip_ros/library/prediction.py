@@ -181,10 +181,10 @@ def predict(
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> found = ss.predict(preload=0.4)
+    >>> found = ss.predict("table1_typical")
     >>> print(f"{1e9 * found.stroke:.0f} nm - {1e9 * found.zero_offset:.1f} nm")
     160 nm - 26.1 nm
-    >>> print(f"{ss.predict(preload=0.4, step=100e-9).amplitude:.1f} V")
+    >>> print(f"{ss.predict('table1_typical', step=100e-9).amplitude:.1f} V")
     236.2 V
     """
     p = Parameters.of(parameters, **values)

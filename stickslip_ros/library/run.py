@@ -72,7 +72,7 @@ def simulate(
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> run = ss.simulate(preload=1.0, mass=0.003, steps=12)
+    >>> run = ss.simulate("table1_typical", preload=1.0, mass=0.003, steps=12)
     >>> print(f"{1e9 * run.step_size:.1f} nm a step, {1e6 * run.position[-1]:.3f} um in all")
     113.0 nm a step, 1.402 um in all
     >>> ss.simulate(preloadd=1.0)
@@ -90,7 +90,7 @@ class SimulatedRun:
     """Steps from rest; made by `simulate`.
 
     >>> import stickslip_ros as ss
-    >>> run = ss.simulate(steps=3)
+    >>> run = ss.simulate("table1_typical", steps=3)
     >>> run
     SimulatedRun(3 steps, ceim, preload 0.4 N: 133.8 nm a step, backstep 48.4 nm)
     >>> (1e9 * run.steps).round(2)

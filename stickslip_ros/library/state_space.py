@@ -23,7 +23,7 @@ class StateSpace(NamedTuple):
 
     >>> import control
     >>> import stickslip_ros as ss
-    >>> axis = control.ss(*ss.linearise(preload=0.4))
+    >>> axis = control.ss(*ss.linearise("table1_typical"))
     >>> axis.ninputs, axis.noutputs, axis.nstates
     (2, 2, 2)
     """
@@ -84,7 +84,7 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     --------
     >>> import numpy as np
     >>> import stickslip_ros as ss
-    >>> A, B, C, D = ss.linearise(preload=0.4, mass=0.004)
+    >>> A, B, C, D = ss.linearise("table1_typical")
     >>> poles = np.linalg.eigvals(A)
     >>> print(f"rings at {abs(poles[0].imag) / (2 * np.pi):.0f} Hz")
     rings at 7549 Hz

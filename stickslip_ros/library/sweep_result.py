@@ -68,7 +68,7 @@ def sweep(
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> found = ss.sweep(preload=[0.1, 1.0, 6.0], metric=["step_size", "zero_amplitude"])
+    >>> found = ss.sweep("table1_typical", preload=[0.1, 1.0, 6.0])
     >>> (1e9 * found["step_size"]).round(2)
     array([144.7 , 113.2 ,   0.63])
     >>> ss.sweep(preload=[0.1, 1.0], mass=[0.003, 0.004, 0.005])["step_size"].shape

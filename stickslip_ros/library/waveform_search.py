@@ -87,10 +87,11 @@ def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSl
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> found = ss.shape_slip(preload=0.4)
+    >>> found = ss.shape_slip("table1_typical")
     >>> found.ringing_after < 0.1 * found.ringing_before
     True
-    >>> run = ss.simulate(waveform="shaped", split=found.split, latency=found.latency)
+    >>> two_parts = {"waveform": "shaped", "split": found.split, "latency": found.latency}
+    >>> run = ss.simulate("table1_typical", **two_parts)
     """
     with report_compilation():
         return _shape_slip(Parameters.of(parameters, **values))
@@ -225,7 +226,7 @@ def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> Elong
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> found = ss.elongate_step(frequency=10e3)
+    >>> found = ss.elongate_step("table1_typical", frequency=10e3)
     >>> print(f"{found.step_after / found.step_before:.1f} times the step")
     1.6 times the step
     """

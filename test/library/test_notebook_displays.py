@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import pytest
+from table_1 import table_1
 
 import stickslip_ros as ss
 
@@ -15,13 +16,13 @@ pytestmark = pytest.mark.slow
 @cache
 def heavier() -> ss.Comparison:
     """An axis with more preload, and the sample."""
-    return ss.compare({"preload": 1.0}, "steps_100hz.csv")
+    return ss.compare(table_1(preload=1.0), "steps_100hz.csv")
 
 
 @pytest.mark.parametrize(
     ("make", "texts"),
     [
-        (lambda: ss.simulate(preload=0.5, steps=12), ["130.4 nm"]),
+        (lambda: ss.simulate(table_1(preload=0.5), steps=12), ["130.4 nm"]),
         (lambda: ss.sweep(preload=[0.5, 1.0]), ["preload"]),
         (lambda: ss.linearise(preload=0.5), ["A, row 2", "voltage, force", "position, deflection"]),
         (heavier, ["step size", "113.20 nm", "133.77 nm", "differs", "rmse"]),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
@@ -14,9 +15,7 @@ from stickslip_ros.library.prediction import RANGES, Numbers, PredictionError, p
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
 
-TABLE_1 = Parameters.of(
-    {"mass": 4e-3, "preload": 0.4, "amplitude": 300.0, "frequency": 100.0, "slewrate": 100.0}
-)
+TABLE_1 = table_1()
 #: Steps (nm) by an independent Runge-Kutta integrator: over preload (N) at 160 nm, and over stroke
 #: (nm) at 0.4 N and 1 N.
 OVER_PRELOAD = {0.1: 144.70, 0.25: 139.14, 0.4: 133.83, 1: 113.20, 2: 78.91, 3: 45.95, 4: 19.29,

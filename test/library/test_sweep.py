@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.library import sweep_metrics
+from stickslip_ros.library import operating_points
 from stickslip_ros.library.grid import GridAxis, SweepError
 from stickslip_ros.library.operating_points import batch_of, steps_of
 from stickslip_ros.library.sweep_metrics import METRICS
@@ -467,7 +467,7 @@ def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
         both.wait()
         return steps_of(p, points, steps)
 
-    monkeypatch.setattr(sweep_metrics, "steps_of", meet)
+    monkeypatch.setattr(operating_points, "steps_of", meet)
     sweep = Sweep(table_1(), (GridAxis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
     with ThreadPoolExecutor(2) as executor:
         parts = [executor.submit(sweep.evaluate, first, first + 2) for first in (0, 2)]
