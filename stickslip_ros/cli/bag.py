@@ -78,9 +78,10 @@ def run_info(args: argparse.Namespace) -> int:
 def _description(found: dict[str, Any]) -> list[str]:
     chunks = ", ".join(name or "none" for name in found["compression"]) or "none"
     packed = f", each {found['packed']} packed as a whole" if found["packed"] else ""
+    files = f"{len(found['files'])} file{'s' * (len(found['files']) > 1)}"
     lines = [
         f"bag          {found['bag']}",
-        f"size         {_bytes(found['size'])} in {len(found['files'])} files",
+        f"size         {_bytes(found['size'])} in {files}",
         f"compression  {chunks}{packed}",
         f"start        {_date(found['start_ns'])}",
         f"end          {_date(found['end_ns'])}",
@@ -100,7 +101,7 @@ def _description(found: dict[str, Any]) -> list[str]:
         )
     for name, parameters in found["axes"].items():
         lines += ["", f"axis of {name}"]
-        lines += [f"  {key:<24} {text}" for key, text in parameters.items()]
+        lines += [f"  {key:<24} {text}".rstrip() for key, text in parameters.items()]
     return lines
 
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from stickslip_ros.files import writing
 from stickslip_ros.library.grid import SweepError
 from stickslip_ros.library.sweep_plan import Sweep
+from stickslip_ros.reporting import format_si
 from stickslip_ros.version import __version__
 
 #: Start of the first line of every table, in all versions.
@@ -66,7 +67,8 @@ class SweepSummary:
         rows = [f"{'points':<28} {self.done}"]
         for k, (name, unit) in enumerate(self._sweep.outputs):
             if self._low[k] <= self._high[k]:
-                rows.append(f"{name:<28} {self._low[k]:.6g} .. {self._high[k]:.6g} {unit}")
+                low, high = (format_si(end[k], unit, 4) for end in (self._low, self._high))
+                rows.append(f"{name:<28} {low} to {high}")
             else:
                 rows.append(f"{name:<28} no value")
         return "\n".join(rows)

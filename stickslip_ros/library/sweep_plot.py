@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from stickslip_ros.library.grid import SweepAxis
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_plan import Sweep
-from stickslip_ros.reporting.picture import save_picture
+from stickslip_ros.reporting.picture import COLUMN, LOOKS, save_picture
 
 #: Units as they are read easily: factor and name.
 _READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "µm/s"), "kg": (1e3, "g")}
@@ -31,15 +32,16 @@ def readable(unit: str) -> tuple[float, str]:
 def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
     """Write a picture with a panel for each metric; values has shape (points, metrics)."""
     count = len(sweep.metrics)
-    figure = Figure(figsize=(8.0, 0.8 + 4.2 * count), layout="constrained")
     width = len(sweep.outputs) // count
-    for k, name in enumerate(sweep.metrics):
-        axes = figure.add_subplot(count, 1, k + 1)
-        draw_metric(axes, sweep, name, values[:, k * width])
-        if width > 1:
-            _band(axes, sweep, name, values[:, k * width + 1 : (k + 1) * width])
-    figure.suptitle(_title(sweep), fontsize=10)
-    save_picture(path, figure)
+    with rc_context(LOOKS):
+        figure = Figure(figsize=(COLUMN, 0.3 + 0.75 * COLUMN * count), layout="constrained")
+        for k, name in enumerate(sweep.metrics):
+            axes = figure.add_subplot(count, 1, k + 1)
+            draw_metric(axes, sweep, name, values[:, k * width])
+            if width > 1:
+                _band(axes, sweep, name, values[:, k * width + 1 : (k + 1) * width])
+        figure.suptitle(_title(sweep), fontsize=LOOKS["font.size"])
+        save_picture(path, figure)
 
 
 def draw_metric(axes: Axes, sweep: Sweep, name: str, values: NDArray[np.float64]) -> None:
@@ -77,6 +79,7 @@ def _map(
     axes: Axes, slow: SweepAxis, fast: SweepAxis, values: NDArray[np.float64], label: str
 ) -> None:
     axes.set_facecolor(_NO_VALUE)
+    axes.grid(False)
     mesh = axes.pcolormesh(
         _scaled(fast), _scaled(slow), np.ma.masked_invalid(values), shading="nearest"
     )

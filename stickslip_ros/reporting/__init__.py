@@ -108,7 +108,8 @@ def draw_lines(
     """
     drawn = axes_or_new(axes)
     for at, values, marker, colour, name in lines:
-        drawn.plot(at, values, marker, color=colour, linewidth=1, markersize=2, label=name)
+        size = 5 if marker == "o" else 2  # one point, or many
+        drawn.plot(at, values, marker, color=colour, linewidth=1, markersize=size, label=name)
     drawn.set(xlabel=x, ylabel=y, title=title)
     drawn.grid(alpha=0.3)
     if len(drawn.lines) > 1:

@@ -20,34 +20,37 @@ from matplotlib.patches import Rectangle
 from stickslip_ros.files import whole_file
 from stickslip_ros.reporting.plots import Figure
 
-#: Width of two columns of a journal, and of a pixel of a page, inches.
-_WIDTH, _PIXEL = 170.0 / 25.4, 1.0 / 130.0
+#: Width of one and of two columns of a journal, and of a pixel of a page, inches.
+COLUMN, TWO_COLUMNS, _PIXEL = 85.0 / 25.4, 170.0 / 25.4, 1.0 / 130.0
 #: Room left, right, below and above the axes for their labels, inches; above without names of
 #: lines, and beside names of rows, for each letter.
 _LEFT, _RIGHT, _BELOW, _ABOVE = 0.75, 0.15, 0.45, 0.45
 _BARE, _LETTER = 0.15, 0.07
-_LOOKS: Any = {"font.size": 8.0, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 1.0}
+LOOKS: Any = {"font.size": 8.0, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 1.0}
+#: Dots of a PNG to an inch, as journals ask for.
+_DOTS = 300
 _FONTS: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
 
 
 def save_picture(path: Path, picture: Picture) -> None:
     """Write a picture in the form that its name ends with, all of it or nothing; or WriteError."""
     with matplotlib.rc_context(_FONTS), whole_file(path) as part:
-        picture.savefig(part, dpi=150, format=path.suffix[1:].lower())
+        picture.savefig(part, dpi=_DOTS, format=path.suffix[1:].lower())
 
 
 def draw_picture(path: Path, draw: Callable[[Axes], object]) -> None:
     """Write a picture of one plot, which ``draw`` draws into its axes. WriteError."""
-    picture = Picture(layout="constrained")
-    draw(picture.add_subplot())
-    save_picture(path, picture)
+    with matplotlib.rc_context(LOOKS):
+        picture = Picture(figsize=(COLUMN, 0.8 * COLUMN), layout="constrained")
+        draw(picture.add_subplot())
+        save_picture(path, picture)
 
 
 def write_picture(path: Path, figures: Collection[Figure], title: str) -> None:
     """Write plots below each other; figures are plain data for plotly.js. WriteError."""
     heights = [_PIXEL * figure["layout"]["height"] for figure in figures]
-    with matplotlib.rc_context(_LOOKS):
-        picture = Picture(figsize=(_WIDTH, sum(heights) + 0.3))
+    with matplotlib.rc_context(LOOKS):
+        picture = Picture(figsize=(TWO_COLUMNS, sum(heights) + 0.3))
         picture.suptitle(title, y=0.995, va="top")
         ratios = [0.3, *heights]
         parts = picture.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)
@@ -92,10 +95,10 @@ def _place(
     height: float, margin: float, above: float, x: Figure, y: Figure
 ) -> tuple[float, float, float, float]:
     """Return the place of axes in their part, from their shares of its width and height."""
-    wide, high = (_WIDTH - margin - _RIGHT) / _WIDTH, (height - _BELOW - above) / height
+    wide, high = (TWO_COLUMNS - margin - _RIGHT) / TWO_COLUMNS, (height - _BELOW - above) / height
     (left, right), (low, top) = x.get("domain", (0.0, 1.0)), y.get("domain", (0.0, 1.0))
     return (
-        margin / _WIDTH + wide * left,
+        margin / TWO_COLUMNS + wide * left,
         _BELOW / height + high * low,
         wide * (right - left),
         high * (top - low),

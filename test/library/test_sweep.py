@@ -484,7 +484,7 @@ def test_an_empty_point_does_not_hide_the_extremes_of_the_others() -> None:
         summary = SweepSummary(sweep, keep=False)
         for part in parts:
             summary.add(summary.done, np.array(part)[:, None])
-        assert "step_size                    2 .. 5 m" in summary.summary()
+        assert "step_size                    2.000 m to 5.000 m" in summary.summary()
         assert (summary.done, summary.empty) == (5, 3)
 
 

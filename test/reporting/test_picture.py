@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.files import WriteError
-from stickslip_ros.reporting.picture import write_picture
+from stickslip_ros.reporting.picture import draw_picture, write_picture
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 
 X = np.linspace(0.0, 1.0, 20)
@@ -59,6 +59,16 @@ def test_text_stays_text_and_fonts_are_embedded(tmp_path: Path) -> None:
     assert b"/FontFile2" in pdf  # TrueType, which Matplotlib calls Type 42
     assert b"/Type3" not in pdf
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_pictures_are_one_or_two_columns_wide(tmp_path: Path) -> None:
+    """85 and 170 mm, in points of an SVG."""
+    draw_picture(tmp_path / "a.svg", lambda axes: axes.plot(X, X))
+    write_picture(tmp_path / "b.svg", [figure()], "a title")
+    for name, width in (("a.svg", 85.0), ("b.svg", 170.0)):
+        text = (tmp_path / name).read_text(encoding="utf-8")
+        found = float(text.partition('width="')[2].partition("pt")[0])
+        assert found == pytest.approx(width / 25.4 * 72.0, rel=1e-3)
 
 
 def test_nothing_is_left_where_a_picture_cannot_be_written(tmp_path: Path) -> None:
