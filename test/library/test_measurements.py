@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace
+from table_1 import table_1
 
 import stickslip_ros as ss
 from stickslip_ros.measurement import Fits
@@ -18,7 +19,7 @@ pytestmark = pytest.mark.slow
 @cache
 def typical() -> ss.Comparison:
     """The typical axis and the sample of it."""
-    return ss.compare({"preload": 0.4}, "steps_100hz.csv")
+    return ss.compare(table_1(), "steps_100hz.csv")
 
 
 def test_analyse_finds_what_the_integrator_did() -> None:
@@ -49,9 +50,7 @@ def test_runs_of_a_standing_axis_are_none_and_no_frequency_is_taken_for_one() ->
 
 def test_a_wrong_preload_differs() -> None:
     assert typical().differing == []
-    assert (
-        "step size" in ss.compare(ss.Parameters.of({"preload": 1.0}), "steps_100hz.csv").differing
-    )
+    assert "step size" in ss.compare(table_1(preload=1.0), "steps_100hz.csv").differing
 
 
 def test_the_clock_is_found_in_the_right_swing_of_the_ringing() -> None:
