@@ -46,8 +46,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser)
     text = "steps per point, the sign is the direction (default: enough to settle)"
     option(parser, "--steps", "N", text, int)
-    text = "table or picture, may be repeated (default: prints the points)"
-    repeated(parser, "--out", "FILE.csv|FILE.png", text, type=Path)
+    option(parser, "--out", "FILE.csv", "table (default: prints the points)", Path)
     option(parser, "--jobs", "N", "number of threads (default: one per processor)", int)
     flag(parser, "--resume", "continue an unfinished FILE.csv")
     add_ensemble(parser, "each metric with the band in which 95 %% of its draws lie")
@@ -56,7 +55,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    csv, picture = _files(args)
+    if args.out and args.out.suffix.lower() != ".csv":
+        raise UsageError(f"--out is {args.out}; it writes FILE.csv, and --plot writes a picture")
+    if args.resume and not args.out:
+        raise UsageError("--resume needs --out FILE.csv, the file to continue")
     check_outputs(args)
     if args.jobs is not None and args.jobs < 1:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
@@ -81,52 +83,37 @@ def run(args: argparse.Namespace) -> int:
     )
     sweep.refuse_if_impossible()
     report_left_out("sweep", left_out(sweep.base))
-    keep = bool(picture or args.table) or args.json
+    keep = bool(args.plot or args.table) or args.json
     if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
         raise UsageError(
             f"{sweep.points} points are too many for --json, --table or a picture, which take "
             f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
         )
     found = SweepSummary(sweep, keep=keep)
-    table = SweepTable(sweep, csv, args.resume) if csv else None
+    table = SweepTable(sweep, args.out, args.resume) if args.out else None
     try:
         whole = _carry_out(args, sweep, table, found)
     finally:
         if table:
             table.close()
     kept = None if found.kept is None else SweepResult.of(sweep, found.kept)
-    if picture and found.kept is not None:
+    if args.plot and found.kept is not None:
         from stickslip_ros.library.sweep_plot import plot_sweep
 
-        plot_sweep(picture, sweep, found.kept)
+        plot_sweep(args.plot, sweep, found.kept)
     if not whole:
-        _print_resume_hint(table, found, picture)
+        _print_resume_hint(table, found, args.plot)
         return INTERRUPTED
     if args.table and kept:
         heading, columns = kept.table()
         write_table(args.table, heading, np.transpose(columns).tolist())
     if args.json and kept:
         print(kept.json())
-    elif args.out or args.table or picture:
+    elif args.out or args.table or args.plot:
         print(found.summary())
     if found.empty and not args.json:
         print(f"stickslip sweep: {found.complaint()}", file=sys.stderr)
     return 0
-
-
-def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
-    """Return where the table and the picture go."""
-    by_kind: dict[str, Path] = {}
-    for path in args.out:
-        kind = path.suffix.lower()
-        if kind not in (".csv", ".png") or kind in by_kind:
-            raise UsageError(f"--out {path}: one FILE.csv and one FILE.png can be written")
-        by_kind[kind] = path
-    if args.resume and ".csv" not in by_kind:
-        raise UsageError("--resume needs --out FILE.csv, the file to continue")
-    if args.plot and ".png" in by_kind:
-        raise UsageError("--plot and --out FILE.png are the same; give one of them")
-    return by_kind.get(".csv"), args.plot or by_kind.get(".png")
 
 
 def _carry_out(
@@ -138,7 +125,7 @@ def _carry_out(
     from stickslip_ros.library.sweep_plan import results, threads
 
     workers = args.jobs or os.cpu_count() or 1
-    to_stdout = not (table or args.out or args.plot or args.table or args.json)
+    to_stdout = not (args.out or args.plot or args.table or args.json)
     try:
         if table:
             for first, values in table.rows():

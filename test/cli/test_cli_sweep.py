@@ -66,7 +66,7 @@ def test_table_and_picture_are_written_and_summed_up(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     csv, png = tmp_path / "a.csv", tmp_path / "a.png"
-    assert main([*SMALL, "--out", str(csv), "--out", str(png), "--metric", "step_size"]) == 0
+    assert main([*SMALL, "--out", str(csv), "--plot", str(png), "--metric", "step_size"]) == 0
     assert len(rows_of(csv.read_text())) == 6
     assert png.read_bytes().startswith(b"\x89PNG")
     assert "step_size" in capsys.readouterr().out
@@ -133,7 +133,7 @@ def test_what_is_done_at_ctrl_c_is_kept_and_gone_on_with(
     assert main(arguments) == 2
     assert "--resume" in capsys.readouterr().err
     png = tmp_path / "a.png"
-    assert main([*arguments, "--resume", "--out", str(png)]) == 0
+    assert main([*arguments, "--resume", "--plot", str(png)]) == 0
     assert "10 of 20 points have an empty value" in capsys.readouterr().err
     assert csv.read_text() == whole
     assert png.exists()
@@ -152,7 +152,7 @@ def test_ctrl_c_without_a_table_says_what_would_help(
     interrupted_after: Callable[[int], None],
 ) -> None:
     interrupted_after(1)
-    files = ["--out", str(tmp_path / out)] if out else []
+    files = ["--plot", str(tmp_path / out)] if out else []
     assert main([*SMALL, "--jobs", "1", *files]) == 130
     assert cure in capsys.readouterr().err
 

@@ -39,7 +39,7 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
 }
 SLOW = {
     "shaped.yaml": ("shape", "--yaml"),
-    "sweep.png": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
+    "sweep.png": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--plot"),
     "compared.html": ("compare", *MEASURED, "--report"),
     "identified.yaml": ("identify", "--run", *MEASURED, "--fit", "sigma_1", "--out"),
 }

@@ -71,7 +71,7 @@ def test_sweep_has_a_band_for_each_metric(
     out, picture = tmp_path / "sweep.csv", tmp_path / "sweep.png"
     arguments = ["sweep", "--ensemble", file, "--draws", "30", "--vary", "amplitude=100:300:3"]
     arguments += ["--steps", "8", "--metric", "step_size", "--metric", "backstep"]
-    assert main([*arguments, "--out", str(out), "--out", str(picture), "--json"]) == 0
+    assert main([*arguments, "--out", str(out), "--plot", str(picture), "--json"]) == 0
     metrics = json.loads(capsys.readouterr().out)["metrics"]
     assert list(metrics) == [
         "step_size", "step_size_low", "step_size_high",
