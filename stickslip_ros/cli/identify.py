@@ -28,6 +28,7 @@ from stickslip_ros.files import write_text
 from stickslip_ros.library.left_out import OF_A_FIT, left_out
 from stickslip_ros.parameters import PARAMETERS, Parameters, parameter, yaml_text
 from stickslip_ros.parameters.ros_file import read_values
+from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting import format_si
 from stickslip_ros.shared_files import config_file
 
@@ -51,9 +52,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "what is known of a drive, and a table of metrics over parameters; may be repeated"
     option(parser, "--curve", ("PARAMETERS.yaml", "TABLE"), text, Path, dest="curves", **pairs)
     option(parser, "--fit", "A,B", "free parameters (default: those of the friction law)")
-    text = "what is known of a free parameter beforehand, SI units"
+    text = "what is known of a free parameter beforehand"
     repeated(parser, "--prior", "NAME=MEAN:SD", text)
-    text = "where a free parameter may lie, SI units (default: 10 times about its start)"
+    text = "where a free parameter may lie (default: 10 times about its start)"
     repeated(parser, "--bounds", "NAME=LOW:HIGH", text)
     parser.add_argument(
         "--fit-lag", action=argparse.BooleanOptionalAction, default=None,
@@ -129,19 +130,21 @@ def run(args: argparse.Namespace) -> int:
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:
     """Read NAME=A:B. Raises UsageError and ParameterError."""
-    from stickslip_ros.identification.free import LAG
+    from stickslip_ros.identification.free import LAG, unit_of
 
     found = {}
     for text in texts:
         name, _, values = text.partition("=")
+        known = name.strip() if name.strip() == LAG else parameter(name.strip()).name
         try:
-            first, second = (float(part) for part in values.split(":"))
+            first, second = (read_quantity(part, unit_of(known)) for part in values.split(":"))
         except ValueError:
             first = second = math.nan
         if not (math.isfinite(first) and math.isfinite(second)):
-            raise UsageError(f"{option} is {text!r}; write it as NAME={form}, SI units")
-        known = name.strip()
-        found[known if known == LAG else parameter(known).name] = first, second
+            raise UsageError(
+                f"{option} is {text!r}; write it as NAME={form}, with units or in SI units"
+            )
+        found[known] = first, second
     return found
 
 

@@ -20,6 +20,7 @@ from stickslip_ros.cli.options import (
     parameters_from,
     print_result,
     progress_bar,
+    quantity,
 )
 from stickslip_ros.errors import UsageError
 from stickslip_ros.laws import LAWS
@@ -48,7 +49,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "write runner, actuator and contact over time"
     option(parser, "--trace", "FILE.csv", text, Path)
     text = "write the trace at even times instead, so many a second, each value exact"
-    option(parser, "--trace-rate", "HZ", text, float)
+    option(parser, "--trace-rate", "HZ", text, quantity("Hz"))
     text = "write into --trace what the simulated sensor reads instead: time and position"
     flag(parser, "--sensor", text)
 

@@ -146,8 +146,8 @@ class Result:
     values: Values
     tables: Mapping[str, Table] = field(default_factory=dict)  #: ending of the file's name: columns
     drawn: Mapping[str, Table] = field(default_factory=dict)  #: what only the picture shows
-    draw: Callable[[Figure], None] | None = None  #: fills a figure of `size`
-    size: tuple[float, float] = (6.2, 3.9)  #: inches
+    draw: Callable[[Figure], None] | None = None  #: fills a figure, 170 mm wide
+    height: float = 3.9  #: of that, inches
     remark: str = ""  #: beside that of the claim, where it holds numbers
     settled: ClaimVerdict | None = None  #: where there is nothing to judge: why
     checks: tuple[Check, ...] = ()  #: of the values, which the claim brings
@@ -254,15 +254,15 @@ def read_charts(path: Path) -> dict[str, Callable[[Result], Result]]:
         name: partial(
             _with_picture,
             [Panel.of(one) for one in chart["panels"]],
-            tuple(chart.get("size", Result.size)),
+            chart.get("height", Result.height),
         )
         for name, chart in yaml.safe_load(path.read_text(encoding="utf-8")).items()
     }
 
 
-def _with_picture(panels: Sequence[Panel], size: tuple[float, float], result: Result) -> Result:
+def _with_picture(panels: Sequence[Panel], height: float, result: Result) -> Result:
     tables = {**result.tables, **result.drawn}
-    return replace(result, draw=partial(_draw, panels, tables), size=size)
+    return replace(result, draw=partial(_draw, panels, tables), height=height)
 
 
 def _draw(panels: Sequence[Panel], tables: Mapping[str, Table], figure: Figure) -> None:

@@ -23,6 +23,7 @@ from stickslip_ros.files import whole_folder, writing
 from stickslip_ros.paper import influences, materials, response, step_curves, stiffness
 from stickslip_ros.paper.claim import Claim, ClaimVerdict, Result, read_charts, read_checks
 from stickslip_ros.reporting.page import page
+from stickslip_ros.reporting.picture import TWO_COLUMNS
 from stickslip_ros.reporting.tables import csv_text
 from stickslip_ros.version import __version__
 
@@ -193,7 +194,7 @@ def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> ClaimOu
 
 def draw_result(result: Result) -> Figure:
     """Return the picture of a result that has one."""
-    figure = Figure(figsize=result.size, layout="constrained")
+    figure = Figure(figsize=(TWO_COLUMNS, result.height), layout="constrained")
     if result.draw is not None:
         result.draw(figure)
     return figure

@@ -80,7 +80,7 @@ def response() -> Result:
         "swings above 1 nm after the backstep": np.sum(np.abs(ringing[turned]) > _SWING),
     }
     table = dict(zip(HEADER, astuple(trace), strict=True))
-    return Result(values, tables={"": table}, draw=draw, size=(6.2, 9.0))
+    return Result(values, tables={"": table}, draw=draw, height=9.0)
 
 
 def _hysteretic(width: float) -> Parameters:

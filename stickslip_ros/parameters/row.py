@@ -205,7 +205,9 @@ PREFIXES = {
     "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9,
 }  # fmt: skip
 #: Units that are typed for those of the table, and how much of these one of them is.
-_OTHERS = {"kg": {"g": 1e-3}, "rad": {"deg": math.pi / 180.0}, "": {"%": 0.01}}
+_OTHERS = {
+    "kg": {"g": 1e-3}, "rad": {"deg": math.pi / 180.0}, "": {"%": 0.01}, "N/m": {"N/um": 1e6},
+}  # fmt: skip
 #: Factors of which a number is divided by the inverse, which is whole
 _WHOLE_PARTS = (1e-15, 1e-12, 1e-9, 1e-6, 1e-3, 0.01)
 

@@ -113,7 +113,7 @@ def test_every_claim_has_its_data_and_a_drawing_with_units(claim: Claim) -> None
         assert len({len(values) for values in table.values()}) == 1
     assert bool(found.draw) <= bool(found.tables)
     if found.draw:
-        figure = Figure(figsize=found.size)
+        figure = Figure(figsize=(6.7, found.height))
         found.draw(figure)
         labels = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel())]
         assert any("(" in text for text in labels)

@@ -32,7 +32,7 @@ def good() -> Result:
         {"steps < 3 & more": (2.0e-9, 9e-9)},
         tables={"": {"x (m)": np.array([1.0, np.nan])}, "_more": {"y (N)": np.array([0.1])}},
         draw=draw,
-        size=(1.0, 1.0),
+        height=1.0,
         remark="<script>alert(1)</script>",
     )
 

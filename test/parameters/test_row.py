@@ -22,6 +22,8 @@ def test_a_unit_may_be_typed_with_a_prefix_and_a_sign() -> None:
         ("100 V/us", "V/us", 100.0),
         ("90deg", "rad", math.pi / 2.0),
         ("30deg", "deg", 30.0),
+        ("9 N/µm", "N/m", 9e6),
+        ("9kN/m", "N/m", 9e3),
         ("5 %", "", 0.05),
         ("-inf", "m", -math.inf),
     ):
