@@ -34,8 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.workbench.curves import curves
-    from stickslip_ros.workbench.overlay import Overlay
+    from stickslip_ros.workbench.curves import Overlay, curves
     from stickslip_ros.workbench.server import Workbench
 
     p, overlay = parameters_from(args), None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Curves of the page for a set of parameters: a settled step, and steps over three parameters.
+"""Curves of the page: a settled step, steps over three parameters, a measured step laid over them.
 
 Every answer is computed anew: a few hundred drive cycles of some microseconds each.
 """
@@ -7,6 +7,7 @@ Every answer is computed anew: a few hundred drive cycles of some microseconds e
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,13 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import format_si, scale_of, to_json
 from stickslip_ros.reporting.plots import thin_columns
 from stickslip_ros.solver import Simulation
+from stickslip_ros.traces import TraceError
+from stickslip_ros.traces.analysis import find_runs
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import main_run
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
 from stickslip_ros.traces.trace import Trace, points, sample_times
 from stickslip_ros.workbench.controls import recipes, set_names, shown_values
-from stickslip_ros.workbench.overlay import SPAN, Overlay
 
 Array = NDArray[np.float64]
 
@@ -42,6 +46,65 @@ _DENSITY = 40.0
 #: Periods of ringing that the closer look at a slip shows.
 _SWINGS = 4.0
 _NANO = 1e9
+#: Periods that a drawn step holds: a cycle, its slip, and the ringing after it.
+SPAN = 1.25
+#: Places in a step at which the cycles are put together, at most; points that are drawn.
+_GRID, _SHOWN = 10_000, 700
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """The mean settled step of the longest run in a measurement."""
+
+    source: str
+    frequency: float  #: of the drive, Hz
+    direction: int  #: +1 or -1
+    steps: int  #: of the run
+    step_size: float  #: m, with the sign of the direction
+    step_error: float  #: its standard error, m
+    t: Array  #: since the start of the cycle, s, shape (places,)
+    x: Array  #: m, shape (places,)
+    motion: Motion  #: the whole measurement
+
+    @classmethod
+    def of(cls, motion: Motion, frequency: float | None = None) -> Overlay:
+        """Return the overlay of a measurement; frequency (Hz): of the drive, if it is known.
+
+        Raises TraceError where the measurement shows no steps.
+        """
+        runs = find_runs(motion.t, motion.x, None if frequency is None else 1.0 / frequency)
+        try:
+            run = main_run(runs)
+        except TraceError:
+            raise TraceError(f"no steps are found in {motion.source}") from None
+        starts = run.starts
+        period = run.period
+        per_cycle = int(np.searchsorted(motion.t, starts[0] + period)) - int(
+            np.searchsorted(motion.t, starts[0])
+        )
+        grid = np.linspace(0.0, SPAN * period, int(np.clip(SPAN * per_cycle, 16, _GRID)))
+        # Without the last cycle, which no other follows.
+        kept = [s for s in starts[:-1] if motion.t[0] <= s and s + grid[-1] <= motion.t[-1]]
+        kept = kept[min(run.first_cycle, len(kept) - 1) :] if kept else []
+        if not kept:
+            raise TraceError(f"{motion.source} shows no whole drive cycle")
+        laid = [np.interp(s + grid, motion.t, motion.x) for s in kept]
+        mean = np.mean([one - one.mean() for one in laid], axis=0)
+        return cls(
+            motion.source, run.frequency, run.direction, run.steps,
+            run.step_size, run.step_size_error, grid, mean, motion,
+        )  # fmt: skip
+
+    def laid_over(self, t: Array, x: Array, window: tuple[float, float]) -> tuple[Array, Array]:
+        """Return times (s) and positions (m) at the level of a simulated step, within a window.
+
+        t (s) and x (m), shape (samples,), are those of the simulated step. The zero of a sensor
+        means nothing, so the level is that of the least squares.
+        """
+        level = float(np.mean(np.interp(self.t, t, x) - self.x))
+        kept = (self.t >= window[0]) & (self.t <= window[1])
+        at, laid = thin_columns(self.t[kept], self.x[kept] + level, count=_SHOWN)
+        return at, laid
 
 
 def curves(p: Parameters, overlay: Overlay | None = None) -> dict[str, Any]:

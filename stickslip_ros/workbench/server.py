@@ -36,9 +36,8 @@ from stickslip_ros.workbench.controls import (
     set_names,
     shown_values,
 )
-from stickslip_ros.workbench.curves import curves
+from stickslip_ros.workbench.curves import Overlay, curves
 from stickslip_ros.workbench.fitting import Fitting
-from stickslip_ros.workbench.overlay import Overlay
 
 HOST = "127.0.0.1"
 _SCRIPTS = ("/chart.js", "/explore.js")

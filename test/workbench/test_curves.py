@@ -24,8 +24,7 @@ from stickslip_ros.workbench.controls import (
     set_names,
     shown_values,
 )
-from stickslip_ros.workbench.curves import curves, settled_step
-from stickslip_ros.workbench.overlay import Overlay
+from stickslip_ros.workbench.curves import Overlay, curves, settled_step
 
 P = Parameters.of(TABLE_1)
 SAMPLE = "steps_100hz.csv"

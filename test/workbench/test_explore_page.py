@@ -13,7 +13,7 @@ from table_1 import TABLE_1
 
 import stickslip_ros as ss
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.workbench.overlay import Overlay
+from stickslip_ros.workbench.curves import Overlay
 from stickslip_ros.workbench.server import Workbench, WorkbenchServer
 
 if TYPE_CHECKING:
