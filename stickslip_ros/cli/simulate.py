@@ -24,8 +24,8 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.errors import UsageError
 from stickslip_ros.laws import LAWS
-from stickslip_ros.parameters import PARAMETERS, ParameterError
-from stickslip_ros.reporting.terminal import format_rows, micro_prefix
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
 
         with report_compilation():
             band = Band.of(p, ensemble, args.steps, args.draws)
-    print_result(args, _content(result, zero, band), lambda: _table(result, zero, band))
+    print_result(args, _content(result, zero, band), lambda: _text(result, band))
     if unknown:
         print(f"stickslip simulate: no 0-amplitude: {unknown}", file=sys.stderr)
     return 0
@@ -123,36 +123,16 @@ def _content(run: SimulatedRun, zero: float | None, band: Band | None) -> dict[s
     return content
 
 
-def _table(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
-    from stickslip_ros.model.waveforms import largest_slip
-
-    p, d = run.parameters, run.parameters.drive
-    drive = f"{d.amplitude:g} V, {d.frequency:g} Hz"
-    if math.isfinite(largest_slip(d)):
-        drive += f", slip {d.slewrate:g} V/us"
-    if d.waveform != PARAMETERS["waveform"].default:
-        drive += f", {d.waveform}"
-    none = "none: no amplitude makes steps, or the load moves the runner without the drive"
-    found = none if zero is None else "not found" if math.isnan(zero) else f"{1e9 * zero:.2f} nm"
-    axis = f"{p.friction.model}, preload {p.friction.preload:g} N, mass {1e3 * p.runner.mass:g} g"
-    rows = [
-        ("model", axis),
-        ("drive", drive),
-        ("steps", f"{run.count}"),
-        ("position", f"{1e9 * run.position[-1]:.3f} nm"),
-        ("step size", f"{1e9 * run.step_size:.3f} nm"),
-        ("backstep", f"{1e9 * run.backstep:.3f} nm"),
-        ("0-amplitude", found),
-        ("mean speed", f"{1e6 * run.mean_speed:.3f} {micro_prefix()}m/s"),
+def _text(run: SimulatedRun, band: Band | None) -> str:
+    if not band:
+        return run.report()
+    rows = [("95 % of", f"{band.draws} draws of the ensemble lie within:")]
+    rows += [
+        (name, f"{1e9 * low:.3f} to {1e9 * high:.3f} nm")
+        for name, (low, high) in (
+            ("step size", band.step_size),
+            ("backstep", band.backstep),
+            ("position", (band.low[-1], band.high[-1])),
+        )
     ]
-    if band:
-        rows.append(("95 % of", f"{band.draws} draws of the ensemble lie within:"))
-        rows += [
-            (name, f"{1e9 * low:.3f} to {1e9 * high:.3f} nm")
-            for name, (low, high) in (
-                ("step size", band.step_size),
-                ("backstep", band.backstep),
-                ("position", (band.low[-1], band.high[-1])),
-            )
-        ]
-    return format_rows(rows)
+    return f"{run.report()}\n{format_rows(rows)}"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Integral
@@ -14,10 +15,11 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import plain_until_compiled, report_compilation
 from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
+from stickslip_ros.model.waveforms import command_of, largest_slip
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
+from stickslip_ros.reporting.terminal import format_rows, micro_prefix
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
 from stickslip_ros.traces.motion import Motion, read_steps
@@ -227,6 +229,33 @@ class SimulatedRun:
         """Say the run in one line."""
         sizes = f"{1e9 * self.step_size:.1f} nm a step, backstep {1e9 * self.backstep:.1f} nm"
         return f"SimulatedRun({self._title}: {sizes})"
+
+    def report(self) -> str:
+        """Return what `stickslip simulate` prints: one line for each name and value."""
+        p, d = self.parameters, self.parameters.drive
+        drive = f"{d.amplitude:g} V, {d.frequency:g} Hz"
+        if math.isfinite(largest_slip(d)):
+            drive += f", slip {d.slewrate:g} V/us"
+        if d.waveform != PARAMETERS["waveform"].default:
+            drive += f", {d.waveform}"
+        try:
+            zero = self.zero_amplitude
+            none = "none: no amplitude makes steps, or the load moves the runner without the drive"
+            found = none if zero is None else f"{1e9 * zero:.2f} nm"
+        except ParameterError:  # the run has been possible, so a drive of the search is not
+            found = "not found"
+        law, mass = p.friction.model, f"{1e3 * p.runner.mass:g} g"
+        rows = [
+            ("model", f"{law}, preload {p.friction.preload:g} N, mass {mass}"),
+            ("drive", drive),
+            ("steps", f"{self.count}"),
+            ("position", f"{1e9 * self.position[-1]:.3f} nm"),
+            ("step size", f"{1e9 * self.step_size:.3f} nm"),
+            ("backstep", f"{1e9 * self.backstep:.3f} nm"),
+            ("0-amplitude", found),
+            ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro_prefix()}m/s"),
+        ]
+        return format_rows(rows)
 
     def _repr_html_(self) -> str:
         drive = self.parameters.drive

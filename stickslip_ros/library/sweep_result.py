@@ -19,8 +19,9 @@ from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_output import heading
 from stickslip_ros.library.sweep_plan import Sweep, results, threads
 from stickslip_ros.parameters import Parameters, ParameterSource
-from stickslip_ros.reporting import axes_or_new, html_table, to_json
+from stickslip_ros.reporting import axes_or_new, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import frame
+from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 if TYPE_CHECKING:
@@ -200,13 +201,21 @@ class SweepResult:
         over = " and ".join(f"{axis.name} ({axis.count} values)" for axis in self.plan.axes)
         return f"SweepResult({', '.join(self.metrics)} over {over})"
 
+    def report(self) -> str:
+        """Return one line for each parameter and metric, with the span of its values."""
+        return format_rows(self._rows(), 28)
+
     def _repr_html_(self) -> str:
+        return html_table("sweep", self._rows())
+
+    def _rows(self) -> list[tuple[str, str]]:
         rows = [
             (axis.name, f"{axis.count} values, {min(v):g} to {max(v):g} {axis.unit}")
             for axis, v in zip(self.plan.axes, self.values.values(), strict=True)
         ]
         for name, values in self.metrics.items():
             known = values[np.isfinite(values)]
-            span = f"{known.min():.4g} to {known.max():.4g}" if known.size else "no value"
-            rows.append((name, f"{span} {METRICS[name].unit}"))
-        return html_table("sweep", rows)
+            ends = (known.min(), known.max()) if known.size else ()
+            spans = [format_si(float(end), METRICS[name].unit) for end in ends]
+            rows.append((name, " to ".join(spans) or "no value"))
+        return rows

@@ -27,6 +27,7 @@ from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
+from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.trace import Trace
 
@@ -90,8 +91,15 @@ class Motion:
         """Say the motion in one line."""
         return f"Motion({self.source}: {len(self.t)} samples over {format_si(self.duration, 's')})"
 
+    def report(self) -> str:
+        """Return one line for each of samples, duration, first and last position, and notes."""
+        return format_rows(self._rows())
+
     def _repr_html_(self) -> str:
-        rows = [
+        return html_table(self.source, self._rows())
+
+    def _rows(self) -> list[tuple[str, str]]:
+        return [
             ("samples", f"{len(self.t)}"),
             ("duration", format_si(self.duration, "s")),
             (
@@ -100,7 +108,6 @@ class Motion:
             ),
             *(("note", note) for note in self.notes),
         ]
-        return html_table(self.source, rows)
 
     @cached_property
     def _spline(self) -> scipy.interpolate.CubicHermiteSpline | None:

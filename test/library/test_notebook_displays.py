@@ -36,6 +36,8 @@ def test_a_table_is_displayed(make: Any, texts: list[str]) -> None:
     assert table.tag == "table"
     text = " ".join(table.itertext())
     assert [one for one in texts if one not in text] == []
+    if not isinstance(found, ss.StateSpace):
+        assert len(found.report().splitlines()) >= 2
 
 
 def test_a_comparison_is_one_line_of_text() -> None:
