@@ -69,6 +69,8 @@ class JointFitSettings:
 SETTINGS = JointFitSettings()
 #: What is compared: hum of which mains (Hz), and whether the drift bends.
 CASES = tuple((mains, bent) for bent in (False, True) for mains in (None, *MAINS))
+#: Kinds of columns beside the hum of mains (Hz): those of every case, and those of a bent drift.
+_DRIFT, _BENDS = 0.0, -1.0
 
 
 @dataclass(frozen=True)
@@ -155,13 +157,15 @@ def fit_steps(
         return [MeasuredValue(math.nan, math.nan) for _ in grids], Disturbances()
     y = np.concatenate([one.weight * one.x[:, 0] for one in blocks])
     own = scipy.linalg.block_diag(*[one.weight * one.own for one in blocks])
-    wide = np.concatenate([one.widths for one in blocks])
+    common = [one.weight * one.without(_common(one.t, even)) for one in blocks]
+    disturbed, kind = _common_widths(even.end - even.begin)
+    widths = np.concatenate((*(one.widths for one in blocks), disturbed))
+    kinds = np.concatenate((np.full(own.shape[1], _DRIFT), kind))
+    rows = Rows(np.hstack((own, np.concatenate(common))) * widths, y, kinds == _DRIFT)
     fits = []
     for mains, bent in CASES:
-        common = [_common(one.t, mains, (even.begin, even.end) if bent else None) for one in blocks]
-        rows = [one.weight * one.without(own) for one, own in zip(blocks, common, strict=True)]
-        widths = np.concatenate((wide, _common_widths(mains, bent, even.end - even.begin)))
-        fits.append(RidgeFit(np.hstack((own, np.concatenate(rows))) * widths, y, widths))
+        wanted = [_DRIFT, *([mains] if mains else []), *([_BENDS] if bent else [])]
+        fits.append(RidgeFit(rows, widths, np.isin(kinds, wanted)))
     chance = min(fit.chance for fit in fits)
     none, bends = 1.0 - len(MAINS) * SETTINGS.hum_odds, SETTINGS.bent_odds
     hum = np.array([none, *(SETTINGS.hum_odds for _ in MAINS)])
@@ -207,28 +211,46 @@ def average_fits(
     return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
 
 
+class Rows:
+    """Rows of a least squares problem, outliers left out, and their QR decomposition.
+
+    The same rows are left out in all cases that are compared: those far from the plainest of them.
+    """
+
+    def __init__(self, columns: Array, y: Array, plain: NDArray[np.bool_]) -> None:
+        used = np.ones(len(y), dtype=bool)
+        plainest = columns[:, plain]
+        for _ in range(SETTINGS.rounds):
+            kept = plainest if used.all() else plainest[used]
+            # For outliers, squares are exact enough, and far quicker.
+            found, *_ = np.linalg.lstsq(kept.T @ kept, kept.T @ y[used], rcond=1e-12)
+            left = y - plainest @ found
+            middle = 1.4826 * float(np.median(np.abs(left[used]))) + 1e-30
+            before, used = used, np.abs(left) <= SETTINGS.far * middle
+            if (used == before).all():
+                break
+        self.columns, self.y = columns[used], y[used]
+        both = np.column_stack((self.columns, self.y))
+        #: Of all columns and y.
+        self.triangle: Array = np.asarray(np.linalg.qr(both, mode="r"))
+
+
 class RidgeFit:
     """Ridge regression with columns in units of their standard deviations beforehand."""
 
-    def __init__(self, columns: Array, y: Array, widths: Array) -> None:
-        self._widths = widths
-        used = np.ones(len(y), dtype=bool)
-        for _ in range(SETTINGS.rounds):
-            kept = columns if used.all() else columns[used]
-            # For outliers, squares are exact enough, and far quicker.
-            found, *_ = np.linalg.lstsq(kept.T @ kept, kept.T @ y[used], rcond=1e-12)
-            left = y - columns @ found
-            middle = 1.4826 * float(np.median(np.abs(left[used]))) + 1e-30
-            used = np.abs(left) <= SETTINGS.far * middle
-        left = left[used]
+    def __init__(self, rows: Rows, widths: Array, of: NDArray[np.bool_]) -> None:
+        """Fit some of the columns of rows; widths are those of all."""
+        self._widths = widths[of]
         # By singular values: squared first, columns that are nearly alike leave only rounding.
-        _, triangle = np.linalg.qr(np.column_stack((columns[used], y[used])))
-        across, sizes, along = np.linalg.svd(triangle[:, :-1])
+        across, sizes, along = np.linalg.svd(rows.triangle[:, :-1][:, of])
         sizes = np.append(sizes, np.zeros(len(along) - len(sizes)))
         self._axes, self.squares = along.T, sizes**2
-        self._seen = across.T @ triangle[:, -1]
+        self._seen = across.T @ rows.triangle[:, -1]
         self._product = sizes * np.resize(self._seen, len(sizes))
-        free = max(len(left) - columns.shape[1], 1)
+        told = sizes > 1e-6 * sizes[0]
+        found = self._axes[:, told] @ (self._product[told] / self.squares[told])
+        left = rows.y - rows.columns[:, of] @ found
+        free = max(len(left) - len(sizes), 1)
         #: Variance (m^2) that a row has in effect, what it shares with its neighbours included.
         self.chance = float(left @ left) / free * correlation_time(left) + 1e-30
 
@@ -346,20 +368,22 @@ def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> FitR
     return FitRows(t, weight, without, without(x[:, None]), np.zeros((len(t), 0)), np.zeros(0))
 
 
-def _common(t: Array, mains: float | None, bent: tuple[float, float] | None) -> Array:
-    """Return columns of drift, hum and bends of the drift at times (s), (times, n).
-
-    bent is begin and end (s) of a record whose drift bends.
-    """
-    columns = [t] if mains is None else [t, *hum_columns(t, (mains,), SETTINGS.harmonics)]
-    if bent is not None:
-        place = (2.0 * t - sum(bent)) / (bent[1] - bent[0])
-        columns += list(np.polynomial.legendre.legvander(place, SETTINGS.bends).T[2:])
+def _common(t: Array, even: EvenSamples) -> Array:
+    """Return columns of drift, hum of either mains and bends of the drift at times (s)."""
+    columns = [t, *(wave for one in MAINS for wave in hum_columns(t, (one,), SETTINGS.harmonics))]
+    place = (2.0 * t - even.begin - even.end) / (even.end - even.begin)
+    columns += list(np.polynomial.legendre.legvander(place, SETTINGS.bends).T[2:])
     return np.stack(columns, axis=1)
 
 
-def _common_widths(mains: float | None, bent: bool, duration: float) -> Array:
-    count = 0 if mains is None else SETTINGS.harmonics
-    bends = SETTINGS.bends - 1 if bent else 0
-    waves = np.repeat(USUAL / np.arange(1.0, count + 1.0), 2)
-    return np.array([SETTINGS.drift, *waves, *[0.5 * duration * SETTINGS.drift] * bends])
+def _common_widths(duration: float) -> tuple[Array, Array]:
+    """Return the standard deviations beforehand of these columns, and the kind of each."""
+    waves = USUAL / np.repeat(np.arange(1.0, SETTINGS.harmonics + 1.0), 2)
+    bends = np.ones(SETTINGS.bends - 1)
+    widths = (
+        np.array([SETTINGS.drift]),
+        *(waves for _ in MAINS),
+        0.5 * duration * SETTINGS.drift * bends,
+    )
+    kinds = (np.array([_DRIFT]), *(np.full(len(waves), one) for one in MAINS), _BENDS * bends)
+    return np.concatenate(widths), np.concatenate(kinds)

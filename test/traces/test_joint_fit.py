@@ -43,6 +43,12 @@ def fitted(bench: Bench) -> tuple[list[MeasuredValue], Disturbances]:
     return fit_steps(even, grids, [ringing] * len(grids))
 
 
+def ridge_fit(columns: Array, y: Array, widths: Array) -> joint_fit.RidgeFit:
+    """The fit of all columns."""
+    every = np.ones(len(widths), dtype=bool)
+    return joint_fit.RidgeFit(joint_fit.Rows(columns, y, every), widths, every)
+
+
 @pytest.mark.parametrize("seed", range(3000, 3010))
 @pytest.mark.parametrize("hard", [False, True], ids=["easy", "hard"])
 def test_the_step_lies_within_three_of_its_standard_errors(seed: int, hard: bool) -> None:
@@ -111,7 +117,7 @@ def test_a_motion_without_noise_has_errors_all_the_same() -> None:
     one, other, third = random.standard_normal((3, 1000))
     for dissimilarity in 10.0 ** -np.arange(5.0, 10.0):
         columns = np.stack([one, one + dissimilarity * other, third], axis=1)
-        fit = joint_fit.RidgeFit(columns, columns @ [1.0, 1.0, 2.0], np.ones(3))
+        fit = ridge_fit(columns, columns @ [1.0, 1.0, 2.0], np.ones(3))
         for column in range(3):
             value, error = fit.value(column, 1e-30)
             assert 0.0 <= error <= 1.0
@@ -125,7 +131,7 @@ def test_a_fit_with_widths_beforehand_is_that_of_normal_distributions() -> None:
     widths, chance = np.array([2.0, 0.5, 3.0]), 0.04
     columns = random.standard_normal((50, 3))
     y = columns @ [1.0, 0.2, -2.0] + 0.2 * random.standard_normal(50)
-    fit = joint_fit.RidgeFit(columns * widths, y, widths)
+    fit = ridge_fit(columns * widths, y, widths)
     inverse = np.linalg.inv(columns.T @ columns / chance + np.diag(widths**-2.0))
     expected = inverse @ columns.T @ y / chance
     for k in range(3):
@@ -135,7 +141,7 @@ def test_a_fit_with_widths_beforehand_is_that_of_normal_distributions() -> None:
         spread = (columns * width**2) @ columns.T + chance * np.eye(50)
         return float(multivariate_normal(np.zeros(50), spread).logpdf(y))
 
-    other = joint_fit.RidgeFit(columns * [0.1, 0.1, 3.0], y, np.array([0.1, 0.1, 3.0]))
+    other = ridge_fit(columns * [0.1, 0.1, 3.0], y, np.array([0.1, 0.1, 3.0]))
     odds = fit.evidence(chance) - other.evidence(chance)
     assert odds == pytest.approx(density(widths) - density(np.array([0.1, 0.1, 3.0])), rel=1e-6)
 
@@ -146,7 +152,7 @@ def test_neighbours_that_go_together_count_less(rho: float) -> None:
     noise = np.random.default_rng(19).standard_normal(200_000)
     left = lfilter([1.0], [1.0, -rho], noise)
     assert correlation_time(left) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)
-    fit = joint_fit.RidgeFit(np.ones((200_000, 1)), left, np.ones(1))
+    fit = ridge_fit(np.ones((200_000, 1)), left, np.ones(1))
     assert fit.chance == pytest.approx((1.0 - rho) ** -2.0, rel=0.1)
     assert correlation_time(np.zeros(50)) == 1.0
     assert correlation_time(np.tile([1.0, -1.0], 50)) == 1.0
