@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -62,6 +63,7 @@ class CycleFitSettings:
     clock: float = 5e-4  #: error of the clock of a known period, s/s
     low_pass: float = 0.1  #: standard deviation of the low-pass, in periods of the ringing
     thinned: float = 0.15  #: distance of samples behind it, in the same
+    dense: float = 100.0  #: samples in a swing that it needs at most
     gone: float = 40.0  #: decays after which nothing of the ringing is left but rounding
 
 
@@ -144,6 +146,8 @@ class CycleFit:
 def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
     """Return where the runner would be at rest on its contact: a sawtooth with straight flanks."""
     omega_0 = math.hypot(2.0 * math.pi * ringing.frequency, ringing.decay)
+    while even.tick * ringing.frequency * SETTINGS.dense < 1.0 and len(even.x) > SETTINGS.dense:
+        even = even.halved
     width = max(SETTINGS.low_pass / ringing.frequency / even.tick, 1.0)
 
     def rest_of(x: Array) -> Array:
@@ -219,6 +223,14 @@ class _Stretch:
     chance: float  #: standard deviation of x by noise, m
     spread: float  #: standard deviation of x, m
 
+    @cached_property
+    def slow(self) -> tuple[Array, list[float]]:
+        """Place, drift and hum at the cells; the standard deviation of each beforehand, SI."""
+        t = 0.5 * (self.edges[1:] + self.edges[:-1])
+        hum = hum_columns(t, MAINS) if t[-1] - t[0] > SETTINGS.hum_seen else []
+        columns = np.stack([np.ones_like(t), t - t[0], *hum], axis=1)
+        return columns, [SETTINGS.rest, SETTINGS.drift, *[USUAL] * len(hum)]
+
 
 @dataclass(frozen=True)
 class _PartFit:
@@ -286,29 +298,25 @@ def _fit_part(
     slips = np.asarray(grid.first + grid.period * part.number)
     inside = (part.number >= 0) & (part.number < grid.count)
     known = np.isfinite(part.x)
+    slow, widths = part.slow
     t = 0.5 * (part.edges[1:] + part.edges[:-1])
-    columns = [np.ones_like(t), t - t[0], *ringing.columns(t - part.edges[0]).T]
-    step = SETTINGS.step * part.spread
-    widths = [SETTINGS.rest, SETTINGS.drift, step, step]
-    if t[-1] - t[0] > SETTINGS.hum_seen:
-        hum = hum_columns(t, MAINS)
-        columns += hum
-        widths += [USUAL] * len(hum)
-    others, sign = len(columns), grid.direction
+    columns, step = [slow, ringing.columns(t - part.edges[0])], SETTINGS.step * part.spread
+    widths = [*widths, step, step]
+    others, sign = len(widths), grid.direction
     rises, falls = responses_of(part.edges, slips, grid.period, ringing)
     wanted = part.x - float(np.nanmean(part.x))
     chance = part.chance
     if alike is None:
-        columns += [sign * rises[inside].sum(axis=0), *(-sign * falls[inside])]
-        widths += [step] * (len(columns) - others)
+        columns += [sign * rises[inside].sum(axis=0)[:, None], -sign * falls[inside].T]
+        widths += [step] * (1 + int(inside.sum()))
     else:
         rise, fall = float(np.median(alike.rise)), float(np.median(alike.fall))
         half = 0.5 * abs(rise)
         wanted = wanted - sign * half * rises.sum(axis=0)
-        columns += [*(sign * rises), *(-sign * falls)]
+        columns += [sign * rises.T, -sign * falls.T]
         widths += [half] * len(rises) + [2.0 * abs(fall)] * len(falls)
         chance = max(chance, float(np.std(alike.left)))
-    design = np.stack(columns, axis=1)[known] * np.array(widths)
+    design = np.hstack(columns)[known] * np.array(widths)
     normal = design.T @ design + chance**2 * np.eye(len(widths))
     found = scipy.linalg.solve(normal, design.T @ wanted[known], assume_a="pos")
     left, answers = wanted[known] - design @ found, (found * np.array(widths))[others:]

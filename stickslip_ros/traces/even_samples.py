@@ -67,8 +67,10 @@ class EvenSamples:
         index = np.clip(place.astype(np.int64), 0, len(self.x) - 1)
         total = sums[index] + (place - index) * (self.x[index] - self.x[0])
         found = np.diff(total, axis=-1) / np.diff(place, axis=-1) + self.x[0]
-        good = inside[..., 1:] & inside[..., :-1] & (np.diff(gaps[index], axis=-1) == 0)
-        return np.where(good & self.known[index[..., 1:]], found, np.nan)
+        good = inside[..., 1:] & inside[..., :-1]
+        if gaps[-1]:
+            good &= (np.diff(gaps[index], axis=-1) == 0) & self.known[index[..., 1:]]
+        return np.where(good, found, np.nan)
 
     def between(self, begin: float, end: float) -> tuple[Array, Array]:
         """Return times (s, from 0) and positions (m) of the samples from begin to end (s)."""
@@ -115,8 +117,9 @@ def correlation_time(left: Array) -> float:
     Mechanics, 1989).
     """
     count = len(left)
-    spectrum = np.fft.rfft(left - left.mean(), 2 * count)
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:count]
+    size = scipy.fft.next_fast_len(2 * count, real=True)
+    spectrum = scipy.fft.rfft(left - left.mean(), size)
+    correlation = scipy.fft.irfft(np.abs(spectrum) ** 2, size)[:count]
     if not correlation[0] > 0.0:
         return 1.0
     total = np.cumsum(2.0 * correlation / correlation[0]) - 1.0

@@ -24,7 +24,9 @@ def hum_columns(t: Array, mains: Sequence[float], harmonics: int = HARMONICS) ->
     """Return cosine and sine of each harmonic of the mains (Hz) at times t (s)."""
     found = []
     for frequency in mains:
-        for harmonic in range(1, harmonics + 1):
-            angle = 2.0 * math.pi * harmonic * frequency * t
-            found += [np.cos(angle), np.sin(angle)]
+        first = np.exp(2j * math.pi * frequency * t)
+        wave = np.ones_like(first)
+        for _ in range(harmonics):
+            wave = wave * first
+            found += [wave.real, wave.imag]
     return found

@@ -46,8 +46,8 @@ _HIGHEST, _DETERMINING = 0.45, 4.0
 _CLEAR_GAIN, _UNCERTAIN = 25.0, 0.02
 #: Cycles that take part in the fit, first samples of each, samples of a window's spectrum.
 _CYCLES, _SAMPLES, _SPECTRUM = 20, 20_000, 4096
-#: Decays after which nothing is left of the ringing.
-_GONE = 6.0
+#: Decays after which nothing is left of the ringing; samples of a swing that are kept.
+_GONE, _DENSE = 6.0, 40.0
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,15 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     (two of them) hold 95 % of the decays; without it, 76 %.
     """
     # Every second sample of a slow cycle would show another frequency; later ones do not ring.
-    windows = [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in _spread(windows)]
-    first = _fit_from(windows, None)
+    windows = [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in _spread(windows) if len(t) >= 8]
+    if not windows:
+        return None
+    span = float(np.median([t[-1] for t, _ in windows]))
+    peak = _from_spectrum(windows, span)
+    if peak is None:
+        return None
+    windows = [thin_swings(t, x, peak) for t, x in windows]
+    first = _fit_from(windows, peak, span)
     if first is None:
         return None
     period = 1.0 / first.frequency
@@ -102,18 +109,32 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     )
 
 
-def _fit_from(windows: Sequence[Window], start: Ringing | None) -> Ringing | None:
+def thin_swings(t: Array, x: Array, frequency: float) -> Window:
+    """Return means of neighbours, as many as leave `_DENSE` of them in a swing of a frequency."""
+    every = int((len(t) - 1) / (max(t[-1] - t[0], 1e-30) * frequency * _DENSE)) if len(t) else 1
+    if every < 2:
+        return t, x
+    count = len(t) // every * every
+    return t[:count].reshape(-1, every).mean(axis=1), x[:count].reshape(-1, every).mean(axis=1)
+
+
+def _fit_from(
+    windows: Sequence[Window], start: Ringing | float, whole: float = 0.0
+) -> Ringing | None:
+    """Fit the ringing from a start, or from its frequency (Hz) in windows of whole length (s)."""
     flat = [_without_trend(t, x) for t, x in windows if len(t) >= 8]
     if not flat:
         return None
-    span = float(np.median([t[-1] for t, *_ in flat]))
-    lowest = _FEWEST_PERIODS / span
-    if start is None:
-        start = _from_spectrum(flat, span, lowest)
-    elif start.frequency < 2.0 * lowest:
-        return None
-    if start is None:
-        return None
+    lowest = _FEWEST_PERIODS / (whole or float(np.median([t[-1] for t, *_ in flat])))
+    if isinstance(start, Ringing):
+        if start.frequency < 2.0 * lowest:
+            return None
+    else:
+        trials = [Ringing(start, factor / whole) for factor in (0.3, 1.0, 3.0, 10.0, 30.0)]
+        trials = [trial for trial in trials if trial.damping_ratio < _DAMPED_OUT]
+        if not trials:
+            return None
+        start = min(trials, key=lambda one: float(np.sum(_residuals(flat, one) ** 2)))
 
     size = float(np.std(_residuals(flat, None)))
     if size == 0.0:
@@ -168,30 +189,31 @@ def _residuals(windows: Sequence[_Flat], ringing: Ringing | None) -> Array:
     for t, x, trends in windows:
         if ringing is not None:
             columns = ringing.columns(t)
-            swings = columns - trends @ (trends.T @ columns)
-            x = x - swings @ (np.linalg.pinv(swings.T @ swings) @ (swings.T @ x))
+            first, second = (columns - trends @ (trends.T @ columns)).T
+            x = _without(x, first)
+            x = _without(x, _without(second, first))
         parts.append(x)
     return np.concatenate(parts)
 
 
-def _from_spectrum(windows: Sequence[_Flat], span: float, lowest: float) -> Ringing | None:
-    """Return where to start: the peak of the spectra, with the decay that suits it best."""
-    interval = float(np.median([np.median(np.diff(t)) for t, *_ in windows]))
+def _without(x: Array, column: Array) -> Array:
+    square = float(column @ column)
+    return x - column * (float(column @ x) / square) if square > 0.0 else x
+
+
+def _from_spectrum(windows: Sequence[Window], span: float) -> float | None:
+    """Return the frequency (Hz) of the peak of the spectra of windows of some length (s)."""
+    interval = float(np.median([np.median(np.diff(t)) for t, _ in windows]))
     count = int(np.clip(span / interval, 16, _SPECTRUM))
     grid = np.linspace(0.0, span, count)
-    power = np.zeros(2 * count + 1)
-    for t, x, _ in windows:
-        even = np.interp(grid, t, x)
-        even = even - np.polynomial.Polynomial.fit(grid, even, 2)(grid)
-        power += np.abs(np.fft.rfft(even, 4 * count)) ** 2
-    frequency = np.fft.rfftfreq(4 * count, span / (count - 1))
-    power[frequency < lowest] = 0.0
-    if not power.max() > 0.0:
-        return None
-    peak = float(frequency[int(np.argmax(power))])
-    trials = [Ringing(peak, factor / span) for factor in (0.3, 1.0, 3.0, 10.0, 30.0)]
-    trials = [trial for trial in trials if trial.damping_ratio < _DAMPED_OUT]
-    return min(trials, key=lambda one: float(np.sum(_residuals(windows, one) ** 2)), default=None)
+    size = scipy.fft.next_fast_len(4 * count, real=True)
+    basis, _ = np.linalg.qr(np.vander(grid / span, 3))
+    even = np.array([np.interp(grid, t, x - x[0]) for t, x in windows])
+    even -= (even @ basis) @ basis.T
+    power = np.sum(np.abs(scipy.fft.rfft(even, size)) ** 2, axis=0)
+    frequency = np.fft.rfftfreq(size, span / (count - 1))
+    power[frequency < _FEWEST_PERIODS / span] = 0.0
+    return float(frequency[int(np.argmax(power))]) if power.max() > 0.0 else None
 
 
 def _spread(windows: Sequence[Window]) -> list[Window]:
@@ -214,6 +236,8 @@ _ONSET_REACH, _ONSET_PLACES = 0.3, 13
 _CYCLE_BEFORE = 0.3
 #: Approximate number of samples for the onsets, and number of their cycles if there are enough.
 _ONSET_SAMPLES, _ONSET_CYCLES = 20_000, 8
+#: So many samples of a swing show about where they are.
+_ONSET_SEEN = 12.0
 #: Added to what is fitted: far more than it reaches.
 _AWAY = 10.0
 
@@ -276,31 +300,35 @@ def find_onset(
     (position,) = detrend(t, [x], cycle)
     omega = 2.0 * math.pi * ringing.frequency
 
-    def left(trial: Array) -> Array:
+    def left(trial: Array, part: slice = slice(None)) -> Array:
         begin = slips + trial[0] / omega
         if drift:
             begin = begin + trial[1] / omega * (slips - middle) / (slips[-1] - slips[0] + period)
-        number = np.searchsorted(begin, t, side="right") - 1
-        began = number >= 0
-        after = np.where(began, t - begin[number], 0.0)
+        time, seen = t[part], position[part]
+        bounds = np.concatenate(([0], np.searchsorted(time, begin), [len(time)]))
+        after = time - np.repeat(np.append(time[:1], begin), np.diff(bounds))
         cosine, sine = ringing.columns(after).T
-        answer = began * (1.0 - cosine + PUSH * ringing.decay / omega * sine)
-        (answer,) = detrend(t, [answer], cycle)
+        answer = 1.0 - cosine + PUSH * ringing.decay / omega * sine
+        answer[: bounds[1]] = 0.0
+        (answer,) = detrend(time, [answer], cycle[part])
         size = float(answer @ answer)  # 0 for a place before all samples of the slips
-        return np.asarray(position - answer * (answer @ position) / size) if size else position
+        return np.asarray(seen - answer * (answer @ seen) / size) if size else seen
 
     # Trials are angles of the ringing: of order one.
     reach = 2.0 * math.pi * _ONSET_REACH
     zeros = [0.0] * drift
     count = round(_ONSET_PLACES * (before + _ONSET_REACH) / (2.0 * _ONSET_REACH))
     places = np.linspace(-2.0 * math.pi * before, reach, count)
-    first = min(places, key=lambda place: float(np.sum(left(np.array([place, *zeros])) ** 2)))
+    dense = 1.0 / (float(np.median(np.diff(t))) * ringing.frequency * _ONSET_SEEN)
+    few = slice(None, None, max(1, int(dense)))
+    tried = [np.array([place, *zeros]) for place in places]
+    first = min(tried, key=lambda one: float(np.sum(left(one, few) ** 2)))
     scale = float(np.std(position)) or 1.0
     # Steps of the derivative are parts of a trial: of one near 0, as where all agrees, a step would
     # be lost to rounding.
     found = scipy.optimize.least_squares(
         lambda moved: left(moved - _AWAY) / scale,
-        np.array([first, *zeros]) + _AWAY,
+        first + _AWAY,
         jac="3-point",
         diff_step=1e-3 / _AWAY,
         xtol=1e-6 / _AWAY,

@@ -247,8 +247,10 @@ def _points(
         return found
     period = 1.0 / ringing.frequency
     for k, fit in enumerate(fits):
-        if fit is not None:
-            found["F"][k] = cycles.ends[k] + _crossing(fit, ringing, float(falling[k]))
+        if fit is not None:  # the swing after the lowest point passes its middle: no force
+            ahead = period / (2.0 * math.pi) * (math.atan2(fit[3], fit[2]) - 0.5 * math.pi)
+            late = (ahead - falling[k]) % period
+            found["F"][k] = found["E"][k] + (late if late < 0.5 * period else 0.0)
         if u is None:
             continue
         start = float(cycles.starts[k])
@@ -269,18 +271,9 @@ def _first_swing(ringing: Ringing) -> tuple[Array, Array]:
     return times, _design(times, 0.0, period, ringing)
 
 
-def _crossing(fit: Array, ringing: Ringing, begin: float) -> float:
-    """Return when the swing after the lowest point passes its middle: no force, no deflection."""
-    times = begin + np.linspace(0.0, 1.0 / ringing.frequency, _LOOKS)
-    return _first_time(times, ringing.columns(times) @ fit[2:] >= 0.0)
-
-
 def _as_fast(fit: Array, ringing: Ringing, rate: float) -> float:
     """Return when the runner first is as fast as the actuator, which goes at rate (m/s)."""
     times, design = _first_swing(ringing)
     speed = np.gradient(design @ fit, times)
-    return _first_time(times[1:], speed[1:] >= rate)
-
-
-def _first_time(times: Array, where: NDArray[np.bool_]) -> float:
-    return float(times[np.argmax(where)]) if where.any() else math.nan
+    fast = speed[1:] >= rate
+    return float(times[1:][np.argmax(fast)]) if fast.any() else math.nan
