@@ -31,7 +31,13 @@ from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps, without_disturbances
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
-from stickslip_ros.traces.run_search import REPORTS, Report, report_nothing, search_runs
+from stickslip_ros.traces.run_search import (
+    REPORTS,
+    Report,
+    fit_ringing_down,
+    report_nothing,
+    search_runs,
+)
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import MeasuredValue, settled_from, wander_of
@@ -168,8 +174,8 @@ def find_steps(
 ) -> Findings:
     """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`.
 
-    report is called with each stage of the search, `STAGES` times or more. Raises TraceError for a
-    period that is longer than the record.
+    report is called with each stage of the search, `STAGES` times where all are needed. Raises
+    TraceError for a period that is longer than the record.
     """
     if len(t) < 32 or not np.ptp(x) > 0.0:
         return Findings([], Disturbances())
@@ -218,7 +224,7 @@ def _search(
     one, if no run of it explains the motion, which does not repeat at it either.
     """
     seen = search_runs(even, period, report)
-    if period is not None and not any(_explains(even, one, seen) for one in seen):
+    if period is not None and not _explain(even, seen):
         without = search_runs(even, None, report)
         apart = [abs(math.remainder(period / one.period, 1.0)) for one in without if one.explained]
         if apart and min(apart) > AS_GIVEN:
@@ -232,10 +238,12 @@ def _search(
     return seen, shorter
 
 
-def _explains(even: EvenSamples, run: SlipGrid, seen: list[SlipGrid]) -> bool:
-    """Return whether equal rises and falls explain the motion of a run, too."""
-    fit = fit_ends(even, run, [one for one in seen if one is not run], None)
-    return run.explained and fit is not None and fit.explains()
+def _explain(even: EvenSamples, seen: list[SlipGrid]) -> bool:
+    """Return whether equal rises and falls, with their ringing, explain the motion of a run."""
+    explained = [one for one in seen if one.explained]
+    ringing = fit_ringing_down(even, seen) if explained else None
+    fits = (fit_ends(even, one, [x for x in seen if x is not one], ringing) for one in explained)
+    return any(fit is not None and fit.explains() for fit in fits)
 
 
 def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:

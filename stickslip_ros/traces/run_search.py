@@ -34,6 +34,7 @@ class RunSearchSettings:
     """Limits of the search for runs, and of the choice among runs that explain a motion."""
 
     candidates: int = 16  #: chains of falls that are tried, the most significant ones
+    longest: int = 6  #: and those of most falls
     #: A run of a shorter period is preferred if it explains this part of the motion at least, and
     #: its cycles differ by at most this more: a period also repeats after twice its time.
     rival: float = 0.6
@@ -77,45 +78,40 @@ def search_runs(
     report("falls")
     edges = list(find_edges(even, period))
     report("runs")
-    seen = _search(even, edges, period)
-    ringing = fit_ringing_down(even, seen)
+    seen: list[SlipGrid] = []
+    fits: list[CycleFit] = []
+    ringing = None
+    # Runs of other periods than one that is known are looked for where something is left.
+    for others in (True,) if period is None else (False, True):
+        before, seen = seen, _search(even, edges, period, others=others)
+        if seen and seen == before:
+            continue
+        report("cycles")
+        ringing = fit_ringing_down(even, seen)
+        fits = [] if ringing is None else _count_all(even, seen, ringing, period)
+        chosen = choose_apart(fits, [])
+        if fits and len(chosen) == len(seen) and do_explain_all(even, chosen):
+            return _in_order(chosen)
     if ringing is None:
         return seen
-    chosen = _find_explained(even, seen, ringing, period, report)
-    if not chosen:
-        return [replace(one, explained=False) for one in seen]
-    return sorted((one.without_part() for one in chosen), key=lambda one: one.first)
-
-
-def _find_explained(
-    even: EvenSamples,
-    seen: list[SlipGrid],
-    ringing: Ringing,
-    period: float | None,
-    report: Report,
-) -> list[CycleFit]:
-    """Return the runs that explain the motion, among those seen and those behind the ringing."""
-    report("cycles")
-    fits = _count_all(even, seen, ringing, period)
-    chosen = choose_apart(fits, [])
-    done = len(chosen) == len(seen) and do_explain_all(even, chosen)
-    sawtooth = even
     report("runs behind the ringing")
-    if not done:
-        sawtooth = without_ringing(even, ringing)
-        edges = list(find_edges(sawtooth, period))
-        fits += _count_all(even, _search(sawtooth, edges, period), ringing, period)
-        chosen = choose_apart(fits, [])
-        done = do_explain_all(even, chosen)
+    sawtooth = without_ringing(even, ringing)
+    edges = list(find_edges(sawtooth, period))
+    fits += _count_all(even, _search(sawtooth, edges, period), ringing, period)
+    chosen = choose_apart(fits, [])
     report("other runs")
-    others = [] if done else list_other_periods(chosen, period)
-    for other in others:  # other runs have the same drive, most likely
+    others_of = [] if do_explain_all(even, chosen) else list_other_periods(chosen, period)
+    for other in others_of:  # other runs have the same drive, most likely
         for samples in (even, sawtooth):
             known = [one.grid for one in chosen]
             found = _search(samples, list(find_edges(samples, other)), other, known)
             more = [one for one in found if one not in known]
             chosen += choose_apart(_count_all(even, more, ringing, other, known), chosen)
-    return chosen
+    return _in_order(chosen) or [replace(one, explained=False) for one in seen]
+
+
+def _in_order(chosen: list[CycleFit]) -> list[SlipGrid]:
+    return sorted((one.without_part() for one in chosen), key=lambda one: one.first)
 
 
 def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
@@ -268,13 +264,17 @@ def _search(
     edges: list[SlipGrid],
     period: float | None,
     known: Sequence[SlipGrid] = (),
+    others: bool = True,
 ) -> list[SlipGrid]:
-    """Return the runs in the order of time; the period (s) of some of them where it is known."""
+    """Return the runs in the order of time; the period (s) of some of them where it is known.
+
+    Runs of others than that period are looked for, too, unless some runs are known.
+    """
     found = list(known)
     if period is not None:
         near = [replace(one, period=period) for one in edges if may_have_period(one, period)]
         _find_all(even, near, found, period)
-    if not known:
+    if others and not known:
         _find_all(even, edges, found, None)
     largest = max((one.step for one in found), default=0.0)
     kept = [
@@ -299,19 +299,26 @@ def _find_all(
         grid = grow_run(even, seed)
         return grid and check_run(even, grid, given=period is not None)
 
-    clearest = sorted(edges, key=lambda one: -one.score)
+    apart = [one for one in edges if not any(do_overlap(one, run) for run in found)]
+    highest = sorted(apart, key=lambda one: -one.score)
+    # The highest falls may be those of whole runs to and fro; many even ones are no chance, either.
+    longest = sorted(highest, key=lambda one: -one.count)
     while True:
-        clearest = [one for one in clearest if not any(do_overlap(one, run) for run in found)]
         seeds: list[SlipGrid] = []
-        for one in clearest:
-            if not any(are_same(one, other) for other in seeds):
-                seeds.append(one)
-            if len(seeds) == SETTINGS.candidates:
-                break
+        for chains, most in ((highest, SETTINGS.candidates), (longest, SETTINGS.longest)):
+            most += len(seeds)
+            for one in chains:
+                if len(seeds) == most:
+                    break
+                if not any(are_same(one, other) for other in seeds):
+                    seeds.append(one)
         grid = _find_best(even, seeds, found, period, whole)
         if grid is None:
             return
         found.append(grid)
+        highest, longest = (
+            [one for one in chains if not do_overlap(one, grid)] for chains in (highest, longest)
+        )
 
 
 def _find_best(

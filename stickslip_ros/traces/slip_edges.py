@@ -93,23 +93,20 @@ def _chains(
         return
     for part in (_PART, 0.7 * _PART, 0.0):
         kept = heights >= part * np.quantile(heights, 0.9)
+        if kept.sum() < 2:
+            continue
         place, height = peaks[kept], heights[kept]
         apart = np.diff(place).astype(np.float64)
         # Neighbouring distances that are equal belong to one chain.
         alike = np.abs(np.diff(apart)) <= np.maximum(
             _EVEN * np.minimum(apart[1:], apart[:-1]), _EVEN_SAMPLES
         )
-        bounds = np.flatnonzero(np.diff(np.concatenate(([0], alike.astype(np.int8), [0]))))
-        chains = [(a, b + 1) for a, b in bounds.reshape(-1, 2)]
-        taken = np.zeros(len(apart), dtype=bool)
-        for a, b in chains:
-            taken[a:b] = True
-        chains += [(k, k + 1) for k in np.flatnonzero(~taken)]
-        ends = np.array(chains, dtype=np.int64).reshape(-1, 2)
-        ends[:, 1] += 1
-        squares = np.add.reduceat(np.append(height**2, 0.0), ends.ravel())[::2] / spread**2
+        begins = np.flatnonzero(np.append(True, ~alike))
+        ends = np.append(begins[1:], len(apart))
+        total = np.append(0.0, np.cumsum(height**2)) / spread**2
+        squares = total[ends + 1] - total[begins]
         for k in np.argsort(-squares, kind="stable")[:_CHAINS]:
-            a, b = chains[k]
+            a, b = begins[k], ends[k]
             every = float(place[b] - place[a]) / (b - a)
             if every < max(COARSEST, 1.6 * width):
                 continue

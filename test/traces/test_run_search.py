@@ -164,6 +164,15 @@ def test_a_record_that_ends_within_a_cycle_holds_all_slips_before() -> None:
     assert (run.steps, run.doubts) == (14, ())
 
 
+def test_many_cycles_forth_and_back_are_no_long_cycle() -> None:
+    """The falls of the whole way back were higher than all slips: 12 steps of 0.26 s were seen."""
+    drives = (Drive(300, 1000.0, pause=0.01), Drive(150, 1000.0, direction=-1, pause=0.01))
+    sensor = Sensor(rate=200e3, noise=2e-9, hum=5e-9, drift=1e-8)
+    bench = bench_trace(Axis(), drives, sensor, rest=0.02, seed=1)
+    found = [(run.steps, run.direction) for run in find_runs(bench.t, bench.x)]
+    assert found == [(300, 1), (150, -1)]
+
+
 def test_hum_makes_no_longer_cycles() -> None:
     """With hum of 50 Hz, every fourth cycle of 200 Hz is alike: four steps of 50 Hz were seen."""
     drives = (Drive(15, 200.0, pause=0.02), Drive(12, 200.0, direction=-1, pause=0.02))
