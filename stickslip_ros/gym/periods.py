@@ -128,7 +128,7 @@ def run_periods(
     part: tuple[int, int],
 ) -> None:
     """Run one period of the axes part[0] to part[1] - 1 with actions (axes, numbers)."""
-    lines, row = np.empty((2, 2)), np.empty((1, ROW_SIZE))
+    lines, row = np.zeros((3, 2)), np.empty((1, ROW_SIZE))
     for k in range(part[0], part[1]):
         plant, axis = buffers.plants[k], buffers.axes[k]
         contacts, s = own_contacts(buffers.contacts, k), axis_in(axis).state

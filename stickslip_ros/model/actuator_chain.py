@@ -25,17 +25,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.compiled import compiled
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.plant import NEARLY_SLIDING, Plant
 from stickslip_ros.parameters import ActuatorParameters, Parameters
 
-#: Largest deviation (m) of the lines from the curve, for the whole chain, near turns
+#: Largest deviation (m) of the pieces from the curve, for the whole chain, near turns
 ERROR = 5e-12
 #: The deviation is this share of it for a contact that slides all the time, under a load or because
 #: its law has no elastic range. Such a contact loses some deflection whenever lines return to their
 #: curve; any other contact gets it back.
 _YIELDING = 0.04
+#: Damping ratio below which pieces are finer: errors of turns add up, there are 1 / zeta of them
+_FIRM = 0.15
 #: Deflection (m) at which a contact slides from which on it does not feel the deviation. For a
 #: smaller one the lines are finer in proportion, down to this share.
 _FELT, _FINEST = 5e-10, 0.01
@@ -45,7 +48,7 @@ _PER_DECADE, _DECADES = 2, 8
 STILL, ROUNDING = 1e-15, 1e-14
 #: Places of a state before those of plays and creep: command, y, u, u'
 COMMAND, DRIVEN, DEFLECTION, RATE, PLAYS = range(5)
-#: Largest number of ends of lines in a window
+#: Largest number of ends of pieces in a window
 CAPACITY = 2**17
 
 
@@ -94,7 +97,10 @@ class Chain(NamedTuple):
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
-            error=ERROR * (_YIELDING if _slides_on(plant) else 1.0) * fineness_of(plant),
+            error=ERROR
+            * (_YIELDING if _slides_on(plant) else 1.0)
+            * fineness_of(plant)
+            * (min(1.0, p.actuator_damping / _FIRM) if p.actuator_resonance else 1.0),
             mean_only_rate=_fastest(plant, p.gain_in_force * p.max_voltage),
             runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
         )
@@ -195,8 +201,11 @@ def adapt_state(old: Chain, new: Chain, state: NDArray[np.float64]) -> NDArray[n
     return taken
 
 
-def distance(chain: Chain, one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Return how far two states are apart, m."""
-    apart = np.abs(one - other)
-    apart[RATE] /= chain.omega or 1.0
-    return float(apart.max())
+@compiled
+def distance(one: NDArray, other: NDArray, omega: float) -> float:
+    """Return how far (m) two states are apart, of a chain whose resonance is omega (1/s)."""
+    apart = 0.0
+    for k in range(len(one)):
+        off = abs(one[k] - other[k])
+        apart = max(apart, off / omega if k == RATE and omega > 0.0 else off)
+    return apart

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One drive cycle of the actuator: u(t) in straight segments.
+"""One drive cycle of the actuator: u(t) in segments, straight or parabolas.
 
-Every drive cycle is piecewise linear, so that one solver runs them all and restarts at every kink.
+So one solver runs them all and restarts at every kink. Only amplifier and actuator bend them.
 A closed drive cycle (u ends where it began) can be repeated.
 """
 
@@ -27,7 +27,8 @@ class DriveCycle:
 
     ``durations`` (s) and ``rates`` (m/s) have shape (segments,); ``slip`` is the index of the
     segment in which the slip begins, -1 if none does, ``slip_parts`` says how many segments it
-    takes, holds within it included; ``sign`` is the direction of the step, +1 or -1.
+    takes, holds within it included; ``sign`` is the direction of the step, +1 or -1. ``bends``
+    (m/s^2) are the second derivatives of bent segments, whose rates are those at their starts.
     """
 
     durations: NDArray[np.float64]
@@ -35,6 +36,14 @@ class DriveCycle:
     slip: int
     sign: int
     slip_parts: int = 1
+    bends: NDArray[np.float64] | None = None
+
+    @property
+    def strokes(self) -> NDArray[np.float64]:
+        """How far u gets in each segment, m."""
+        if self.bends is None:
+            return self.durations * self.rates
+        return self.durations * (self.rates + 0.5 * self.bends * self.durations)
 
     @property
     def period(self) -> float:
@@ -44,9 +53,8 @@ class DriveCycle:
     @cached_property
     def shift(self) -> float:
         """Where u ends less where it began, m; exactly 0 if the drive cycle closes."""
-        strokes = self.durations * self.rates
-        shift = float(np.sum(strokes))
-        return shift if abs(shift) > _CLOSED * float(np.sum(np.abs(strokes))) else 0.0
+        shift = float(np.sum(self.strokes))
+        return shift if abs(shift) > _CLOSED * float(np.sum(np.abs(self.strokes))) else 0.0
 
     @property
     def slip_end(self) -> int:
@@ -66,8 +74,7 @@ class DriveCycle:
     @property
     def slip_rate(self) -> float:
         """Mean speed of the actuator in the slip, m/s."""
-        parts = slice(self.slip, self.slip_end)
-        stroke = float(np.abs(self.durations[parts] * self.rates[parts]).sum())
+        stroke = float(np.abs(self.strokes[self.slip : self.slip_end]).sum())
         return stroke / self.slip_duration
 
 
@@ -91,8 +98,8 @@ def ramp(distance: float, duration: float) -> DriveCycle:
 class DriveCycles:
     """Drive cycles of many operating points, one row each.
 
-    ``durations`` (s) and ``rates`` (m/s) have shape (points, segments), rows of fewer segments end
-    in durations of 0; ``slip`` and ``slip_parts`` have shape (points,).
+    ``durations`` (s), ``rates`` (m/s) and ``bends`` (m/s^2), if any, have shape (points, segments),
+    rows of fewer segments end in durations of 0; ``slip`` and ``slip_parts`` have shape (points,).
     """
 
     durations: NDArray[np.float64]
@@ -100,6 +107,7 @@ class DriveCycles:
     slip: NDArray[np.int64]
     sign: int
     slip_parts: NDArray[np.int64]
+    bends: NDArray[np.float64] | None = None
 
     def row(self, k: int) -> DriveCycle:
         """Return the drive cycle of one point."""
@@ -110,6 +118,7 @@ class DriveCycles:
             int(self.slip[k]),
             self.sign,
             int(self.slip_parts[k]),
+            None if self.bends is None else self.bends[k, :used],
         )
 
 
@@ -117,12 +126,14 @@ def stack_cycles(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveC
     """Return drive cycles as rows; a row of one segment at rest for each None."""
     rest = DriveCycle(np.ones(1), np.zeros(1), slip=0, sign=sign)
     rows = [drive_cycle or rest for drive_cycle in drive_cycles]
-    durations, rates = np.zeros((2, len(rows), max(len(row.durations) for row in rows)))
+    durations, rates, bends = np.zeros((3, len(rows), max(len(row.durations) for row in rows)))
     for k, row in enumerate(rows):
         durations[k, : len(row.durations)] = row.durations
         rates[k, : len(row.rates)] = row.rates
-    slip = np.array([row.slip for row in rows])
-    return DriveCycles(durations, rates, slip, sign, np.array([row.slip_parts for row in rows]))
+        if row.bends is not None:
+            bends[k, : len(row.bends)] = row.bends
+    slip, slip_parts = (np.array([getattr(row, n) for row in rows]) for n in ("slip", "slip_parts"))
+    return DriveCycles(durations, rates, slip, sign, slip_parts, bends)
 
 
 def through(actuator: Actuator, start: float, voltage: DriveCycle) -> DriveCycle:

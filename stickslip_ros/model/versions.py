@@ -153,6 +153,14 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
         "0.03 nm a cycle",
     ),
+    ModelChange(
+        10,
+        "parabolas stand for the way behind amplifier and actuator, in place of straight lines",
+        lambda p: any(
+            p.value(one) for one in ("amplifier_bandwidth", "actuator_resonance", "creep")
+        ),
+        "0.01 nm a cycle",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

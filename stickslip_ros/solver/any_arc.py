@@ -18,7 +18,13 @@ from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
 from stickslip_ros.solver.cycles import ArcLimits
 from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after
 from stickslip_ros.solver.layout import TABULATED
-from stickslip_ros.solver.within_arc import begin_arc, turning_point, within_arc
+from stickslip_ros.solver.within_arc import (
+    begin_arc,
+    carried,
+    rate_after,
+    turning_point,
+    within_arc,
+)
 
 
 @compiled
@@ -106,8 +112,9 @@ def sample_within(
     if contacts is not None:
         z = _sample_contacts(arc, contacts, dr, at)
     if s.stopped == 0:
-        s.now_x = min(max(arc.x + dr + arc.rate * at, s.low), s.high)
-    s.now_v, s.now_z = w + s.rate, z
+        s.now_x = min(max(arc.x + dr + carried(arc, at), s.low), s.high)
+    s.now_rate = rate_after(arc, at)
+    s.now_v, s.now_z = w + s.now_rate, z
     _place_sample(s, drive, s.tau + ahead)
 
 
@@ -121,7 +128,8 @@ def _skip_tables(arc: np.record, plant: np.record, limit: float, ahead: float) -
         next_arc(arc, plant, limit, False)
         while arc.length <= ahead:
             h = arc.length
-            begin_arc(arc, arc.x + arc.path + arc.rate * h, arc.z_end, arc.w_end, arc.rate)
+            state = arc.x + arc.path + carried(arc, h), arc.z_end, arc.w_end
+            begin_arc(arc, plant, state, rate_after(arc, h), arc.bend)
             ahead -= h
             limit -= h
             next_arc(arc, plant, limit, False)
@@ -143,8 +151,10 @@ def _sample_contacts(arc: np.record, contacts: NDArray, dr: float, t: float) -> 
 @compiled
 def _place_sample(s: np.record, drive: NDArray, tau: float) -> None:
     """Set time and deflection of the actuator at tau (s) into the segment."""
-    s.now_tau, s.now_u = tau, s.rate * tau
+    s.now_tau, s.now_u = tau, 0.0
+    if s.done < s.count:
+        s.now_u = (drive[1, s.segment] + 0.5 * drive[2, s.segment] * tau) * tau
     for k in range(s.segment):
         s.now_tau += drive[0, k]
-        s.now_u += drive[0, k] * drive[1, k]
+        s.now_u += drive[0, k] * (drive[1, k] + 0.5 * drive[2, k] * drive[0, k])
     s.now_u += s.level

@@ -34,8 +34,9 @@ from stickslip_ros.solver.taylor import (
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest, within_arc
 
 #: Error of one step of a series, as part of the tolerance per cycle: where tables cover most of a
-#: cycle, where they do not, and on the Stribeck curve, where the motion may be unstable
-_PER_RARE_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 1e-4, 1e-5
+#: cycle, or its slides alone, where they do not, and on the Stribeck curve, where the motion may be
+#: unstable
+_PER_RARE_STEP, _PER_BENT_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 2e-3, 1e-4, 1e-5
 #: Distance of z from steady sliding, as part of the tolerance, at which it counts as reached
 _SETTLED = 1e-4
 #: Largest change of w, as share of v_s, between checks whether a jump of alpha holds z
@@ -51,7 +52,7 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
     """
     z, w = arc.z, arc.w
     arc.z_max, arc.z_min = -math.inf, math.inf
-    net = plant.force - plant.spring * arc.x - plant.sigma_0 * z
+    net = arc.force - plant.spring * arc.x - plant.sigma_0 * z
     outward = z * w if w != 0.0 else z * net
     plastic = plant.kind >= ALWAYS_PLASTIC
     beyond = plastic or abs(z) >= plant.z_ba
@@ -91,24 +92,28 @@ def _elastic_arc(arc: np.record, plant: np.record, limit: float) -> None:
 def _tabulated_arc(arc: np.record, plant: np.record, inward: bool, limit: float) -> bool:
     """Fill an arc from the tables, if they contain it; arc.mirror is set.
 
-    inward: alpha is 0 at its start, and it is a whole swing.
+    inward: alpha is 0 at its start, and it is a whole swing. Bursts and swings hold for the load of
+    the plant, so that a bent actuator has slides alone.
     """
     mirror, side = arc.mirror, 0 if arc.mirror > 0.0 else 1
     z, w = mirror * arc.z, mirror * arc.w
     z_end, w_end, t, dr = z, 0.0, math.nan, 0.0
-    if inward:
+    straight = arc.bend == 0.0
+    if inward and straight:
         if w == 0.0:
             over_there, t, dr = swing(plant, side, z)
             z_end = -over_there
+    elif inward:
+        return False
     elif plant.kind == ALWAYS_PLASTIC:
-        if w == 0.0:
+        if w == 0.0 and straight:
             rest = mirror * plant.force / plant.sigma_0
             left, t, dr = reversal(plant, 1 - side, rest - z)
             z_end = rest + left
-    elif z == plant.z_ba and w <= plant.burst_top:
+    elif z == plant.z_ba and w <= plant.burst_top and straight:
         z_end, t, dr = burst(plant, side, w)
     elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide - plant.settled:
-        t, dr, z_end, w_slide = slide(plant, z, w, mirror * plant.force, limit)
+        t, dr, z_end, w_slide = slide(plant, z, w, mirror * arc.force, limit)
         w_end = mirror * w_slide
     if not t <= limit:
         return False
@@ -122,7 +127,7 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
     """Fill an arc with alpha > 0; arc.mirror is set. With tables, it ends where they continue."""
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
-    pull = mirror * (plant.force - plant.spring * arc.x)
+    pull = mirror * (arc.force - plant.spring * arc.x)
     flat = is_flat(plant, w)
     floor = plant.v_edge if flat else 0.0
     if w != 0.0 and _glides(arc, plant, pull, flat, floor):
@@ -136,7 +141,7 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
             expand_along(arc.work, plant, branch, w)
         else:
             expand(arc.work, plant, branch, z, w)
-        share = _share(plant, branch) * plant.tolerance
+        share = _share(arc, plant, branch) * plant.tolerance
         h = step_length(arc.work, share, arc.weight, branch.stribeck)
         if implicit_arc(arc, plant, branch, min(h, limit), limit):
             return
@@ -231,10 +236,11 @@ _end_of_hold = bisection(_stays_held)
 
 
 @compiled
-def _share(plant: np.record, branch: Branch) -> float:
+def _share(arc: np.record, plant: np.record, branch: Branch) -> float:
     """Return the error of one step of a series, as share of the tolerance."""
     if branch.stribeck:
         return _PER_CURVED_STEP
     rare = plant.precomputed > 0 and plant.kind == ELASTOPLASTIC and plant.slides == 0
-    rare = rare and plant.sigma_2 == 0.0
-    return _PER_RARE_STEP if rare else _PER_STEP
+    if not (rare and plant.sigma_2 == 0.0):
+        return _PER_STEP
+    return _PER_RARE_STEP if arc.bend == 0.0 else _PER_BENT_STEP

@@ -36,7 +36,7 @@ class KernelBuffers(NamedTuple):
     plant: NDArray[np.float64]  #: of `plants.pack_plant`
     axis: NDArray[np.float64]  #: of size `layout.AXIS_BUFFER`
     contacts: NDArray[np.float64] | None  #: of `plants.contact_buffer`
-    drive: NDArray[np.float64]  #: durations (s) and rates (m/s) of a cycle, (2, segments)
+    drive: NDArray[np.float64]  #: of a cycle, see `event_loop`, (3, segments)
 
 
 def run(

@@ -66,11 +66,11 @@ class ElasticEnd(NamedTuple):
 def rest_line(arc: np.record, plant: np.record) -> Line:
     """Return the line around which an elastic arc swings."""
     if plant.spring == 0.0:
-        return Line(plant.force / plant.sigma_0, 0.0)
+        return Line(arc.force / plant.sigma_0, 0.0)
     total = plant.sigma_0 + plant.spring
     b = -plant.spring * arc.rate / total
     damped = (plant.sigma_1 + plant.sigma_2) * b
-    return Line((plant.force - plant.spring * (arc.x - arc.z) - damped) / total, b)
+    return Line((arc.force - plant.spring * (arc.x - arc.z) - damped) / total, b)
 
 
 @compiled

@@ -69,7 +69,7 @@ def contacts_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: flo
     z, w = arc.z, arc.w
     arc.z_max, arc.z_min = -math.inf, math.inf
     arc.cost = len(contacts)
-    net = plant.force - plant.spring * arc.x - plant.sigma_0 * z
+    net = arc.force - plant.spring * arc.x - plant.sigma_0 * z
     if is_at_rest(arc, plant, net):
         stay(arc, contacts, limit, 0.0)
         return
@@ -175,7 +175,7 @@ def _glide_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: float
     mirror = arc.mirror
     z = mean_at_end(contacts)
     arc.kind, arc.z_slide, arc.settling = GLIDE, z, 0.0
-    arc.net = mirror * (plant.force - plant.spring * arc.x - plant.sigma_0 * z)
+    arc.net = mirror * (arc.force - plant.spring * arc.x - plant.sigma_0 * z)
     g = glide_of(arc, plant)
     t, slowed = glide_end(g, 0.0, limit)
     dr, w_end = glide(g, t) if t < math.inf else (math.inf, g.w)
@@ -243,7 +243,7 @@ def _expand(arc: np.record, plant: np.record, contacts: NDArray) -> None:
                     damped += c.sigma_1 * z_rate
         work[Z, n] = elastic / plant.sigma_0
         if n < ORDER:
-            pull = plant.force - plant.spring * arc.x if n == 0 else 0.0
+            pull = arc.force - plant.spring * arc.x if n == 0 else 0.0
             x = dr + mirror * arc.rate if n == 1 else dr
             net = mirror * pull - plant.spring * x - elastic - damped
             work[W, n + 1] = net / plant.mass * PER_NEXT[n]

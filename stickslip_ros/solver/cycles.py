@@ -26,9 +26,13 @@ class ArcLimits(NamedTuple):
 
 @compiled
 def arc_limits(s: np.record, drive: NDArray, period: float) -> ArcLimits:
-    """Set s.rate and return the limits of the next arc."""
+    """Set s.rate and s.bend and return the limits of the next arc."""
     resting = s.done >= s.count
-    s.rate = 0.0 if resting else drive[1, s.segment]
+    s.bend = 0.0 if resting else drive[2, s.segment]
+    if resting:
+        s.rate = 0.0
+    elif s.bend == 0.0 or s.tau == 0.0:  # else it has got there: w = 0 at a turn has to stay exact
+        s.rate = drive[1, s.segment]
     limit = math.inf if resting else drive[0, s.segment] - s.tau
     ahead = (s.t_end - s.start) - s.done * period - s.since - s.tau
     last = s.cut != 0 and ahead < limit

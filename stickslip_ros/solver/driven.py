@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One axis behind amplifier and actuator: the deflection follows the commanded one in time.
 
-The chain of `model.actuator_chain` turns each cycle of the command into straight lines. A window is
-one such cycle; the kernel runs it like any drive cycle. After the last cycle the command rests, and
+The chain of `model.actuator_chain` turns each cycle of the command into parabolas. A window is one
+such cycle; the kernel runs it like any drive cycle. After the last cycle the command rests, and
 windows of growing length follow until the actuator is still. If a cycle begins as the last one did,
 its window is used for all remaining cycles.
 """
@@ -28,13 +28,14 @@ from stickslip_ros.model.actuator_chain import (
     same_chain,
     static_deflection,
 )
-from stickslip_ros.model.actuator_stages import follow, write_lines
+from stickslip_ros.model.actuator_stages import follow, lay_pieces
 from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
 from stickslip_ros.solver.layout import ROW_SIZE
+from stickslip_ros.solver.plants import begin_window
 from stickslip_ros.solver.precomputed import vary_contacts
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
@@ -88,10 +89,11 @@ class DrivenSimulation(Simulation):
         self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
         self._command, self._period = _STANDING, 1.0  # durations (s), rates (m/s); s
         self._slip_times = (0.0, math.inf, math.inf)  # last end, next begin and end of a slip, s
-        self._nodes, self._spare = np.empty((2, CAPACITY)), np.empty((2, CAPACITY))
+        self._nodes, self._spare = np.empty((3, CAPACITY)), np.empty((3, CAPACITY))
         self._before = self._after = chain.rest()  # the chain where the window begins and ends
         self._origin, self._until = 0.0, math.inf  # of the window, s
         self._segments = _STANDING  # command of the window: durations (s) and rates (m/s)
+        self._slip = 0.0, -1, -1  # of the window: its shift (m), its slip's first and last piece
         self._cycles = 0  # cycles in the window, 0 if the command rests
         self._rest_span = _FIRST_REST
         self._offset = 0.0  # deflection less that of the chain, m
@@ -293,31 +295,37 @@ class DrivenSimulation(Simulation):
             and self._cycles > 0
             and (segments is self._segments or np.array_equal(segments, self._segments))
         )
-        # Lines that begin where those of an earlier move ended lead to the curve once, not again.
-        again = again and abs(float(self._s["shift"])) <= STILL
-        if again and distance(self._chain, self._after, self._before) <= STILL:
+        # Pieces that begin where those of an earlier move ended lead to the curve once, not again.
+        again = again and abs(self._slip[0]) <= STILL
+        if again and distance(self._after, self._before, self._chain.omega) <= STILL:
             cycles = 1 if self._surface else self._count - self._done
         else:
             self._before, self._segments = self._after, segments
             self._after = self._before.copy()
-            count = self._follow(self._after, *segments)
-            self._use_lines(count, cycles)
+            self._slip = self._lay_pieces(segments, self._slips if cycles else _NO_SLIP)
         self._origin, self._cycles = self._until, cycles
         self._until = (
             self._end_of(self._done + cycles) if cycles else self._origin + segments[0].sum()
         )
-        s = self._s
-        s["start"], s["count"], s["done"], s["steady"] = self._origin, max(cycles, 1), 0, 0
-        s["segment"], s["tau"], s["since"], s["open_tau"] = 0, 0.0, 0.0, 0.0
+        begin_window(self._axis, self._origin, max(cycles, 1), *self._slip)
         self._set_clear_range()
 
-    def _use_lines(self, count: int, cycles: int) -> None:
-        """Pass the lines between the first count nodes to the kernel."""
-        s, slips = self._s, self._slips if cycles else _NO_SLIP
-        level = float(s["level"])  # end of the previous lines
-        found = write_lines(self._nodes, count, (self._offset, level), slips, self._spare)
-        lines, s["shift"], s["slip"], s["slip_end"] = found
-        self._drive = np.ascontiguousarray(self._spare[:, :lines])
+    def _lay_pieces(
+        self, segments: NDArray[np.float64], slips: tuple[float, float]
+    ) -> tuple[float, int, int]:
+        """Make the kernel's drive of a command; return its shift (m) and the pieces of its slip."""
+        offsets = self._offset, float(self._s["level"])  # the end of the previous pieces
+        buffers = self._nodes, self._spare
+        pieces, shift, slip, slip_end = lay_pieces(
+            self._chain, self._after, segments, offsets, slips, buffers
+        )
+        if pieces < 0:
+            raise SolverError(
+                f"a cycle takes more than {CAPACITY} pieces behind amplifier and actuator: raise "
+                "actuator_damping or the frequency of the drive"
+            )
+        self._drive = self._spare[:, :pieces].copy()
+        return shift, slip, slip_end
 
     def _split_command(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return durations (s) and rates (m/s) of the window's command before and after t (s)."""
@@ -340,16 +348,5 @@ class DrivenSimulation(Simulation):
         state = self._before.copy()
         durations, rates = self._split_command(t)[0]
         if len(durations):
-            self._follow(state, durations, rates)
+            follow(self._chain, state, durations, rates, self._nodes, self._spare)
         return state
-
-    def _follow(
-        self, state: NDArray[np.float64], durations: NDArray[np.float64], rates: NDArray[np.float64]
-    ) -> int:
-        count = follow(self._chain, state, durations, rates, self._nodes, self._spare)
-        if count < 0:
-            raise SolverError(
-                f"a cycle takes more than {CAPACITY} straight lines behind amplifier and actuator: "
-                "raise actuator_damping or the frequency of the drive"
-            )
-        return count

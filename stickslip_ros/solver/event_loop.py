@@ -6,8 +6,9 @@ the arc there and leaves the anchor alone, so how often a run is sampled never c
 Time counts from the start of the cycle, so a cycle that starts in the same state is the same to
 the last bit whenever it happens.
 
-A drive is an array (2, segments): durations (s) and rates (m/s) of one cycle. ``contacts`` are
-CONTACT records, or None for a runner on one contact, whose constants are those of the plant.
+A drive is an array (3, segments) of one cycle: durations (s), rates u' at their starts (m/s), and
+bends u'' (m/s^2). ``contacts`` are CONTACT records, or None for a runner on one contact, whose
+constants are those of the plant.
 """
 
 from __future__ import annotations
@@ -29,12 +30,20 @@ from stickslip_ros.solver.stops import (
     holding_stop,
     make_held_plant,
 )
-from stickslip_ros.solver.within_arc import begin_arc, position_integral, turning_point
+from stickslip_ros.solver.within_arc import (
+    begin_arc,
+    carried,
+    position_integral,
+    rate_after,
+    turning_point,
+)
 
 #: The solver gives up after this many arcs without a length
 STALLED = 1000
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
 _AT_ONCE = 1e-6
+#: Eight times what a straight line in place of a bent piece may be beside it, m
+_CHORD = 4e-12
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
 CARRIED = 10.0
 
@@ -50,9 +59,8 @@ def solve_cycles(
 ) -> int:
     """Advance to s.t_end (s) or to the end of cycle s.stop_cycle, solving every cycle.
 
-    s is the state to advance, kernel has the scratch; rows (cycles, row) take the results of
-    cycles. Returns how many ended. With s.cut, t_end becomes an event itself. While kernel.arc
-    ``holds``, it is not found again.
+    s is the state to advance; rows (cycles, row) take the results of cycles. Returns how many
+    ended. With s.cut, t_end becomes an event. While kernel.arc ``holds``, it is not found again.
     """
     arc = kernel.arc
     period = period_of(drive)
@@ -71,6 +79,7 @@ def solve_cycles(
             break
         if not arc.holds:
             _next_arc(plant, s, kernel, contacts, outlook)
+        s.rate, lined, s.bend = arc.rate, s.bend != arc.bend, arc.bend
         arc.holds = 0
         if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` raises an error
             sample_anchor(s, contacts, drive, 0)
@@ -81,9 +90,15 @@ def solve_cycles(
             # A tabulated arc is replaced by those that it is made of.
             arc.holds = 0 if arc.kind == TABULATED or outlook.last else 1
             sample_within(s, arc, moving, contacts, drive, outlook)
+            if lined:
+                s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
             break
         _track_backstep(plant, s, arc, outlook.resting)
         _take_arc(plant, s, arc, contacts)
+        if lined:
+            s.dissipated += heat_since(s, plant, s.tau - s.open_tau)
+            open_account(s)
+            s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
         if arc.length < outlook.limit:
             continue
         if outlook.last:
@@ -105,22 +120,27 @@ def _next_arc(
     outlook: ArcLimits,
 ) -> None:
     """Fill kernel.arc with the way from the anchor to the next event."""
-    arc = kernel.arc
-    begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
+    arc, limit, rate, bend = kernel.arc, outlook.limit, s.rate, s.bend
     arc.trial = s.trial
     arc.hit = 0
     near = not s.near_low <= s.x <= s.near_high
+    if bend != 0.0 and (plant.spring != 0.0 or (near and s.v == 0.0)):
+        # With a spring or at a stop a straight line takes the place of a part of a bent piece.
+        limit = min(limit, math.sqrt(_CHORD / abs(bend)))
+        rate, bend = rate + 0.5 * bend * limit, 0.0
+        s.rate = rate  # which decides whether the stop holds the runner
     if near:
         s.stopped = holding_stop(plant, s, contacts)
+    begin_arc(arc, plant, (s.x, s.z, s.v - rate), rate, bend)
     if s.stopped != 0:
         if s.tracking and (s.segment != s.slip or outlook.resting):
             s.backstep = s.x_top - s.x_low
             s.tracking = 0
         make_held_plant(plant, kernel)
-        held_arc(arc, plant, kernel.held, contacts, s.stopped, outlook.limit)
+        held_arc(arc, plant, kernel.held, contacts, s.stopped, limit)
     else:
-        find_arc(arc, plant, contacts, outlook.limit, True)
-        x_end = s.x + arc.path + s.rate * arc.length
+        find_arc(arc, plant, contacts, limit, True)
+        x_end = s.x + arc.path + carried(arc, arc.length)
         if near or not s.near_low <= x_end <= s.near_high:
             arc.hit = arc_to_stop(arc, plant, contacts, s)
     at_once = _AT_ONCE * plant.inv_omega if arc.hit != 0 else 0.0
@@ -133,7 +153,7 @@ def _end_position(s: np.record, arc: np.record) -> float:
     """Return the position (m) at the end of the arc."""
     if s.stopped != 0:
         return s.x  # type: ignore[no-any-return]
-    x = s.x + arc.path + s.rate * arc.length
+    x = s.x + arc.path + carried(arc, arc.length)
     if s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high:
         return x  # type: ignore[no-any-return]
     return min(max(x, s.low), s.high)  # type: ignore[no-any-return]
@@ -172,6 +192,7 @@ def _take_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray 
     s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)
     if s.stopped == 0 and plant.spring != 0.0:
         s.impulse += position_integral(arc, plant) * plant.spring
+    s.rate = rate_after(arc, arc.length)
     v = arc.w_end + s.rate
     s.tau, s.x, s.v, s.z = s.tau + arc.length, x, v, arc.z_end
     s.v_most = max(s.v_most, abs(v))
@@ -241,4 +262,7 @@ def heat_since(s: np.record, plant: np.record, duration: float) -> float:
     on_runner = 0.5 * mass * (v0 * v0 - v * v) + force * (x - x0) + 0.5 * spring * (x0 * x0 - x * x)
     impulse = mass * (v0 - v) + force * duration - s.impulse
     stored = 0.5 * plant.sigma_0 * (z * z - z0 * z0)
+    if s.bend != 0.0:  # u' gets from s.rate - s.bend * duration to s.rate
+        moment = 0.5 * force * duration * duration - mass * (duration * v - (x - x0))
+        stored += s.bend * (moment - duration * impulse)
     return on_runner - s.rate * impulse - stored  # type: ignore[no-any-return]

@@ -75,7 +75,7 @@ def inner_after(arc: np.record, c: np.record, t: float) -> float:
 @compiled
 def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: float) -> None:
     """Find the end of the arc that `begin_arc` started, at most limit (s) long."""
-    net = plant.force - plant.spring * arc.x - plant.sigma_0 * arc.z
+    net = arc.force - plant.spring * arc.x - plant.sigma_0 * arc.z
     arc.kind, arc.cost = TAYLOR, len(contacts)
     arc.mirror = 1.0 if arc.w > 0.0 or (arc.w == 0.0 and net > 0.0) else -1.0
     arc.z_max, arc.z_min = -math.inf, math.inf
@@ -117,7 +117,7 @@ def _accepted_step(
     0 if no step is exact enough. mass (kg) is that of the runner, infinite if it is still.
     """
     h = arc.trial if arc.trial > 0.0 else _FIRST * min(plant.inv_omega, 1.0)
-    net = plant.force - plant.spring * arc.x - plant.sigma_0 * arc.z
+    net = arc.force - plant.spring * arc.x - plant.sigma_0 * arc.z
     motion = abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0
     allowed = _PER_STEP * plant.tolerance
     if mass < math.inf:
@@ -177,7 +177,7 @@ def _fill_stage(
         rates[stage, _FIRST_Z + i] = z_rate
         if second:
             rates[stage, second + i] = inner_rate
-    pull = plant.force
+    pull = arc.force
     if plant.spring != 0.0:
         rates[stage, size - 1] = w
         dr = arc.mirror * rates[y, size - 1] + arc.rate * h * TIMES[stage]

@@ -90,7 +90,7 @@ AXIS = _record(
     ("tau", "f8"),  # time since the start of its segment, s
     ("since", "f8"),  # time from the start of the cycle to that of the segment, s
     *_numbers("f8", "x v z"),  # runner position, m, velocity, m/s, asperity deflection, m
-    ("rate", "f8"),  # u', m/s
+    *_numbers("f8", "rate bend"),  # u', m/s, and u'', m/s^2
     # -- the running cycle
     *_numbers("f8", "z_max z_min"),  # extreme deflections, m
     ("dissipated", "f8"),  # energy turned into heat in the contact, J
@@ -143,6 +143,8 @@ ARC = _record(
     ("length", "f8"),  # s
     ("mirror", "f8"),  # +1 or -1: sign that makes w positive
     *_numbers("f8", "x z w rate"),  # at its start: m, m, m/s, and u' in m/s
+    # u'', m/s^2, and the load less what accelerates the runner along with the actuator, N
+    *_numbers("f8", "bend force"),
     *_numbers("f8", "line line_rate"),  # a (m) and b (m/s) of an elastic arc
     # of a gliding arc: mirrored force at the start, N; where z tends to, m, and how fast, 1/m
     *_numbers("f8", "net z_slide settling"),

@@ -114,15 +114,23 @@ def set_clear_range(
     An arc moves the runner by the longest segment of the drive (m) plus twice the deflection at
     most; s is the record of the axis, plant and contacts are buffers.
     """
-    s["near_low"], s["near_high"] = s["low"], s["high"]
-    if math.isinf(s["low"]) and math.isinf(s["high"]):
-        return
     distances = Contact._fields[DISTANCES]
     deflections = [abs(s["now_z"]), *(open_record(plant, PLANT)[name] for name in distances)]
     if contacts is not None:
         deflections += [contact_records(contacts)[name].max() for name in distances]
     reach = longest + 2.0 * float(max(deflections))
     s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
+
+
+@compiled
+def begin_window(
+    axis: NDArray, start: float, count: int, shift: float, slip: int, slip_end: int
+) -> None:
+    """Start count cycles at start (s) in the present state of an axis, which goes on as it is."""
+    s = axis_in(axis).state
+    s.start, s.count, s.shift, s.slip, s.slip_end = start, count, shift, slip, slip_end
+    s.done = s.steady = s.segment = 0
+    s.tau = s.since = s.open_tau = 0.0
 
 
 @compiled

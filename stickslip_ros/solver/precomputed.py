@@ -102,9 +102,10 @@ def _take_tables(nominal: np.record, factor: float, plant: np.record) -> None:
         return
     plant.precomputed, plant.slide_count = 1, nominal.slide_count
     plant.burst_top = factor * nominal.burst_top
-    for at in range(nominal.slide_count):
-        for k in range(SLIDE_SIZE):
-            plant.slide[at, k] = nominal.slide[at, k] * factor ** _POWERS[k]
+    for k in range(SLIDE_SIZE):
+        scale = factor ** _POWERS[k]
+        for at in range(nominal.slide_count):
+            plant.slide[at, k] = nominal.slide[at, k] * scale
     for side in range(2):
         plant.swing_from[side] = factor * nominal.swing_from[side]
         plant.swing_top[side] = math.sqrt(factor) * nominal.swing_top[side]

@@ -165,10 +165,11 @@ class Simulation:
         anchor(self._plant, self._axis, *now)
 
     def _set_clear_range(self) -> None:
-        s, longest = self._s, 0.0
-        if s["low"] > -math.inf or s["high"] < math.inf:
-            longest = float(np.abs(self._drive[0] * self._drive[1]).max())
-        set_clear_range(s, self._plant, self._each, longest)
+        s, (durations, rates, bends) = self._s, self._drive
+        s["near_low"], s["near_high"] = ends = float(s["low"]), float(s["high"])
+        if not (math.isinf(ends[0]) and math.isinf(ends[1])):
+            longest = float((durations * (np.abs(rates) + np.abs(bends) * durations)).max())
+            set_clear_range(s, self._plant, self._each, longest)
 
     def _use_plant(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
@@ -193,7 +194,8 @@ class Simulation:
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
         self.drive_cycle = drive_cycle
-        self._drive = np.stack([drive_cycle.durations, drive_cycle.rates])
+        durations, rates, bends = drive_cycle.durations, drive_cycle.rates, drive_cycle.bends
+        self._drive = np.stack([durations, rates, np.zeros_like(rates) if bends is None else bends])
 
     @property
     def commanded(self) -> float:

@@ -23,7 +23,7 @@ from stickslip_ros.solver.contact_arcs import stay
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
-from stickslip_ros.solver.within_arc import end_at, turn_from, within_arc
+from stickslip_ros.solver.within_arc import carried, end_at, rate_after, turn_from, within_arc
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
@@ -76,6 +76,7 @@ def held_arc(
 
     held is the plant from `make_held_plant`. The arc ends where the stop releases the runner.
     """
+    arc.force = 0.0  # the runner is heavy beyond all loads
     if arc.rate == 0.0:
         arc.kind = REST
         end_at(arc, limit, arc.z, 0.0, 0.0)
@@ -154,7 +155,7 @@ def _first_touch(arc: np.record, plant: np.record, s: np.record) -> tuple[float,
 def _reach(arc: np.record) -> tuple[float, float]:
     """Return a lowest and a highest position (m) that the arc does not pass."""
     h = arc.length
-    carried = arc.rate * h if arc.rate != 0.0 else 0.0
+    moved = carried(arc, h) if arc.rate != 0.0 or arc.bend != 0.0 else 0.0
     if arc.kind == ELASTIC:
         down = min(arc.z_min, arc.z_end) - arc.z
         up = max(arc.z_max, arc.z_end) - arc.z
@@ -162,7 +163,9 @@ def _reach(arc: np.record) -> tuple[float, float]:
         down = up = arc.path
     else:
         down = up = arc.mirror * math.inf if arc.kind == GLIDE else 0.0
-    return arc.x + min(carried, 0.0) + min(down, 0.0), arc.x + max(carried, 0.0) + max(up, 0.0)
+    beyond = 0.125 * abs(arc.bend) * h * h if arc.bend != 0.0 else 0.0  # where the actuator turns
+    low, high = min(moved, 0.0) - beyond, max(moved, 0.0) + beyond
+    return arc.x + low + min(down, 0.0), arc.x + high + max(up, 0.0)
 
 
 @compiled
@@ -173,10 +176,10 @@ def _touch(arc: np.record, plant: np.record, side: int, stop: float) -> float:
     """
     if not abs(stop) < math.inf:
         return math.nan
-    h, rate = arc.length, arc.rate
+    h = arc.length
     beyond = _ROUNDING * abs(stop)
     if _over(arc, plant, side, stop, h) <= beyond:
-        if not side * (arc.w + rate) > 0.0 > side * (arc.w_end + rate):
+        if not side * (arc.w + arc.rate) > 0.0 > side * (arc.w_end + rate_after(arc, h)):
             return math.nan
         h = turn_from((arc, plant, side, False), 0.0, h)
         if _over(arc, plant, side, stop, h) <= beyond:
@@ -196,4 +199,4 @@ _hit = bisection(_is_short_of)
 @compiled
 def _over(arc: np.record, plant: np.record, side: int, stop: float, t: float) -> float:
     """Return how far (m) beyond the stop the runner would be after t (s)."""
-    return side * (arc.x + within_arc(arc, plant, t)[0] + arc.rate * t - stop)  # type: ignore[no-any-return]
+    return side * (arc.x + within_arc(arc, plant, t)[0] + carried(arc, t) - stop)  # type: ignore[no-any-return]

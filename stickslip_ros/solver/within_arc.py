@@ -29,16 +29,39 @@ from stickslip_ros.solver.taylor import (
 
 #: Parts of an arc between whose ends it is seen whether something turns
 _PARTS = 8
+#: An elastic arc of a bent actuator that takes less of the ringing than this (rad) turns once
+_SHORT = 2.0
+#: Looks for a turn of a longer one: its actuator hardly bends in the time of a ringing
+_PASSES = 3
 #: A motion that dies away counts as rest below this share of the tolerance; it would never end
 AT_REST = 1e-3
 
 
 @compiled
-def begin_arc(arc: np.record, x: float, z: float, w: float, rate: float) -> None:
-    """Let an arc start at position x, deflection z (m), speed w (m/s), with u' = rate (m/s)."""
-    arc.x, arc.z, arc.w, arc.rate = x, z, w, rate
+def begin_arc(
+    arc: np.record, plant: np.record, state: tuple[float, float, float], rate: float, bend: float
+) -> None:
+    """Let an arc start at position x, deflection z (m), speed w (m/s), the state.
+
+    rate is u' (m/s), bend is u'' (m/s^2). Seen from a bent actuator the runner has a load more.
+    """
+    (arc.x, arc.z, arc.w), arc.rate, arc.bend = state, rate, bend
+    arc.force = plant.force - plant.mass * bend
     arc.z_max, arc.z_min = -math.inf, math.inf
     arc.cost = 1
+
+
+@compiled_inline
+def carried(arc: np.record, t: float) -> float:
+    """Return how far (m) the actuator gets in t (s) of the arc, which may be infinite at rest."""
+    rate = arc.rate if arc.bend == 0.0 else arc.rate + 0.5 * arc.bend * t
+    return rate * t  # type: ignore[no-any-return]
+
+
+@compiled_inline
+def rate_after(arc: np.record, t: float) -> float:
+    """Return u' (m/s) after t (s) of the arc."""
+    return arc.rate if arc.bend == 0.0 else arc.rate + arc.bend * t  # type: ignore[no-any-return]
 
 
 @compiled_inline
@@ -101,7 +124,7 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
 def _implicit(arc: np.record, plant: np.record, t: float) -> Moved:
     """Return the state after t (s) of an implicit arc, mirrored."""
     mirror = arc.mirror
-    pull = mirror * (plant.force - plant.spring * arc.x)
+    pull = mirror * (arc.force - plant.spring * arc.x)
     branch = branch_at(plant, mirror * arc.z, mirror * arc.w, pull, mirror * arc.rate, mirror)
     return resolve(arc, plant, branch, t)
 
@@ -144,17 +167,26 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
     The time is nan where it does not.
     """
     w, rate, h = arc.w, arc.rate, arc.length
-    v_start, v_end = sign * (w + rate), sign * (arc.w_end + rate)
+    v_start, v_end = sign * (w + rate), sign * (arc.w_end + rate_after(arc, h))
+    short = arc.kind != ELASTIC or h * plant.omega < _SHORT
+    if arc.bend != 0.0 and arc.kind != TABULATED and short:
+        if not v_start < 0.0 <= v_end:
+            return math.nan, 0.0
+        t = turn_from((arc, plant, -sign, False), 0.0, h)
+        return t, within_arc(arc, plant, t)[0] + carried(arc, t)
     if arc.kind == ELASTIC:
         line = Line(arc.line, arc.line_rate)
         y, wy = arc.z - line.a, w - line.b
         o = Oscillator(plant.delta, plant.kappa, plant.omega)
-        t = next_turn(y, wy, o, line.b + rate, 0.0, h)
-        if v_start > 0.0 and t < math.inf:  # that was where it turned away
-            t = next_turn(y, wy, o, line.b + rate, t, h)
-        if not t < h:
-            return math.nan, 0.0
-        return t, within_arc(arc, plant, t)[0] + rate * t
+        t, passes = 0.0, 1 if arc.bend == 0.0 else _PASSES
+        for _ in range(passes):  # with the rate of the time that was found last
+            rate = rate_after(arc, t)
+            t = next_turn(y, wy, o, line.b + rate, 0.0, h)
+            if v_start > 0.0 and t < math.inf:  # that was where it turned away
+                t = next_turn(y, wy, o, line.b + rate, t, h)
+            if not t < h:
+                return math.nan, 0.0
+        return t, within_arc(arc, plant, t)[0] + carried(arc, t)
     if not v_start < 0.0 <= v_end:
         return math.nan, 0.0
     if arc.kind == TAYLOR:
@@ -164,10 +196,11 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         # it ends where w = 0, a little later: look back from there
         side = 1.0 if arc.path > 0.0 else -1.0
         z_end, w_end = side * arc.z_end, side * arc.w_end
-        branch = branch_at(plant, z_end, w_end, side * plant.force, side * rate, side)
+        rate = rate_after(arc, h)
+        branch = branch_at(plant, z_end, w_end, side * arc.force, side * rate, side)
         expand(arc.work, plant, branch, z_end, w_end)
         t = time_at_level(arc.work, W, -side * rate, -h)
-        return h + t, arc.path + side * integral(arc.work, W, t) + rate * (h + t)
+        return h + t, arc.path + side * integral(arc.work, W, t) + carried(arc, h + t)
     t = turn_from((arc, plant, -sign, False), 0.0, h)
     return t, within_arc(arc, plant, t)[0] + rate * t
 
@@ -176,12 +209,14 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
 def _goes_to(t: float, args: tuple[np.record, np.record, int, bool]) -> bool:
     """Return whether runner or deflection moves to a side at t (s) of an arc.
 
-    args: arc, plant, side, and True for the deflection, of a series alone.
+    args: arc, plant, side, and True for the deflection, of a series or a short swing alone.
     """
     arc, plant, side, deflection = args
-    if deflection:
+    if deflection and arc.kind == TAYLOR:
         return side * slope(arc.work, Z, t) > 0.0
-    return side * (within_arc(arc, plant, t)[2] + arc.rate) > 0.0  # type: ignore[no-any-return]
+    if deflection:
+        return side * within_arc(arc, plant, t)[2] > 0.0  # type: ignore[no-any-return]
+    return side * (within_arc(arc, plant, t)[2] + rate_after(arc, t)) > 0.0  # type: ignore[no-any-return]
 
 
 #: When (s) it no longer moves to a side: of the args of `_goes_to` and a bracket
@@ -191,17 +226,18 @@ turn_from = bisection(_goes_to)
 @compiled
 def turns_within(arc: np.record, plant: np.record, h: float, times: NDArray) -> int:
     """Write when (s) runner and deflection turn in the first h (s) of an arc; return how often."""
-    if arc.kind == ELASTIC:
+    if arc.kind == ELASTIC and (arc.bend == 0.0 or not h * plant.omega < _SHORT):
         found = _turns_of_swing(arc, plant, h, arc.line_rate, times)
-        if arc.rate == 0.0:
+        rate = rate_after(arc, 0.5 * h)
+        if rate == 0.0:
             return found
-        return found + _turns_of_swing(arc, plant, h, arc.line_rate + arc.rate, times[found:])
+        return found + _turns_of_swing(arc, plant, h, arc.line_rate + rate, times[found:])
     found, left = 0, 0.0
     for part in range(1, _PARTS + 1):
         right = h * part / _PARTS
         for deflection in (False, True):
             for side in (-1, 1):
-                if found == len(times) or (deflection and arc.kind != TAYLOR):
+                if found == len(times) or (deflection and arc.kind not in (TAYLOR, ELASTIC)):
                     continue
                 there, back = (arc, plant, side, deflection), (arc, plant, -side, deflection)
                 if _goes_to(left, there) and _goes_to(right, back):

@@ -118,9 +118,12 @@ def _trace(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: bo
         else:
             events = scout.event_times(part[-1])
         times = _merge_times(part, events)
-        s = simulation.sample(times)
-        rows = np.stack([times, s.x, s.v, s.u, s.z, s.v - s.rate, s.force, np.zeros(len(times))])
-        rows[-1] = _work(plant, np.hstack([last, rows]))
+        before = 0.5 * (np.append(last[0], times[:-1]) + times)
+        both = times if rigid else np.stack([before, times], axis=1).ravel()
+        s, own = simulation.sample(both), slice(None) if rigid else slice(1, None, 2)
+        columns = both, s.x, s.v, s.u, s.z, s.v - s.rate, s.force, np.zeros(len(both))
+        rows = np.stack(columns)[:, own]
+        rows[-1] = _work(plant, np.hstack([last, rows]), None if rigid else s.u[::2])
         last = rows[:, -1:]
         parts.append(rows if with_events else rows[:, np.isin(times, part)])
     return Trace(*np.hstack(parts))
@@ -136,11 +139,15 @@ def _merge_times(grid: NDArray[np.float64], events: NDArray[np.float64]) -> NDAr
     return np.union1d(grid, events[apart])
 
 
-def _work(plant: Plant, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _work(
+    plant: Plant, rows: NDArray[np.float64], middles: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
     """Return the work of friction on the contact (J) at all samples but the first.
 
     rows are those of a `Trace`, (8, samples), with all kinks of u(t) among them: in between, the
     momentum of the runner gives the impulse of F exactly, and its energy the work on the runner.
+    Where u may be bent it is a parabola there, for which F counts with the time as well; middles
+    are then u (m) in the middle of the time from sample to sample.
     """
     t, x, v, u = rows[:4]
     dt, dv = np.diff(t), np.diff(v)
@@ -148,7 +155,15 @@ def _work(plant: Plant, rows: NDArray[np.float64]) -> NDArray[np.float64]:
     impulse = (plant.force - plant.spring * mean_x) * dt - plant.mass * dv
     rates = np.divide(np.diff(u), dt, out=np.zeros_like(dt), where=dt > 0.0)
     on_runner = np.diff(plant.force * x - 0.5 * plant.spring * x**2 - 0.5 * plant.mass * v**2)
-    return rows[-1, 0] + np.cumsum(on_runner - rates * impulse)  # type: ignore[no-any-return]
+    work = on_runner - rates * impulse
+    if middles is not None:
+        between = 0.5 * (u[1:] + u[:-1]) - middles
+        leans = np.divide(4.0 * between, dt, out=np.zeros_like(dt), where=dt > 0.0)
+        moment = 0.5 * (plant.force - plant.spring * mean_x) * dt**2
+        moment -= plant.mass * (dt * v[1:] - np.diff(x))
+        mean = np.divide(moment, dt, out=np.zeros_like(dt), where=dt > 0.0)
+        work -= leans * (2.0 * mean - impulse)
+    return rows[-1, 0] + np.cumsum(work)  # type: ignore[no-any-return]
 
 
 def trace_runs(

@@ -151,7 +151,7 @@ def test_the_axis_repeats_the_recording() -> None:
         elastic=found.actuator.elastic, thresholds=thresholds, weights=found.actuator.weights
     )
     durations, rates = np.diff(recording.times), np.diff(recording.volts) / 0.01
-    nodes, spare = np.empty((2, 2**17)), np.empty((2, 2**17))
+    nodes, spare = np.empty((3, 2**17)), np.empty((3, 2**17))
     count = follow(chain, chain.rest(), durations, rates, nodes, spare)
     assert count > 0
     made = np.interp(recording.times, *nodes[:2, :count])

@@ -441,3 +441,34 @@ def test_the_command_is_that_of_a_rigid_drive() -> None:
         rigid.advance(t)
         driven.advance(t)
         assert driven.commanded == pytest.approx(rigid.commanded, abs=1e-20), t
+
+
+@pytest.mark.parametrize("spring", [0.0, 1e5])
+def test_at_a_stop_and_with_a_spring_bent_pieces_count_as_fine_ones(spring: float) -> None:
+    """There straight lines take the place of bent pieces; so do they, however short these are."""
+    values = {"actuator_resonance": 1e5, "actuator_damping": 0.1, "spring": spring}
+    p = table_1(frequency=5e3, **values)
+    found = []
+    for part in (1.0, 1e-3):
+        chain = Chain.of(p)._replace(error=part * Chain.of(p).error, mean_only_rate=math.inf)
+        simulation = DrivenSimulation(Plant.of(p), p.solver.tolerance, chain)
+        simulation.set_stops(-1e-7, 2.5e-7)
+        simulation.start(command_of(p), 6)
+        cycles = simulation.run_cycles(6)
+        assert spring or simulation.stop_hits
+        found.append(np.concatenate([cycles.position, 1e-2 * cycles.lost / cycles.lost[-1]]))
+    assert found[0][:6] == pytest.approx(found[1][:6], abs=3e-11)
+    assert found[0][6:] == pytest.approx(found[1][6:], rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["weak damping", "lag", "all"])
+def test_pieces_lie_within_twice_their_error_of_the_curve(name: str) -> None:
+    """Against pieces ten times shorter, where none is longer for a fast actuator."""
+    p = table_1(**{**FAST, **EFFECTS[name]})
+    drives = []
+    for part in (1.0, 1e-3):
+        chain = Chain.of(p)._replace(error=part * Chain.of(p).error, mean_only_rate=math.inf)
+        simulation = DrivenSimulation(Plant.of(p), p.solver.tolerance, chain)
+        simulation.start(command_of(p), 1)
+        drives.append(simulation.sample(np.linspace(0.0, 2e-4, 2001)).u)
+    assert np.abs(drives[0] - drives[1]).max() < 2.0 * Chain.of(p).error

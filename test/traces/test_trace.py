@@ -174,11 +174,14 @@ def test_a_trace_has_every_extreme_and_every_kink(effects: dict[str, Any]) -> No
     # Where the runner turns between two samples, one of them is the turn.
     turns = np.flatnonzero(trace.v[1:] * trace.v[:-1] < 0.0)
     assert np.minimum(np.abs(trace.v[turns]), np.abs(trace.v[turns + 1])).max(initial=0.0) < 1e-6
-    # Between two samples the actuator goes straight.
+    # Between two samples the actuator goes along a parabola.
     simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), 3)
-    between = simulation.sample(0.5 * (trace.t[1:] + trace.t[:-1])).u
-    assert between == pytest.approx(0.5 * (trace.u[1:] + trace.u[:-1]), abs=1e-13)
+    begins, spans = trace.t[:-1], np.diff(trace.t)
+    times = np.stack([begins + 0.25 * spans, begins + 0.5 * spans], axis=1).ravel()
+    quarters, halves = simulation.sample(times).u.reshape(-1, 2).T
+    along = (3.0 * trace.u[:-1] + 6.0 * halves - trace.u[1:]) / 8.0
+    assert quarters == pytest.approx(along, abs=1e-13)
 
 
 @pytest.mark.parametrize("rate", [10.0, 1e12, float("nan")])
