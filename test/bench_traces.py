@@ -192,7 +192,7 @@ def _behind_amplifier(
     """Return straight pieces of u(t) behind a lag (s), each of its mean rate."""
     edges, means, steps, left = [kinks[0]], [], [], 0.0
     for begin, end, rate, step in zip(kinks, kinks[1:], rates, longest, strict=False):
-        fine = 0.1 * lag * np.arange(120)
+        fine = 0.02 * lag * np.arange(600)
         since = np.append(fine[fine < 0.999 * (end - begin)], end - begin)
         fades = (left - rate) * np.exp(-since / lag)
         means += (rate - lag * np.diff(fades) / np.diff(since)).tolist()

@@ -46,6 +46,14 @@ CAMPAIGNS: dict[str, Campaign] = {
         "whether the sensor pulls at the optimum",
         (f"{_STUDIES}intervals", "--linear", "24", "2000"),
     ),
+    "lagging": Campaign(
+        "the same behind amplifiers that lag",
+        (f"{_STUDIES}intervals", "--linear", "--lag", "61", "8100"),
+    ),
+    "comparisons": Campaign(
+        "whether compare tells a wrong preload and no right one",
+        (f"{_STUDIES}comparisons", "40", "7000"),
+    ),
     "traces": Campaign("what is said of traces of 32 kinds", (f"{_STUDIES}traces", "7")),
     "told": Campaign(
         "the same, told the frequency of the drive", (f"{_STUDIES}traces", "--told", "7")

@@ -5,8 +5,8 @@
 
 Each trace has a contact and a drive by lot, a run forward and one backward with rests, noise of 0.5
 to 3 nm, in half of the traces hum, in half drift, and a clock of its own. It is compared with the
-true parameters, where nothing may differ, and with a preload 20 % too large or too small, where the
-step size has to differ in both runs.
+true parameters, where nothing may differ, and with a preload 20 % too large or too small, where
+something has to differ in each run; whether the step size does is counted, too.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from stickslip_ros.library import compare
 from stickslip_ros.traces.motion import Motion
 
 
-def verdict(seed: int) -> tuple[list[str], str]:
-    """Return what differs from the true run, and what is wrong with the verdict on a wrong one."""
+def verdict(seed: int) -> tuple[list[str], list[str], bool]:
+    """Return what differs from the true run, the verdicts on a wrong one, and whether steps do."""
     random = np.random.default_rng(seed)
     axis = random_axis(random)
     frequency = float(np.exp(random.uniform(np.log(60.0), np.log(2000.0))))
@@ -44,24 +44,22 @@ def verdict(seed: int) -> tuple[list[str], str]:
     true = compare(known, measured)
     part = float(random.choice([0.8, 1.2]))
     wrong = compare({**known, "preload": part * axis.preload}, measured)
-    steps = [next(one for one in pair.metrics if one.name == "step size") for pair in wrong.pairs]
-    told = ""
-    if len(wrong.pairs) != 2 or not all(one.differs for one in steps):
-        told = f"preload * {part}: step size {', '.join(one.verdict for one in steps)}"
-    return true.differing, told
+    told = [pair.verdict for pair in wrong.pairs]
+    return true.differing, told, "step size" in wrong.differing
 
 
 def main(count: int, first: int) -> None:
     """Compare traces and print what is wrong of their verdicts."""
-    right = [0, 0]
+    right = np.zeros(3, dtype=int)
     for seed in range(first, first + count):
         begun = time.process_time()
-        differing, told = verdict(seed)
-        right[0] += not differing
-        right[1] += not told
-        words = "; ".join(filter(None, [f"true: {', '.join(differing)}" * bool(differing), told]))
-        print(f"{seed}: {words or 'right'}, {time.process_time() - begun:.1f} s", flush=True)
-    print(f"right with true parameters {right[0]} of {count}, with a wrong preload {right[1]}")
+        differing, told, steps = verdict(seed)
+        found = len(told) == 2 and all("differs" in one for one in told)
+        right += [not differing, found, steps]
+        words = f"true: {', '.join(differing) or 'agrees'}; wrong preload: {'; '.join(told)}"
+        print(f"{seed}: {words}, {time.process_time() - begun:.1f} s", flush=True)
+    print(f"of {count}: right with true parameters {right[0]}, with a wrong preload {right[1]}, of "
+          f"which the step size differs in {right[2]}")  # fmt: skip
 
 
 if __name__ == "__main__":

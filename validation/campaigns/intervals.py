@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often intervals hold the truth: experiments by lot, from the independent integrator.
 
-    python -m validation.campaigns.intervals [--linear | --lag] COUNT [FIRST_SEED]
+    python -m validation.campaigns.intervals [--linear] [--lag] COUNT [FIRST_SEED]
 
 prints each experiment and, at the end, how many intervals of each parameter hold the truth. An
 experiment has a contact by lot, one to three traces of 12 cycles with other drives, noise of 0.5 to
@@ -50,12 +50,17 @@ class ScaledAxis(Axis):
         return mass, sigma_0, sigma_1, self.scale * z_ba, self.scale * z_ss, z_limit
 
 
+def lag_of(seed: int) -> float:
+    """Return the time constant (s) of the amplifier in an experiment with a lag."""
+    return float(np.random.default_rng([seed, 1]).uniform(0.0, 2e-6))
+
+
 def experiment(
     seed: int, lags: bool = False
 ) -> tuple[dict[str, float], list[tuple[Parameters, Motion]]]:
     """Return the truth of an experiment, and its traces with what is known of each drive."""
     random = np.random.default_rng(seed)
-    lag = float(np.random.default_rng([seed, 1]).uniform(0.0, 2e-6)) if lags else 0.0
+    lag = lag_of(seed) if lags else 0.0
     count = int(random.integers(1, 4))
     plain = random_axis(random)
     axis = ScaledAxis(
@@ -97,12 +102,12 @@ def judged(truth: dict[str, float], found: Fit) -> dict[str, str]:
     return told
 
 
-def pulls(seed: int) -> np.ndarray:
+def pulls(seed: int, lags: bool = False) -> np.ndarray:
     """Return by how many standard deviations the optimum of an experiment is off the truth, (4,).
 
-    The order is that of the truth.
+    The order is that of the truth; the lag, where there is one, is free and comes last.
     """
-    truth, runs = experiment(seed)
+    truth, runs = experiment(seed, lags)
     traces = []
     for known, motion in runs:
         true = known.replace(**truth)
@@ -111,8 +116,12 @@ def pulls(seed: int) -> np.ndarray:
         stepping = Stepping(PAUSE, 12, true.drive.frequency)
         traces.append(TraceFit(Experiment(true, motion, (stepping,), ringing)))
     free = free_parameters([one.parameters for one in traces], list(truth))
+    theta = np.log(list(truth.values()))
+    if lags:
+        free = free.with_lag(lag_of(seed))
+        theta = np.append(theta, free.start[-1])
     problem = Problem(traces, free)
-    start = problem.begin(np.log(list(truth.values())))
+    start = problem.begin(theta)
     seen = problem.point(start)
     assert seen is not None
     for trace, one in zip(traces, seen.seen, strict=True):
@@ -120,21 +129,21 @@ def pulls(seed: int) -> np.ndarray:
     profiler = Profiler(problem, problem.point_of(start, seen.seen))
     step = -np.linalg.lstsq(profiler.jacobian, profiler.best.residuals, rcond=None)[0]
     deviation = np.sqrt(np.diag(np.linalg.inv(profiler.information())))
-    return np.asarray(step[: len(truth)] / deviation)
+    return np.asarray(step[: len(theta)] / deviation)
 
 
-def linear(count: int, first: int) -> None:
+def linear(count: int, first: int, lags: bool) -> None:
     """Print how far the optima of experiments are off, and the root mean squares."""
     found = []
     for seed in range(first, first + count):
-        found.append(pulls(seed))
+        found.append(pulls(seed, lags))
         print(f"{seed}: {', '.join(f'{one:.2f}' for one in found[-1])}", flush=True)
     usual = np.sqrt(np.mean(np.square(found), axis=0))
     within = int(np.sum(np.abs(found) < 1.96))
     print(f"root mean squares {np.round(usual, 2)}; {within} of {np.size(found)} within 1.96")
 
 
-def main(count: int, first: int, lags: bool = False) -> None:
+def main(count: int, first: int, lags: bool) -> None:
     """Run experiments and print what they show."""
     told: dict[str, Counter[str]] = {}
     optima = misfits = 0
@@ -165,7 +174,4 @@ def main(count: int, first: int, lags: bool = False) -> None:
 if __name__ == "__main__":
     numbers = [int(one) for one in sys.argv[1:] if not one.startswith("--")]
     given = numbers[0], numbers[1] if len(numbers) > 1 else 1000
-    if "--linear" in sys.argv:
-        linear(*given)
-    else:
-        main(*given, lags="--lag" in sys.argv)
+    (linear if "--linear" in sys.argv else main)(*given, lags="--lag" in sys.argv)
