@@ -32,7 +32,7 @@ from stickslip_ros.model.plant import NEARLY_SLIDING, Plant
 from stickslip_ros.parameters import ActuatorParameters, Parameters
 
 #: Largest deviation (m) of the pieces from the curve, for the whole chain, near turns
-ERROR = 5e-12
+ERROR = 5e-13
 #: The deviation is this share of it for a contact that slides all the time, under a load or because
 #: its law has no elastic range. Such a contact loses some deflection whenever lines return to their
 #: curve; any other contact gets it back.

@@ -30,7 +30,7 @@ from stickslip_ros.model.actuator_chain import (
 
 #: Shares of the allowed deviation: what the pieces of the amplifier may change the resonance behind
 #: them by, and what one piece may move the runner by, for a ringing has many
-_INPUT, _ONE_OF_MANY = 1e-2, 2e-3
+_INPUT, _ONE_OF_MANY = 0.1, 2e-3
 #: A piece of L seconds is u''' L^3 / 125 beside the curve; what swings at omega follows such an
 #: error to a share of (omega L)^2 / 40
 _BESIDE, _FOLLOWED = 125.0, 40.0

@@ -25,14 +25,14 @@ from stickslip_ros.parameters import ParameterError
 
 #: Cycles within which a command settles, or is refused
 _MOST_CYCLES = 1000
-#: Deviation allowed for each piece of creep, as a share of the allowed deviation of the chain
-_OF_CREEP = 0.5
+#: Deviation allowed for each piece of creep, as a multiple of the allowed deviation of the chain
+_OF_CREEP = 5.0
 #: A creeping piece of L seconds is off by u''' L^3 / 125
 _BESIDE = 125.0
 #: Below so many time constants the ways of creep are summed up as series
 _SHORT = 0.02
-#: A piece whose bend moves it by less than this share of the allowed deviation is straight
-_STRAIGHT = 0.15
+#: A piece whose bend moves it by less than this many allowed deviations is straight
+_STRAIGHT = 1.5
 
 
 def settled(chain: Chain, command: DriveCycle) -> DriveCycle:
