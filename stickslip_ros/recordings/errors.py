@@ -31,13 +31,6 @@ def damaged(path: Path, what: str) -> BagError:
     )
 
 
-def unreadable(path: Path, error: OSError) -> BagError:
-    """Return the error for a file that the operating system does not let us read."""
-    return BagError(
-        f"cannot read {path}: {error.strerror or error}; check the name and your rights to it"
-    )
-
-
 def short(error: BaseException) -> str:
     """Return the text of an error of others in one line of at most 200 characters."""
     return " ".join(str(error).split())[:200] or type(error).__name__
@@ -53,6 +46,8 @@ def reading(path: Path) -> Iterator[None]:
     except ReadError as error:
         raise BagError(str(error)) from error
     except OSError as error:
-        raise unreadable(path, error) from error
+        raise BagError(
+            f"cannot read {path}: {error.strerror or error}; check the name and your rights to it"
+        ) from error
     except BROKEN as error:
         raise damaged(path, short(error) if str(error) else "it ends inside a record") from error

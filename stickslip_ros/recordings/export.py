@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -58,7 +59,11 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
     WriteError
         The file or folder cannot be written.
     """
-    topics = [name for name, count in bag.counts.items() if count and _decodable(bag, name)]
+    topics = []
+    for topic in [name for name, count in bag.counts.items() if count]:
+        with suppress(BagError):  # what cannot be decoded is left out
+            decoder_for(bag.topics[topic])
+            topics.append(topic)
     if not topics:
         raise BagError(f"{bag.path} has no messages that can be decoded; record topics with cdr")
     if out.suffix in _WRITERS:
@@ -71,14 +76,6 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
                 name = topic.strip("/").replace("/", ".") or "topic"
                 _write_csv(folder / f"{name}.csv", partial(_rows_of, bag, topic), on_message)
     return out
-
-
-def _decodable(bag: BagReader, topic: str) -> bool:
-    try:
-        decoder_for(bag.topics[topic])
-    except BagError:
-        return False
-    return True
 
 
 def _rows_of(bag: BagReader, topic: str, note: Note) -> Iterator[Row]:

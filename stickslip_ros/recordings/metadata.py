@@ -14,7 +14,7 @@ from typing import Any
 
 from stickslip_ros.opening import open_regular
 from stickslip_ros.parameters.bounded_files import load_texts
-from stickslip_ros.recordings.errors import BagError, short, unreadable
+from stickslip_ros.recordings.errors import BagError, reading, short
 from stickslip_ros.recordings.qos import OfferedQos, YamlFields, qos_profiles
 
 METADATA_FILE = "metadata.yaml"
@@ -197,11 +197,10 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
     file = path / METADATA_FILE
     if not path.is_dir() or not file.exists():
         return None
+    with reading(file), open_regular(file) as stream:
+        content = stream.read(_METADATA_BYTES)
     try:
-        with open_regular(file) as stream:
-            return parse_metadata(stream.read(_METADATA_BYTES).decode())
-    except OSError as error:
-        raise unreadable(file, error) from error
+        return parse_metadata(content.decode())
     except ValueError as error:
         raise BagError(
             f"{file} is not what rosbag2 writes: {short(error)}; repair it, or move it away: "
@@ -220,10 +219,8 @@ def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path
         raise BagError(f"there is no bag {path}; check the name")
     if not path.is_dir():
         return [path]
-    try:
+    with reading(path):
         files = sorted(path.iterdir(), key=_numbered)
-    except OSError as error:
-        raise unreadable(path, error) from error
     by_kind = {
         kind: [file for file in files if file.name.endswith(ends)] for kind, ends in _ENDS.items()
     }

@@ -16,7 +16,6 @@ from pathlib import Path
 from mcap.records import Statistics
 
 from stickslip_ros.files import whole_folder
-from stickslip_ros.opening import ReadError
 from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
 from stickslip_ros.recordings.mcap_file import McapFile
 from stickslip_ros.recordings.mcap_records import (
@@ -107,7 +106,7 @@ def _rewrite(
         stored = stored_metadata(bag)
         if stored is None and bag.is_dir():
             findings.append(f"{METADATA_FILE} is missing")
-    except (BagError, ReadError) as error:
+    except BagError as error:
         findings.append(f"{METADATA_FILE} is broken: {error}")
     packed = stored is not None and stored.compression_mode == "message"
     with contextlib.ExitStack() as opened:

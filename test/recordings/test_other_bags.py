@@ -29,7 +29,14 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.recordings import BagError, decoder_for, nanoseconds, open_bag, statuses
+from stickslip_ros.recordings import (
+    BagError,
+    OfferedQos,
+    decoder_for,
+    nanoseconds,
+    open_bag,
+    statuses,
+)
 
 
 def write_sqlite(folder: Path, version: Literal[8, 9], count: int = 500) -> list[Sample]:
@@ -49,7 +56,8 @@ def test_a_bag_of_sqlite3_is_read(tmp_path: Path, version: Literal[8, 9], what: 
         assert contents(path) == expected(written)
         assert bag.message_count == len(written)
         assert (bag.start_ns, bag.end_ns) == (START, written[-1][1])
-        assert bag.topics[JOINTS.name].type == JOINTS.type
+        joints = bag.topics[JOINTS.name]
+        assert (joints.type, joints.type_hash) == (JOINTS.type, JOINTS.type_hash)
         first, *_ = statuses(bag, EVENTS.name)
         assert first.values["preload"] == "1.0"
         some = list(bag.messages([STEPS.name], START + SECOND // 10, START + SECOND // 5))
@@ -140,6 +148,8 @@ def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:
             writer.write(connection, ns, store.serialize_ros1(message, JOINTS.type))
     with open_bag(tmp_path / "old.bag") as bag:
         decode = decoder_for(bag.topics["/joint_states"])
+        joints = bag.topics["/joint_states"]
+        assert (joints.type_hash, joints.offered_qos) == ("", (OfferedQos(),))
         states = [decode(message.data) for message in bag.messages()]
         assert bag.message_count == 20
         assert [state.position[0] for state in states] == [1e-9 * number for number in range(20)]
