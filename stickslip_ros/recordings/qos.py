@@ -70,10 +70,10 @@ class YamlFields:
         """Return a field that is a whole number of 64 bits."""
         text = self.text(name, str(default))
         # A text of thousands of digits takes long to be understood.
-        number = int(text) if text.removeprefix("-").isdecimal() and len(text) < 30 else 2**64
-        if not -(2**63) <= number < 2**64:
+        whole = text.removeprefix("-").isdecimal() and len(text) < 30
+        if not whole or not -(2**63) <= int(text) < 2**64:
             raise ValueError(f"{name} is {text[:30]!r}; it has to be a whole number of 64 bits")
-        return number
+        return int(text)
 
 
 def items(value: Any, what: str) -> list[Any]:

@@ -157,4 +157,6 @@ def test_damage_costs_no_more_than_the_chunk_it_is_in(
         assert contents(done.folder) == kept, damage.name
         told = "400 messages, 300 were found" if behind > first else damage.found
         assert (done.dropped_bytes > 0) >= (behind > first), damage.name
-        assert told in " ".join(done.findings), damage.name
+        said = " ".join(done.findings)
+        assert told in said, damage.name
+        assert ("no checksum" in said) == (done.unprotected > 0), damage.name

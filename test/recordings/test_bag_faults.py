@@ -144,17 +144,19 @@ def test_a_power_cut_costs_a_second_at_most(
         assert len(found) > ms - 1000, ms
 
 
+@pytest.mark.parametrize("sync", [True, False])
 def test_without_sync_only_closing_waits_for_the_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sync: bool
 ) -> None:
     layer = FileLayer(monkeypatch, tmp_path)
-    with BagWriter(tmp_path / "run", sync=False) as bag:
+    with BagWriter(tmp_path / "run", sync=sync) as bag:
         bag.add_topic(STEPS)
         bag.write(STEPS.name, int32(1), log_ns=1, publish_ns=1)
         layer.calls.clear()
         bag.flush()
         bag.wait_for_disk()
-        assert not any(call.startswith("fsync") for call in layer.calls)
+        assert any(call.startswith("fsync") for call in layer.calls) == sync
+        layer.calls.clear()
     assert any(call == "fsync run_0.mcap" for call in layer.calls)
 
 

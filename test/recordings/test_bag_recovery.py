@@ -137,6 +137,8 @@ def test_files_of_others_are_recovered(tmp_path: Path, chunks: bool) -> None:
     written = list(samples(300))
     file = tmp_path / "other.mcap"
     foreign(file, written, use_chunking=chunks, chunk_size=5000)
+    whole_file = recover(file, tmp_path / "whole")
+    assert (whole_file.unprotected, whole_file.findings) == (0 if chunks else len(written), ())
     data = file.read_bytes()[: file.stat().st_size // 2]
     file.write_bytes(data)
     done = recover(file)
