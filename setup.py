@@ -157,6 +157,10 @@ setup(
         "gym": [
             "gymnasium>=1.0",
         ],
+        # Units for co-simulation: write_fmu.
+        "fmu": [
+            "pythonfmu3",
+        ],
         # stickslip bag export to Parquet.
         "parquet": [
             "pyarrow",

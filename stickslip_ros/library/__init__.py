@@ -11,6 +11,8 @@ from stickslip_ros.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from stickslip_ros.library.compile_ahead import warm_up
+    from stickslip_ros.library.derivatives import Sensitivities, StepLengths, sensitivities
+    from stickslip_ros.library.exchange import control_system, mujoco_model, write_fmu
     from stickslip_ros.library.grid import SweepError
     from stickslip_ros.library.measurements import (
         analyse,
@@ -33,8 +35,9 @@ else:
     __getattr__ = lazy_names(__name__)
 
 __all__ = [
-    "ElongatedStep", "Prediction", "PredictionError", "ShapedSlip", "SimulatedRun", "StateSpace",
-    "SweepError", "SweepResult", "analyse", "compare", "elongate_step", "find_runs",
-    "identify_actuator", "linearise", "predict", "read_measurement", "shape_slip", "simulate",
-    "sweep", "warm_up",
+    "ElongatedStep", "Prediction", "PredictionError", "Sensitivities", "ShapedSlip", "SimulatedRun",
+    "StateSpace", "StepLengths", "SweepError", "SweepResult", "analyse", "compare",
+    "control_system", "elongate_step", "find_runs", "identify_actuator", "linearise",
+    "mujoco_model", "predict", "read_measurement", "sensitivities", "shape_slip", "simulate",
+    "sweep", "warm_up", "write_fmu",
 ]  # fmt: skip

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.axis.sensor import has_bandwidth
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters, ParameterSource
 from stickslip_ros.reporting import html_table
@@ -21,6 +23,10 @@ class StateSpace(NamedTuple):
     position of the runner (m), and its velocity minus the part that follows the actuator at once
     through the damping (m/s), so that no derivative of the voltage is needed.
 
+    With a lag of the amplifier or a resonance of the actuator their states come first, the voltage
+    (V) or the deflection (m) and its rate (m/s). With a bandwidth of the sensor those of its
+    low-pass come last, and what it gives is a third output, the reading (m).
+
     >>> import control
     >>> import stickslip_ros as ss
     >>> axis = control.ss(*ss.linearise("table1_typical"))
@@ -28,10 +34,10 @@ class StateSpace(NamedTuple):
     (2, 2, 2)
     """
 
-    A: NDArray[np.float64]  #: shape (2, 2)
-    B: NDArray[np.float64]  #: shape (2, 2): states by inputs
-    C: NDArray[np.float64]  #: shape (2, 2): outputs by states
-    D: NDArray[np.float64]  #: shape (2, 2): outputs by inputs
+    A: NDArray[np.float64]  #: shape (states, states)
+    B: NDArray[np.float64]  #: shape (states, 2): states by inputs
+    C: NDArray[np.float64]  #: shape (outputs, states): outputs by states
+    D: NDArray[np.float64]  #: shape (outputs, 2): outputs by inputs
 
     @property
     def inputs(self) -> tuple[str, str]:
@@ -39,9 +45,9 @@ class StateSpace(NamedTuple):
         return "voltage", "force"
 
     @property
-    def outputs(self) -> tuple[str, str]:
+    def outputs(self) -> tuple[str, ...]:
         """Names of the outputs, likewise."""
-        return "position", "deflection"
+        return ("position", "deflection", "reading")[: len(self.C)]
 
     def _repr_html_(self) -> str:
         rows = [
@@ -60,8 +66,10 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
 
         m x'' = -sigma_0 (x - u) - (sigma_1 + sigma_2) (x' - u') - k x + F
 
-    with u = gain times the voltage. It holds while the deflection ``x - u`` stays below the
-    breakaway distance z_ba; hysteresis of the actuator is left out.
+    with u = gain times the voltage, behind the lag of the amplifier and the resonance of the
+    actuator where there are any. It holds while the deflection ``x - u`` stays below the breakaway
+    distance z_ba. Hysteresis and creep of the actuator, the slew limit of the amplifier and the
+    latency of the sensor are left out.
 
     Parameters
     ----------
@@ -73,7 +81,7 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     Returns
     -------
     StateSpace
-        A, B, C and D, each of shape (2, 2).
+        A, B, C and D.
 
     Raises
     ------
@@ -95,9 +103,61 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     damping = plant.contact.sigma_1 + plant.contact.sigma_2
     gain = p.actuator.gain_in_force
     passed = damping / mass  # velocity that a change of u passes on at once, per m
-    return StateSpace(
+    axis = StateSpace(
         A=np.array([[0.0, 1.0], [-(stiffness + plant.spring) / mass, -passed]]),
         B=np.array([[gain * passed, 0.0], [gain * (stiffness / mass - passed**2), 1.0 / mass]]),
         C=np.array([[1.0, 0.0], [1.0, 0.0]]),
         D=np.array([[0.0, 0.0], [-gain, 0.0]]),
+    )
+    if p.actuator.actuator_resonance:
+        low_pass = _low_pass(p.actuator.actuator_resonance, p.actuator.actuator_damping)
+        axis = _behind(low_pass, axis)
+    if p.actuator.amplifier_bandwidth:
+        axis = _behind(_low_pass(p.actuator.amplifier_bandwidth, None), axis)
+    if has_bandwidth(p.sensor):
+        sensor = p.sensor
+        damping = sensor.sensor_damping if sensor.sensor_order == 2 else None
+        axis = _read(axis, _low_pass(sensor.sensor_bandwidth or 0.0, damping))
+    return axis
+
+
+LowPass = tuple[NDArray[np.float64], NDArray[np.float64]]  #: A and B; the output is the first state
+
+
+def _low_pass(bandwidth: float, zeta: float | None) -> LowPass:
+    """Return a low-pass of a corner (Hz), of second order if it has a damping zeta."""
+    omega = 2.0 * math.pi * bandwidth
+    if zeta is None:
+        return np.array([[-omega]]), np.array([[omega]])
+    square = omega * omega
+    return np.array([[0.0, 1.0], [-square, -2.0 * zeta * omega]]), np.array([[0.0], [square]])
+
+
+def _behind(low_pass: LowPass, axis: StateSpace) -> StateSpace:
+    """Return the axis with its voltage behind a low-pass."""
+    A, B = low_pass
+    none = np.zeros((len(A), 1))
+    take = np.eye(1, len(A))
+    return StateSpace(
+        A=np.block([[A, np.zeros((len(A), len(axis.A)))], [axis.B[:, :1] @ take, axis.A]]),
+        B=np.block([[B, none], [np.zeros((len(axis.A), 1)), axis.B[:, 1:]]]),
+        C=np.block([axis.D[:, :1] @ take, axis.C]),
+        D=np.block([np.zeros((len(axis.C), 1)), axis.D[:, 1:]]),
+    )
+
+
+def _read(axis: StateSpace, low_pass: LowPass) -> StateSpace:
+    """Return the axis with its position behind a low-pass as a further output."""
+    A, B = low_pass
+    states, more = len(axis.A), len(A)
+    return StateSpace(
+        A=np.block([[axis.A, np.zeros((states, more))], [B @ axis.C[:1], A]]),
+        B=np.block([[axis.B], [B @ axis.D[:1]]]),
+        C=np.block(
+            [
+                [axis.C, np.zeros((len(axis.C), more))],
+                [np.zeros((1, states)), np.eye(1, more)],
+            ]
+        ),
+        D=np.block([[axis.D], [np.zeros((1, 2))]]),
     )
