@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled, report_compilation
 from stickslip_ros.laws.ceim_ageing import CEIM_AGEING, Ageing
+from stickslip_ros.library.run import check_steps
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, LAWS
@@ -124,6 +125,7 @@ def sensitivities(
     -138.0 nm per N after five steps
     """
     p = Parameters.of(parameters, **values)
+    check_steps(steps)
     _check(p)
     sign = 1 if steps > 0 else -1
     drive = drive_of(p, sign)

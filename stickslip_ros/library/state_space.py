@@ -115,9 +115,8 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     if p.actuator.amplifier_bandwidth:
         axis = _behind(_low_pass(p.actuator.amplifier_bandwidth, None), axis)
     if has_bandwidth(p.sensor):
-        sensor = p.sensor
-        damping = sensor.sensor_damping if sensor.sensor_order == 2 else None
-        axis = _read(axis, _low_pass(sensor.sensor_bandwidth or 0.0, damping))
+        zeta = p.sensor.sensor_damping if p.sensor.sensor_order == 2 else None
+        axis = _read(axis, _low_pass(p.sensor.sensor_bandwidth or 0.0, zeta))
     return axis
 
 

@@ -6,8 +6,9 @@
 Drives of all laws are drawn over what real ones span. Of each, the derivatives of position,
 backstep and ringing of the last step by some parameters are compared with differences of the same
 equations, extrapolated from ever smaller ones (C. J. F. Ridders, Adv. Eng. Softw. 4 (1982) 75).
-Where these do not converge, two events lie so close together that they change places within the differences, or
-the derivative drowns in the errors of the values: such ones are named, and no finding.
+Where these do not converge, two events lie so close together that they change places within the
+differences, or the derivative drowns in the errors of the values: such ones are named, and no
+finding.
 """
 
 from __future__ import annotations
