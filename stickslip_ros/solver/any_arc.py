@@ -26,6 +26,9 @@ from stickslip_ros.solver.within_arc import (
     within_arc,
 )
 
+#: Arcs that a tabulated one is made of, at most: three branches, in a few steps each
+_MOST_PARTS = 100
+
 
 @compiled
 def find_arc(
@@ -116,6 +119,37 @@ def sample_within(
     s.now_rate = rate_after(arc, at)
     s.now_v, s.now_z = w + s.now_rate, z
     _place_sample(s, drive, s.tau + ahead)
+
+
+@compiled
+def turn_of_arc(
+    arc: np.record, part: np.record, plant: np.record, sign: int
+) -> tuple[float, float]:
+    """Return when (s) the runner turns towards sign within any arc, and its way (m) up to there.
+
+    The time is nan where it does not. A tabulated arc along which it turns away before is gone
+    through in the arcs that it is made of, in part.
+    """
+    if arc.kind != TABULATED or sign * (arc.w + arc.rate) < 0.0:
+        return turning_point(arc, plant, sign)
+    if not sign * arc.path < 0.0 < sign * (arc.w_end + rate_after(arc, arc.length)):
+        return math.nan, 0.0
+    part.weight, part.trial = arc.weight, arc.trial
+    begin_arc(part, plant, (arc.x, arc.z, arc.w), arc.rate, arc.bend)
+    gone = way = 0.0
+    for _ in range(_MOST_PARTS):
+        next_arc(part, plant, arc.length - gone, False)
+        t, dr = turning_point(part, plant, sign)
+        if t == t:
+            return gone + t, way + dr
+        h = part.length
+        gone += h
+        if not gone < arc.length:
+            break
+        way += part.path + carried(part, h)
+        state = part.x + part.path + carried(part, h), part.z_end, part.w_end
+        begin_arc(part, plant, state, rate_after(part, h), part.bend)
+    return math.nan, 0.0
 
 
 @compiled

@@ -19,7 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.any_arc import find_arc, sample_anchor, sample_within
+from stickslip_ros.solver.any_arc import (
+    find_arc,
+    sample_anchor,
+    sample_within,
+    turn_of_arc,
+)
 from stickslip_ros.solver.contact_arcs import mean_at_end
 from stickslip_ros.solver.cycles import ArcLimits, arc_limits, end_cycle, period_of, write_row
 from stickslip_ros.solver.layout import TABULATED
@@ -35,7 +40,6 @@ from stickslip_ros.solver.within_arc import (
     carried,
     position_integral,
     rate_after,
-    turning_point,
 )
 
 #: The solver gives up after this many arcs without a length
@@ -93,7 +97,7 @@ def solve_cycles(
             if lined:
                 s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
             break
-        _track_backstep(plant, s, arc, outlook.resting)
+        _track_backstep(plant, s, kernel, outlook.resting)
         _take_arc(plant, s, arc, contacts)
         if lined:
             s.dissipated += heat_since(s, plant, s.tau - s.open_tau)
@@ -160,7 +164,7 @@ def _end_position(s: np.record, arc: np.record) -> float:
 
 
 @compiled
-def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: bool) -> None:
+def _track_backstep(plant: np.record, s: np.record, kernel: np.record, resting: bool) -> None:
     """Follow the runner from the start of a slip to where it turns back towards the step."""
     if s.segment == s.slip and s.tau == 0.0 and not resting:
         if s.tracking:
@@ -170,13 +174,13 @@ def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: boo
     if not s.tracking:
         return
     if s.segment != s.slip or resting:
-        t, dr = turning_point(arc, plant, s.sign)
+        t, dr = turn_of_arc(kernel.arc, kernel.part, plant, s.sign)
         if t == t:
             s.x_low = min(s.x_low, s.sign * (s.x + dr))
             if resting or not s.slip < s.segment < s.slip_end:
                 s.backstep = s.x_top - s.x_low
                 s.tracking = 0
-    s.x_low = min(s.x_low, s.sign * _end_position(s, arc))
+    s.x_low = min(s.x_low, s.sign * _end_position(s, kernel.arc))
 
 
 @compiled

@@ -180,9 +180,10 @@ CONTACT = _record(
 
 STICKS, GRADED, PLASTIC = range(3)
 
-#: An axis's buffer: its state, the present arc, the plant of a runner that a stop holds, and a copy
+#: An axis's buffer: its state, the present arc, a part of a tabulated one, the plant of a runner
+#: that a stop holds, and a copy
 #: of the state for a preview
-KERNEL = _record(("state", AXIS), ("arc", ARC), ("held", PLANT), ("preview", AXIS))
+KERNEL = _record(("state", AXIS), ("arc", ARC), ("part", ARC), ("held", PLANT), ("preview", AXIS))
 
 PLANT_SIZE, CONTACT_SIZE, AXIS_BUFFER = (d.itemsize // 8 for d in (PLANT, CONTACT, KERNEL))
 

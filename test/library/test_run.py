@@ -78,3 +78,13 @@ def test_each_contact_has_its_deflection_of_which_the_trace_shows_the_mean(steps
     assert np.ptp(run.deflections, axis=0).max() > 5e-9
     one = ss.simulate(TABLE_1, steps=steps)
     np.testing.assert_array_equal(one.deflections, one.trace.z[np.newaxis])
+
+
+def test_a_runner_that_still_rises_when_the_slip_begins_falls_as_far_as_in_its_trace() -> None:
+    """It turns away and back within one tabulated arc, which hid both turns."""
+    run = ss.simulate(preload=0.4, mass=4e-3, frequency=2000.0, steps=12)
+    trace = run.trace_at(2e7)
+    begin = 11 / 2000.0 - 3e-6  # 300 V at 100 V/us
+    seen = (trace.t > begin - 1e-9) & (trace.t < begin + 1e-4)
+    assert trace.x[seen].argmax() > 10
+    assert run.backstep == pytest.approx(trace.x[seen][0] - trace.x[seen].min(), abs=2e-12)
