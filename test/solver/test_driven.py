@@ -462,8 +462,8 @@ def test_at_a_stop_and_with_a_spring_bent_pieces_count_as_fine_ones(spring: floa
 
 
 @pytest.mark.parametrize("name", ["weak damping", "lag", "all"])
-def test_pieces_lie_within_twice_their_error_of_the_curve(name: str) -> None:
-    """Against pieces ten times shorter, where none is longer for a fast actuator."""
+def test_pieces_lie_within_three_times_their_error_of_the_curve(name: str) -> None:
+    """Against pieces ten times shorter, with none longer for a fast actuator; straight ones add 1.5."""
     p = table_1(**{**FAST, **EFFECTS[name]})
     drives = []
     for part in (1.0, 1e-3):
@@ -471,4 +471,4 @@ def test_pieces_lie_within_twice_their_error_of_the_curve(name: str) -> None:
         simulation = DrivenSimulation(Plant.of(p), p.solver.tolerance, chain)
         simulation.start(command_of(p), 1)
         drives.append(simulation.sample(np.linspace(0.0, 2e-4, 2001)).u)
-    assert np.abs(drives[0] - drives[1]).max() < 2.0 * Chain.of(p).error
+    assert np.abs(drives[0] - drives[1]).max() < 3.0 * Chain.of(p).error
