@@ -463,7 +463,7 @@ def test_at_a_stop_and_with_a_spring_bent_pieces_count_as_fine_ones(spring: floa
 
 @pytest.mark.parametrize("name", ["weak damping", "lag", "all"])
 def test_pieces_lie_within_three_times_their_error_of_the_curve(name: str) -> None:
-    """Against pieces ten times shorter, with none longer for a fast actuator; straight ones add 1.5."""
+    """Against pieces ten times shorter, none longer for a fast actuator; straight ones add 1.5."""
     p = table_1(**{**FAST, **EFFECTS[name]})
     drives = []
     for part in (1.0, 1e-3):
