@@ -20,6 +20,7 @@ from stickslip_ros.parameters.row import ParameterError
 
 _LARGEST = 1024 * 1024  # characters, and values once aliases are followed
 _DEEPEST = 20
+_TOO_DEEP = f"YAML nested more than {_DEEPEST} deep"
 _LONGEST_NUMBER = 100  # characters; 64 bits in binary take 67
 
 # The parsers in C are ten times as fast; they are missing where PyYAML was built without libyaml.
@@ -94,6 +95,8 @@ def _load(text: str, loader: Any) -> Any:
         _refuse_traps(text)
         return yaml.load(text, Loader=loader)
     except (yaml.YAMLError, RecursionError) as error:
+        if "nesting depth" in str(error):  # libyaml's own limit, from PyYAML 6.0.4 on
+            raise ValueError(_TOO_DEEP) from None
         raise ValueError(f"not YAML ({' '.join(str(error).split())[:300]})") from None
 
 
@@ -111,7 +114,7 @@ def _refuse_traps(text: str) -> None:
             inside.append((event.anchor, size))
             size += 1
             if len(inside) > _DEEPEST:
-                raise ValueError(f"YAML nested more than {_DEEPEST} deep")
+                raise ValueError(_TOO_DEEP)
         elif isinstance(event, yaml.CollectionEndEvent):
             anchor, before = inside.pop()
             sizes[anchor] = size - before
