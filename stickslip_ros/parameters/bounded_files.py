@@ -21,6 +21,9 @@ from stickslip_ros.parameters.row import ParameterError
 _LARGEST = 1024 * 1024  # characters, and values once aliases are followed
 _DEEPEST = 20
 _TOO_DEEP = f"YAML nested more than {_DEEPEST} deep"
+# libyaml stops at 1000 levels. It scans at most 1024 characters ahead of its events: only a row of
+# brackets takes it there before the events are too deep for us.
+_RUN = re.compile(rf"[\[{{]{{{_DEEPEST + 1}}}")
 _LONGEST_NUMBER = 100  # characters; 64 bits in binary take 67
 
 # The parsers in C are ten times as fast; they are missing where PyYAML was built without libyaml.
@@ -95,7 +98,7 @@ def _load(text: str, loader: Any) -> Any:
         _refuse_traps(text)
         return yaml.load(text, Loader=loader)
     except (yaml.YAMLError, RecursionError) as error:
-        if "nesting depth" in str(error):  # libyaml's own limit, from PyYAML 6.0.4 on
+        if _RUN.search(text):
             raise ValueError(_TOO_DEEP) from None
         raise ValueError(f"not YAML ({' '.join(str(error).split())[:300]})") from None
 
