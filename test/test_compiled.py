@@ -4,6 +4,7 @@
 import os
 import re
 import runpy
+import time
 from pathlib import Path
 
 import pytest
@@ -241,6 +242,48 @@ def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: P
     numbers = [int(share.removesuffix(" %")) for share in shares]
     assert numbers == sorted(numbers)
     assert runs[1].stderr in ("", "simulating steps ...\n")  # on a busy machine
+
+
+_LATE = """
+import sys
+from stickslip_ros.axis import Axis
+
+def loaded():
+    mine = [vars(m) for name, m in sys.modules.items() if name.startswith("stickslip_ros.")]
+    functions = {id(f): f for module in mine for f in module.values()}
+    lists = (getattr(f, "signatures", None) for f in functions.values())
+    return sum(len(one) for one in lists if isinstance(one, list)), len(sys.modules)
+
+several = {"contacts": 2, "contact_spread": 0.1}
+for values in ({}, several, {"dwell_growth": 0.1, "amplifier_bandwidth": 2e4}, {"creep": 0.01}):
+    axis = Axis({"frequency": 1e3, **values})
+    axis.compile_ahead()
+    axis.status
+    before = loaded()
+    for changes in ({}, {"sensor_bandwidth": 3e3, "spring": 1e3}, {"sensor_order": 2}):
+        axis.command("jog", -2e3)
+        axis.advance(axis.state.t + 3e-3)
+        axis.set_parameters(changes)
+        for command, value in (("scan", 10.0), ("position", 1e-7), ("load", 0.01), ("steps", 2)):
+            axis.command(command, value)
+            axis.advance(axis.state.t + 1e-3)
+            axis.status
+    if loaded() != before:
+        print("loaded late with", values, before, loaded())
+"""
+
+
+def test_a_running_axis_compiles_and_loads_nothing() -> None:
+    """Ten seconds of it would be silence, a minute on a busy machine."""
+    done = python("-c", _LATE)
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_a_slow_drive_with_a_sensor_of_a_bandwidth_is_compiled_at_once() -> None:
+    """Its cycles of a thousand seconds are not sampled."""
+    began = time.process_time()
+    Axis({"frequency": 1e-3, "sensor_bandwidth": 3e3}).compile_ahead()
+    assert time.process_time() - began < 5.0
 
 
 def test_a_damaged_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

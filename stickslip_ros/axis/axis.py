@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +18,7 @@ from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import Device
-from stickslip_ros.axis.events import TRIP, Event
+from stickslip_ros.axis.events import TRIP, CommandRefused, Event
 from stickslip_ros.axis.faults import REFUSE
 from stickslip_ros.axis.state_machine import AxisStatus, refusal
 from stickslip_ros.axis.tasks import StepTask
@@ -100,12 +101,20 @@ class Axis(Device):
 
     def compile_ahead(self) -> None:
         """Have everything compiled that commands may call later, when it would cost deadlines."""
-        spare = Axis(self.parameters.replace(fault=None))
-        spare.command_steps(1)
-        spare.advance(0.5 / spare.status.frequency)
-        spare.set_load(0.0)  # another plant in the middle of a cycle
-        spare.stop()
-        spare.advance(2.0 / spare.status.frequency)
+        # Without a bandwidth: cycles may take hours, and all of them would be sampled.
+        spare = Axis(self.parameters.replace(fault=None, sensor_bandwidth=None))
+        cycle = 1.0 / spare.status.frequency
+        with suppress(CommandRefused):  # one that cannot move has nothing more to compile
+            spare.command_steps(3)
+            spare.advance(1.5 * cycle)
+            spare.set_load(0.0)  # another plant in the middle of a cycle
+            spare.stop()
+            spare.advance(3.0 * cycle)
+            spare.command_steps(1)
+            spare.advance(3.5 * cycle)
+            spare.actuation.halt()  # the chain in the middle of a window
+            spare.set_parameters({"sensor_bandwidth": 1e3})  # loads the filters of scipy, too
+            spare.advance(3.5 * cycle + 1e-4)
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call, oldest first, and forget them."""

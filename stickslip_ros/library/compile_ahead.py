@@ -23,6 +23,7 @@ _DRIVES: tuple[Mapping[str, object], ...] = (
     {"sigma_1": 2000.0},
     {"creep": 0.01, "dwell_growth": 0.02, "surface_spread": 0.1},
 )
+_SEVERAL = {"contacts": 2, "contact_spread": 0.1}
 
 
 def _runs() -> None:
@@ -47,11 +48,11 @@ def _sweeps() -> None:
 
 
 def _contacts() -> None:
-    values = {"contacts": 2, "contact_spread": 0.1}
-    trace_steps(values, 2)
-    axis = Axis(values)
-    axis.compile_ahead()
-    regime_now(axis.simulation)
+    trace_steps(_SEVERAL, 2)
+    for chain in ({}, {"creep": 0.01, "actuator_resonance": 8e5}):
+        axis = Axis({**_SEVERAL, **chain})
+        axis.compile_ahead()
+        regime_now(axis.simulation)
 
 
 def warm_up() -> None:

@@ -13,6 +13,7 @@ nothing but a processor is taken off, so a busy machine counts as an idle one.
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import signal
 import subprocess
@@ -21,13 +22,14 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
 
-from stickslip_ros.ros.axis_host import compile_axis
+from stickslip_ros.library import warm_up
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from validation.campaigns.processes import ended, memory_of, waited, waited_here
@@ -146,7 +148,7 @@ def _one_set(lot: np.random.Generator, client: AxisClient, pid: int, heard: Hear
 def study(sets: int, seed: int) -> Heard:
     """Try so many sets; return what was heard."""
     choose_domain()
-    compile_axis()
+    warm_up()
     heard, lot = Heard(), np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
         for first in range(0, sets, SETS_OF_AN_AXIS):
@@ -164,11 +166,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     heard = study(args.sets, args.seed)
     print(*heard.faults, sep="\n")
+    most = partial(max, default=math.nan)  # where an axis was silent, there is none
     print(
         f"{len(heard.stops)} sets ({heard.refused} refused, {heard.overloaded} overloaded): stops "
-        f"answered within {max(heard.stops):.3f} s (median {median(heard.stops):.3f}), "
-        f"{len(heard.ends)} signals within {max(heard.ends):.3f} s, growth at most "
-        f"{max(heard.growth):.1f} MB, load {os.getloadavg()[0]:.1f}; {len(heard.faults)} faults"
+        f"answered within {most(heard.stops):.3f} s (median {median(heard.stops or [math.nan]):.3f}"
+        f"), {len(heard.ends)} signals within {most(heard.ends):.3f} s, growth at most "
+        f"{most(heard.growth):.1f} MB, load {os.getloadavg()[0]:.1f}; {len(heard.faults)} faults"
     )
     return int(bool(heard.faults))
 
