@@ -32,10 +32,13 @@ class PaceSettings:
     at_once: float = 8e-3  #: processor time in one call: others are heard after that
     debt: float = 0.1  #: processor time at most that a piece which cost too much is made up for
     piece: float = 2e-3  #: processor time of one piece of motion: `at_once` is passed by that much
-    longest: float = 0.025  #: longest real time of one piece
-    #: Processor time per simulated second to expect of a command whose cost is not known. Sixteen
-    #: contacts at 20 kHz take 5: then the first piece takes 10 ms.
-    new_cost: float = 1.0
+    #: Longest real time of one piece, at rest and in motion: a slip may cost a thousand times as
+    #: much as the rise before it.
+    longest: float = 0.025
+    longest_moving: float = 0.005
+    #: Processor time per simulated second to expect of a command whose cost is not known. Slips of
+    #: several contacts behind a spring take 80: then the first piece takes 40 ms.
+    new_cost: float = 4.0
     growth: float = 4.0  #: of one piece over the one before, as motion costs more in a slip
     #: Part of the time asked for whose loss is called overload: single blocks are late at times.
     tolerated: float = 0.02
@@ -148,7 +151,7 @@ class Pace:
         return self._together == self._goal
 
     def expect_change(self) -> None:
-        """Expect motion of another cost, because of a command."""
+        """Expect motion of another cost, because of a command or of new parameters."""
         self._cost = max(self._cost, self._settings.new_cost)
 
     # -- how it went
@@ -213,7 +216,9 @@ class Pace:
     def _learn(self, spent: float, piece: int) -> None:
         """Learn the cost (s) of a piece of motion (ns)."""
         settings = self._settings
-        least = settings.piece / (settings.longest * max(1.0, self.factor))
+        moving = any(axis.moving for axis in self._axes)
+        longest = settings.longest_moving if moving else settings.longest
+        least = settings.piece / (longest * max(1.0, self.factor))
         self._cost = max(1e9 * spent / piece, self._cost / settings.growth, least)
 
 

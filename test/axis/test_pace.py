@@ -25,7 +25,7 @@ class Machine:
     def __init__(self, cost: float = 0.0, fixed: float = 0.0, factor: float = 1.0) -> None:
         self.cost, self.fixed = cost, fixed  # s of processor for a second of motion; for a call
         self.spent, self.steady, self.longest = 0.0, STEADY, 0.0
-        self.actuation = SimpleNamespace(t=0.0)
+        self.actuation, self.moving = SimpleNamespace(t=0.0), False
         self.axis = cast(Axis, self)
         self.pace = Pace([self.axis], factor, STEADY, STAMP, lambda: self.spent)
 
@@ -103,6 +103,16 @@ def test_what_is_shown_after_a_command_is_later_than_it() -> None:
     acted = machine.pace.ns
     assert machine.block()
     assert machine.pace.ns == acted + 1
+
+
+def test_a_slip_that_costs_much_more_than_the_rise_is_met_in_small_pieces() -> None:
+    """What it costs is not known before, and nobody is heard meanwhile."""
+    machine = Machine(cost=0.05)
+    machine.moving = True
+    machine.run(100)
+    machine.cost = 35.0
+    machine.run(100)
+    assert machine.longest <= 35.0 * SETTINGS.longest_moving + SETTINGS.at_once < 0.2
 
 
 def test_cheap_motion_loses_nothing() -> None:
