@@ -4,7 +4,8 @@
 The simulation follows the steady clock in blocks: each block advances every axis to the present
 time, and each command advances its own axis, so it takes effect when it arrives. After a command
 that moves it, an axis publishes one more state, when the motion has begun. Deadlines are absolute;
-missed ones are skipped and counted.
+missed ones are skipped and counted. While all axes rest and nobody reads their states, blocks come
+seldom, for a wake-up costs more than they do.
 
 `Pace` limits how far a block gets in its share of the processor. The rest is dropped, so that a
 command, a service or a signal is handled soon, however much the parameters cost.
@@ -48,6 +49,8 @@ _DIAGNOSTICS_PERIOD = 1.0  # s
 _APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between checks for commands
 _LONGEST_BLOCK = 0.025  # s between blocks, also where states are published more seldom: see `Pace`
+_REST_BLOCK = 0.1  # s between blocks of axes at rest that nobody reads
+_CHEAP = 0.05  # s of processor for a second of motion at most, so that such a block drops no time
 _FOLLOWS = (
     "use_sim_time lets /clock lead the time: leave out publish_clock, real_time_factor and "
     "start_paused, and steer whoever publishes the clock"
@@ -58,6 +61,7 @@ class AxisOfLoop(Protocol):
     """The interface of a node with an axis that the loop needs."""
 
     axis: Axis
+    is_read: bool  #: somebody subscribed to a state when one was published last
 
     def get_parameter(self, name: str) -> Parameter:
         """Return a parameter of the node, as `rclpy.node.Node`."""
@@ -127,6 +131,7 @@ class SimLoop:
         self._followed_up = 0.0  # s, when a state was published out of turn
         self._asked_for_priority = False
         self._is_due = False  # the state, since a deadline at which not all axes were there
+        self._rests = False  # blocks come seldom
         self._block_ns = round(1e9 / values.publish_rate)
         self._factor = values.real_time_factor
         self.paused = values.start_paused  #: True while the time stands still, except for steps
@@ -148,6 +153,7 @@ class SimLoop:
         period = self.pacer.period
         self.pacer = Pacer(period, self.elapsed())
         self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
+        self._tick_ns = self._tick.timer_period_ns
         # The executor checks a timer in every round, so its period is not a pause.
         self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
         timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
@@ -224,6 +230,21 @@ class SimLoop:
                 self.pacer.restart(self.elapsed())
                 self._tick.reset()
 
+    def _rest(self, on: bool) -> None:
+        """Let blocks come seldom, as long as nobody notices, or as usual."""
+        if on != self._rests:
+            self._rests = on
+            self._tick.timer_period_ns = round(1e9 * _REST_BLOCK) if on else self._tick_ns
+            self._tick.reset()
+            self.pacer.restart(self.elapsed())
+
+    def _may_rest(self) -> bool:
+        """Return whether nothing moves, nobody reads, and seldom blocks keep the pace."""
+        report = self.last_report
+        if self._clock or self.pace.factor != 1.0 or not 0.0 < report.cost < _CHEAP * report.factor:
+            return False
+        return not any(one.is_read or one.axis.moving or one.axis.closed_loop for one in self._axes)
+
     def _reading(self) -> int:
         """Return the reading of the followed clock, ns, from where it was set back."""
         back, last = self._followed
@@ -239,6 +260,7 @@ class SimLoop:
 
     def act(self, *nodes: AxisOfLoop) -> None:
         """Bring an axis, or several, to the present, at which a command acts."""
+        self._rest(False)
         began, now = perf_counter(), monotonic_ns()
         for node in nodes:
             self.pace.act(now, node.axis)
@@ -274,7 +296,9 @@ class SimLoop:
         if not self.begun:
             self._begin()
             return
-        self._is_due |= self.pacer.tick(self.elapsed())
+        if self._rests:
+            self.pacer.restart(self.elapsed())
+        self._is_due |= self._rests or self.pacer.tick(self.elapsed())
         if self.pacer.misses_more():
             self._node.get_logger().warning(
                 f"{self.pacer.missed} deadlines of {1e3 * self.pacer.period:g} ms missed so far; "
@@ -283,6 +307,7 @@ class SimLoop:
         if self._catch_up() and self._is_due:
             self._is_due = False
             self._publish()
+            self._rest(self._may_rest())
 
     def _catch_up(self, only: Axis | None = None) -> bool:
         """Advance to the present; return whether there is a new state to publish."""

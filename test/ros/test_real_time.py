@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the axis does with time: every factor, a process that was stopped, its clock, priority."""
 
+import time
+from collections import Counter
 from itertools import pairwise
 
 import pytest
@@ -8,6 +10,7 @@ from heard import Heard, stamp
 from live import MakeAxis, Ros, Start
 from rclpy.parameter import Parameter
 
+from stickslip_ros.axis import Axis
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.sim_loop import request_priority
 
@@ -52,6 +55,33 @@ def test_peers_follow_its_clock_where_it_publishes_one(ros: Ros, make_axis: Make
     ros.wait_until(lambda: peer.get_clock().now().nanoseconds > stamp(heard.joints[0]))
     seen = peer.get_clock().now().nanoseconds
     ros.wait_until(lambda: stamp(heard.joints[-1]) >= seen, "the state of that time")
+
+
+def test_an_axis_at_rest_whose_states_nobody_reads_computes_seldom(
+    ros: Ros, make_axis: MakeAxis
+) -> None:
+    """But as often as it should for whoever reads, and at once for a command."""
+    node, blocks = make_axis(), Counter[str]()
+    loop = node._sim_loop
+    catch_up = loop._catch_up
+
+    def counted(only: Axis | None = None) -> bool:
+        blocks["now"] += 1
+        return catch_up(only)
+
+    loop._catch_up = counted  # type: ignore[method-assign]
+    ros.wait_until(lambda: loop._rests, "rest, after its first report")
+    before, began = blocks["now"], time.monotonic()
+    time.sleep(1.0)
+    assert (blocks["now"] - before) / (time.monotonic() - began) < 15.0
+    heard = Heard(ros)
+    client = AxisClient(node=ros.node("user"))
+    ros.wait_until(lambda: not loop._rests, "a block with readers")
+    seen, before = len(heard.joints), blocks["now"]
+    ros.wait_until(lambda: len(heard.joints) > seen + 50, "states")
+    assert blocks["now"] - before >= 50
+    assert client.step(3).wait().steps_done == 3
+    assert node._sim_loop.pace.dropped == 0
 
 
 @pytest.mark.long
