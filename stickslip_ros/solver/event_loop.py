@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.model.friction import ALWAYS_PLASTIC
 from stickslip_ros.solver.any_arc import (
     find_arc,
     sample_anchor,
@@ -28,6 +29,7 @@ from stickslip_ros.solver.any_arc import (
 from stickslip_ros.solver.contact_arcs import mean_at_end
 from stickslip_ros.solver.cycles import ArcLimits, arc_limits, end_cycle, period_of, write_row
 from stickslip_ros.solver.layout import TABULATED
+from stickslip_ros.solver.oscillator import Oscillator, half_period, propagate
 from stickslip_ros.solver.stops import (
     arc_to_stop,
     held_arc,
@@ -46,6 +48,8 @@ from stickslip_ros.solver.within_arc import (
 STALLED = 1000
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
 _AT_ONCE = 1e-6
+#: A drive of so few pieces is not searched for those along which nothing happens
+_FEW = 8
 #: Eight times what a straight line in place of a bent piece may be beside it, m
 _CHORD = 4e-12
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
@@ -66,13 +70,13 @@ def solve_cycles(
     s is the state to advance; rows (cycles, row) take the results of cycles. Returns how many
     ended. With s.cut, t_end becomes an event. While kernel.arc ``holds``, it is not found again.
     """
-    arc = kernel.arc
-    period = period_of(drive)
+    arc, period = kernel.arc, period_of(drive)
     # The contact holds back a sticking runner; a runner that never sticks keeps the error.
-    carried = CARRIED * period if plant.slides != 0 else 0.0
-    arc.weight = max(plant.inv_omega, carried)
+    arc.weight = max(plant.inv_omega, CARRIED * period if plant.slides != 0 else 0.0)
     ended = 0
     while True:
+        if drive.shape[1] > _FEW:
+            _take_elastic_pieces(plant, s, kernel, contacts, drive, period)
         outlook = arc_limits(s, drive, period)
         over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
         if over or (outlook.last and not outlook.ahead > 0.0):
@@ -113,6 +117,47 @@ def solve_cycles(
             write_row(s, rows, ended)
             ended += 1
     return ended
+
+
+@compiled
+def _take_elastic_pieces(
+    plant: np.record,
+    s: np.record,
+    kernel: np.record,
+    contacts: NDArray | None,
+    drive: NDArray,
+    period: float,
+) -> None:
+    """Advance over pieces of an actuator along each of which the contact only bends one way.
+
+    Most pieces are of this kind. The results are those of the arcs of `_next_arc`, to the last bit.
+    """
+    if contacts is not None or kernel.arc.holds != 0 or s.tau != 0.0 or s.stopped != 0:
+        return
+    if s.tracking or s.done >= min(s.count, s.stop_cycle):
+        return
+    if plant.spring != 0.0 or plant.kind >= ALWAYS_PLASTIC:
+        return
+    o = Oscillator(plant.delta, plant.kappa, plant.omega)
+    longest, z_ba, left = half_period(o), plant.z_ba, (s.t_end - s.start) - s.done * period
+    while s.segment < drive.shape[1] - 1 and s.segment != s.slip and s.spent + 1 < s.allowance:
+        h, rate, bend = drive[0, s.segment], drive[1, s.segment], drive[2, s.segment]
+        w, a = s.v - rate, (plant.force - plant.mass * bend) / plant.sigma_0
+        if not (h <= left - s.since and h < longest and abs(s.z) < z_ba):
+            return
+        y, w_end = propagate(s.z - a, w, h, o)
+        z = a + y
+        x = s.x + (z - s.z) + (rate + 0.5 * bend * h) * h
+        inside = s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high
+        if not (w * w_end > 0.0 and abs(z) < z_ba and inside):
+            return
+        s.rate, s.bend = rate + bend * h, bend
+        s.x, s.z, s.v = x, z, w_end + s.rate
+        s.z_max, s.z_min = max(s.z_max, z), min(s.z_min, z)
+        s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)
+        s.v_most, s.spent, s.stalled = max(s.v_most, abs(s.v)), s.spent + 1, 0
+        s.tau = h
+        _pass_kink(plant, s, drive)
 
 
 @compiled
