@@ -151,11 +151,12 @@ def _take_elastic_pieces(
         inside = s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high
         if not (w * w_end > 0.0 and abs(z) < z_ba and inside):
             return
-        s.rate, s.bend = rate + bend * h, bend
-        s.x, s.z, s.v = x, z, w_end + s.rate
+        rate += bend * h
+        v = w_end + rate
+        s.rate, s.bend, s.x, s.z, s.v = rate, bend, x, z, v
         s.z_max, s.z_min = max(s.z_max, z), min(s.z_min, z)
         s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)
-        s.v_most, s.spent, s.stalled = max(s.v_most, abs(s.v)), s.spent + 1, 0
+        s.v_most, s.spent, s.stalled = max(s.v_most, abs(v)), s.spent + 1, 0
         s.tau = h
         _pass_kink(plant, s, drive)
 

@@ -12,7 +12,7 @@ import stickslip_ros as ss
 from stickslip_ros.library.waveform_search import ringing_and_step
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.solver import Simulation
-from validation.campaigns.sensitivities import RIGHT, drawn, judged
+from validation.campaigns.sensitivities import RIGHT, differs, drawn, judged
 
 QUICK = {"frequency": 2000.0}
 LAWS: list[dict[str, Any]] = [
@@ -139,3 +139,14 @@ def test_an_overdamped_contact_does_not_ring() -> None:
     found = ss.sensitivities(QUICK, by=["sigma_1"], sigma_1=1e4, steps=2)
     assert np.isnan(found.values.ringing).all()
     assert np.isfinite(found.by["sigma_1"].position).all()
+
+
+def test_events_are_named() -> None:
+    events = ss.sensitivities(QUICK, by=(), steps=2).events
+    assert events[:3] == (
+        (1, "segment 1 begins"), (1, "segment 2 begins"), (1, "contact 1 passes z_ba"),
+    )  # fmt: skip
+    assert {"w turns", "the runner turns"} <= {event for cycle, event in events if cycle == 2}
+    more = ss.sensitivities(QUICK, by=(), steps=2, preload=0.5).events
+    assert differs(events, events) == ""
+    assert differs(events, more).startswith("cycle ")

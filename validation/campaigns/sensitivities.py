@@ -6,9 +6,9 @@
 Drives of all laws are drawn over what real ones span. Of each, the derivatives of position,
 backstep and ringing of the last step by some parameters are compared with differences of the same
 equations, extrapolated from ever smaller ones (C. J. F. Ridders, Adv. Eng. Softw. 4 (1982) 75).
-Where these do not converge, two events lie so close together that they change places within the
-differences, or the derivative drowns in the errors of the values: such ones are named, and no
-finding.
+Where these do not converge, an event is nearly another one, or hardly happens, and on one side of
+the differences it is missing or in another place: cycle and event are named. Or the derivative
+drowns in the errors of the values. Neither is a finding.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -91,14 +92,32 @@ def converged(f: Callable[[float], NDArray[np.float64]], h: float) -> tuple[Any,
     return best, error
 
 
+def differs(one: Sequence[Any], other: Sequence[Any]) -> str:
+    """Return the first event that only one of two runs has there, "" if they have the same."""
+    for a, b in zip_longest(one, other):
+        if a != b:
+            cycle, event = a or b
+            return f"cycle {cycle}: {event}" + (f", or {b[1]}" if a and b else "")
+    return ""
+
+
 def judged(p: Parameters, names: Sequence[str]) -> Iterator[tuple[str, float]]:
-    """Yield what was compared and the error, nan where the differences do not converge."""
+    """Yield what was compared and the error, nan where the differences do not converge.
+
+    With these comes the event that differs nearest to the value.
+    """
     found = sensitivities(p, by=names, steps=STEPS)
     for name in names:
-        value = p.value(name)
+        value, grazes = p.value(name), dict[float, str]()
 
-        def last(move: float, name: str = name, value: float = value) -> NDArray[np.float64]:
+        def last(
+            move: float,
+            name: str = name,
+            value: float = value,
+            grazes: dict[float, str] = grazes,
+        ) -> NDArray[np.float64]:
             moved = sensitivities(p.replace(**{name: value + move}), by=(), steps=STEPS)
+            grazes[abs(move)] = grazes.get(abs(move)) or differs(found.events, moved.events)
             return np.array([one[-1] for one in moved.values])
 
         size = abs(value) or 1.0
@@ -114,8 +133,9 @@ def judged(p: Parameters, names: Sequence[str]) -> Iterator[tuple[str, float]]:
             least = ROUNDING * abs(float(getattr(found.values, output)[-1])) / size
             converges = max(doubt, least) < 0.3 * RIGHT * abs(exact[-1])
             off = abs(exact[-1] - true) / abs(exact[-1]) if converges else math.nan
+            nearest = next((grazes[h] for h in sorted(grazes) if grazes[h]), "no event")
             if converges or doubt > least:
-                yield f"{output} by {name}", off
+                yield f"{output} by {name}" + ("" if converges else f": {nearest}"), off
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -132,8 +152,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             for what, error in judged(p, names):
                 if math.isnan(error):
-                    ends["not converged"] += 1
-                    print(f"{number}: {what}: differences do not converge", flush=True)
+                    graze = not what.endswith("no event")
+                    ends["grazing" if graze else "not converged"] += 1
+                    print(f"{number}: differences do not converge: {what}", flush=True)
                 elif error > RIGHT:
                     ends["findings"] += 1
                     print(f"{number}: {what}: {error:.1e} off: {differing(p)}", flush=True)

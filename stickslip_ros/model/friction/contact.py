@@ -14,20 +14,24 @@ energy into the runner, see docs/paper_errata.md.
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.contact import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, Contact
 
+#: A number, or one with an imaginary part that becomes a derivative, see `solver.complex_steps`
+Number = TypeVar("Number", float, complex)
+
 
 @compiled
-def z_limit(w: float, z_k: float, z_s: float, v_s: float) -> float:
+def z_limit(w: Number, z_k: Number, z_s: Number, v_s: Number) -> Number:
     """Return the deflection (m) that steady plastic sliding at w (m/s) tends to; Eq. 4."""
     if z_s == z_k:
         return z_k
     ratio = w / v_s
-    return z_k + (z_s - z_k) * math.exp(-ratio * ratio)
+    return z_k + (z_s - z_k) * np.exp(-ratio * ratio)
 
 
 @compiled
@@ -46,12 +50,12 @@ def alpha(z: float, w: float, z_ba: float, z_ss: float, printed: int) -> float:
 
 
 @compiled
-def alpha_at(angle: float) -> tuple[float, float]:
+def alpha_at(angle: Number) -> tuple[Number, Number]:
     """Return Dupont's alpha between its ends, and its derivative by the angle.
 
     The angle is pi (|z| - z_ba) / (z_ss - z_ba): 0 at z_ba, pi at z_ss.
     """
-    return 0.5 - 0.5 * math.cos(angle), 0.5 * math.sin(angle)
+    return 0.5 - 0.5 * np.cos(angle), 0.5 * np.sin(angle)
 
 
 @compiled
