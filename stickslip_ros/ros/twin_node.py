@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import math
 import sys
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -53,11 +54,11 @@ from stickslip_ros.twin.settings import ASKED, TwinError
 
 NODE_NAME = "stickslip_twin"
 _POLL, _REPORT = 0.05, 1.0  # s
+_AT_ONCE = 0.1  # s that readings are taken without a look at messages and reports
 _AGAIN = 10.0  # s between warnings that no position is heard
 #: Messages that wait at most: a flood beyond them is counted and left out
 _MOST = 20_000
-_EVENTS_KEPT = 1000
-#: Readings that may come while causes are judged, which takes seconds
+#: Messages of a topic that may come while the twin has no processor
 _QUEUE = 10_000
 _CHANGES = 20  # the last ones, which estimates tell
 _LEVELS = {"ok": DiagnosticStatus.OK, "unlike the model": DiagnosticStatus.ERROR}
@@ -105,7 +106,7 @@ class TwinNode(GuardedNode):
         self._waiting: list[tuple[int, bool, int, TwinCommand | float]] = []
         self._arrived = 0
         self._told = 0
-        latched = QoSProfile(depth=_EVENTS_KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        latched = QoSProfile(depth=_QUEUE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         kind = message_class(EVENTS.type)
         self.create_subscription(kind, EVENTS.full_name(axis), self._on_events, latched)
         for command in COMMANDS.values():
@@ -189,11 +190,14 @@ class TwinNode(GuardedNode):
         if self._stop_requested() and not self.finished.done():
             self.finished.set_result(None)
         newest = max((ns for ns, *_ in self._waiting), default=0)
-        self._take(newest - round(1e9 * self._patience))
+        self._take(newest - round(1e9 * self._patience), time.monotonic() + _AT_ONCE)
 
-    def _take(self, until: float) -> None:
-        """Give the twin all that is older than a time (ns), and publish what it says."""
-        while self._waiting and self._waiting[0][0] <= until:
+    def _take(self, until: float, deadline: float = math.inf) -> None:
+        """Give the twin all that is older than a time (ns), and publish what it says.
+
+        What is not done at a deadline (s, of the monotonic clock) waits.
+        """
+        while self._waiting and self._waiting[0][0] <= until and time.monotonic() < deadline:
             ns, _, _, what = heapq.heappop(self._waiting)
             if self._origin is None:
                 self._origin = ns

@@ -11,8 +11,10 @@ share in all drives seen have the same evidence: they are named together.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -39,12 +41,12 @@ _REST = Piece(0.0, None, 0.0)
 #: Readings between pauses
 _PIECE = 50
 T = TypeVar("T")
-#: What is computed in pieces of some milliseconds; yields the s until the next, None: later
-Pieces = Generator[float | None, None, T]
+#: What is computed in pieces of some milliseconds
+Pieces = Generator[None, None, T]
 #: For each drive: numbers of readings, cycles and rests (2, parts) where parts begin and end
 Parts = list[tuple[OperatingPoint, NDArray[np.int64], Array, Array]]
 #: Standard deviations of the sum of squares beyond which no cause explains the readings
-_MISFIT = 6.0
+MISFIT = 6.0
 
 
 @dataclass(frozen=True)
@@ -54,10 +56,7 @@ class Cause:
     parameter: str  #: "": of the sensor
     low: float
     high: float
-    #: parameters and size -> value of the parameter
-    value: Callable[[Parameters, float], float] = lambda p, size: size
-    #: of the size, for people
-    unit: str = ""
+    unit: str = ""  #: of what is added to the parameter; without one a size is a logarithm
     #: whether the change stands at the place where it came and beyond, and not elsewhere
     local: bool = False
     #: sizes from low to high that are solved at first; ways in between are interpolated
@@ -65,36 +64,29 @@ class Cause:
 
     def applied(self, p: Parameters, size: float) -> Parameters:
         """Return the parameters of the axis after the cause."""
-        return p.replace(**{self.parameter: self.value(p, size)}) if self.parameter else p
+        if not self.parameter:
+            return p
+        value = float(p.value(self.parameter))
+        return p.replace(**{self.parameter: value + size if self.unit else value * math.exp(size)})
 
     def reach(self, p: Parameters) -> tuple[float, float]:
         """Return the sizes, lowest and highest, after which there still is an axis."""
-        sizes = np.linspace(self.low, self.high, _TRIED).tolist()
-        possible = [size for size in sizes if self._leaves_an_axis(p, size)]
-        return min(possible, default=0.0), max(possible, default=0.0)
-
-    def _leaves_an_axis(self, p: Parameters, size: float) -> bool:
-        try:
-            Plant.of(self.applied(p, size))
-        except ParameterError:
-            return False
-        return True
-
-
-def _factor(name: str) -> Callable[[Parameters, float], float]:
-    return lambda p, size: float(p.value(name)) * math.exp(size)
+        possible = [0.0]
+        for size in np.linspace(self.low, self.high, _TRIED).tolist():
+            with suppress(ParameterError):
+                Plant.of(self.applied(p, size))
+                possible.append(size)
+        return min(possible), max(possible)
 
 
 CAUSES: Mapping[str, Cause] = {
-    "preload": Cause("preload", -0.9, 0.7, _factor("preload")),
+    "preload": Cause("preload", -0.9, 0.7),
     # The mass turns the phase of the ringing at the next slip, several times from low to high.
-    "payload": Cause("mass", -0.5, 0.9, _factor("mass"), solved=65),
-    "amplifier": Cause("gain", -0.4, 0.3, _factor("gain")),
+    "payload": Cause("mass", -0.5, 0.9, solved=65),
+    "amplifier": Cause("gain", -0.4, 0.3),
     "sensor gain": Cause("", -0.3, 0.3),
-    "temperature": Cause(
-        "temperature", -40.0, 60.0, lambda p, by: p.actuator.temperature + by, "K"
-    ),
-    "place": Cause("preload", -0.9, 0.7, _factor("preload"), local=True),
+    "temperature": Cause("temperature", -40.0, 60.0, "K"),
+    "place": Cause("preload", -0.9, 0.7, local=True),
 }
 
 
@@ -104,6 +96,7 @@ class Attribution:
 
     posterior: Mapping[str, float]  #: of each cause
     sizes: Mapping[str, float]  #: the likeliest of each cause
+    after: Mapping[str, Parameters]  #: of the axis after each cause
     explained: bool  #: whether the likeliest cause explains the readings
     certainty: float
 
@@ -124,105 +117,101 @@ class Attribution:
         possible = [name for name, share in self.posterior.items() if share >= _LEAST]
         return sorted(possible, key=lambda name: -self.posterior[name])
 
-    def applied(self, p: Parameters, name: str) -> tuple[Parameters, float]:
-        """Return parameters after a cause, and the gain of the sensor."""
-        cause, size = CAUSES[name], self.sizes[name]
-        return cause.applied(p, size), 1.0 if cause.parameter else math.exp(size)
+    @property
+    def sensor_gain(self) -> float:
+        """The factor of the gain of the sensor, by the likeliest cause."""
+        name = self.likeliest
+        return 1.0 if CAUSES[name].parameter else math.exp(self.sizes[name])
 
     @property
     def text(self) -> str:
         """The verdict for people."""
         if not self.explained:
             return "unlike the model: no parameter explains it"
-        if self.cause:
-            return f"{self.cause} {self._size(self.cause)}"
-        listed = [f"{name} {self._size(name)}" for name in self.possible]
-        return f"{listed[0]}; it cannot be told from {', '.join(listed[1:])}"
-
-    def _size(self, name: str) -> str:
-        size = self.sizes[name]
-        if CAUSES[name].unit:
-            return f"{size:+.2g} {CAUSES[name].unit}"
-        return f"{100.0 * math.expm1(size):+.2g} %"
-
-
-def attribute(
-    model: Model,
-    covariance: Array,
-    sensor_gain: float,
-    seen: Sequence[Seen],
-    place: float,
-    settings: TwinSettings,
-) -> Pieces[Attribution]:
-    """Return what explains readings since a change at a place (m); pauses every few milliseconds.
-
-    model, covariance (of logarithms of parameters) and the gain of the sensor are those of before.
-    The first reading is where they begin.
-    """
-    p = model.p
-    warms = p.actuator.gain_temperature or p.friction.friction_temperature
-    causes = [name for name in CAUSES if name != "temperature" or warms]
-    reaches = {name: CAUSES[name].reach(p) for name in causes}
-    known = {name: CAUSES[name] for name, (low, high) in reaches.items() if low < high}
-    yield None
-    since = _Since(p, covariance, sensor_gain, seen, _parts_of(seen), place, settings)
-    blurs = yield from since.blurs(model)
-    best: dict[str, float] = {}
-    evidence: dict[str, float] = {}
-    for name, cause in known.items():
-        best[name], evidence[name] = yield from _seek(since, cause, reaches[name], blurs)
-    top = max(evidence, key=lambda name: evidence[name])
-    shares = {name: math.exp(one - evidence[top]) for name, one in evidence.items()}
-    total, count = sum(shares.values()), len(seen) - 1
-    # Another mass rings in another way.
-    own = yield from since.blurs(Model(known[top].applied(p, best[top])))
-    ways = yield from since.ways(known[top], np.array([best[top]]))
-    _, squares = yield from since.likelihood(ways, own)
-    return Attribution(
-        {name: share / total for name, share in shares.items()},
-        best,
-        float(squares[0]) <= count + _MISFIT * math.sqrt(2.0 * count),
-        settings.certainty,
-    )
+        listed = []
+        for name in [self.cause] if self.cause else self.possible:
+            size, unit = self.sizes[name], CAUSES[name].unit or "%"
+            listed.append(f"{name} {size if unit != '%' else 100.0 * math.expm1(size):+.2g} {unit}")
+        others = f"; it cannot be told from {', '.join(listed[1:])}" if listed[1:] else ""
+        return listed[0] + others
 
 
 @dataclass(frozen=True)
-class _Since:
+class ReadingsSince:
     """Readings since a change, and the axis before it."""
 
-    p: Parameters
-    covariance: Array
-    sensor_gain: float
-    seen: Sequence[Seen]
-    parts: Parts
+    model: Model  #: of the axis before
+    covariance: Array  #: of logarithms of its parameters
+    sensor_gain: float  #: before
+    seen: Sequence[Seen]  #: the first is where they begin
     place: float  #: where it changed, m
     settings: TwinSettings
 
-    def ways(self, cause: Cause, sizes: Array) -> Pieces[Array]:
+    def attribute(self) -> Pieces[Attribution]:
+        """Return what explains the readings; pauses every few milliseconds."""
+        p = self.model.p
+        warms = p.actuator.gain_temperature or p.friction.friction_temperature
+        blurs = yield from self._blurs(self.model)
+        best: dict[str, float] = {}
+        evidence: dict[str, float] = {}
+        for name, cause in CAUSES.items():
+            low, high = cause.reach(p)
+            yield None
+            if low < high and (warms or name != "temperature"):
+                best[name], evidence[name] = yield from self._seek(cause, low, high, blurs)
+        top = max(evidence, key=lambda name: evidence[name])
+        shares = {name: math.exp(one - evidence[top]) for name, one in evidence.items()}
+        total, count = sum(shares.values()), len(self.seen) - 1
+        after = {name: CAUSES[name].applied(p, size) for name, size in best.items()}
+        own = yield from self._blurs(Model(after[top]))  # another mass rings in another way
+        ways = yield from self._ways(CAUSES[top], np.array([best[top]]))
+        _, squares = yield from self._likelihood(ways, own)
+        explained = bool(squares[0] <= count + MISFIT * math.sqrt(2.0 * count))
+        posterior = {name: share / total for name, share in shares.items()}
+        return Attribution(posterior, best, after, explained, self.settings.certainty)
+
+    def _seek(
+        self, cause: Cause, low: float, high: float, blurs: Sequence[Blur]
+    ) -> Pieces[tuple[float, float]]:
+        """Return the likeliest size of a cause from low to high, and its logarithmic evidence."""
+        reach, count = (low, high), cause.solved
+        for _ in range(_ROUNDS):
+            solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
+            ways = yield from self._ways(cause, solved)
+            logs, _ = yield from self._likelihood(CubicSpline(solved, ways)(sizes), blurs)
+            k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
+            mean = float(np.exp(logs - logs[k]).sum()) * width
+            if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
+                break
+            low, high = max(reach[0], sizes[k] - width), min(reach[1], sizes[k] + width)
+            count = _SOLVED
+        return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
+
+    def _ways(self, cause: Cause, sizes: Array) -> Pieces[Array]:
         """Return the ways (sizes, readings - 1) of a cause, m."""
         if not cause.parameter or cause.local:
-            before = yield from self._ways(self.p)  # without a change
+            before = yield from self._ways_of(self.model.p)  # without a change
             if not cause.parameter:
                 return np.asarray(before * np.exp(sizes)[:, None])
         ways = np.empty((len(sizes), len(self.seen) - 1))
         for k, size in enumerate(sizes.tolist()):
-            ways[k] = yield from self._ways(cause.applied(self.p, size))
+            ways[k] = yield from self._ways_of(cause.applied(self.model.p, size))
         if not cause.local:
             return ways
         positions = np.array([one.reading for one in self.seen[1:]])
         beyond = (positions - self.place) * (positions[0] - self.place) >= 0.0
         return np.where(beyond, ways, before)
 
-    def _ways(self, p: Parameters) -> Pieces[Array]:
+    def _ways_of(self, p: Parameters) -> Pieces[Array]:
         found = np.zeros(len(self.seen) - 1)
-        for drive, number, cycles, rest in self.parts:
+        for drive, number, cycles, rest in self._parts:
             curve = CycleCurve.of(p, drive)
             way = curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0])
             found += np.bincount(number, way, len(found))
             yield None
         return self.sensor_gain * found
 
-    def blurs(self, model: Model) -> Pieces[list[Blur]]:
+    def _blurs(self, model: Model) -> Pieces[list[Blur]]:
         """Return the blur of each reading."""
         found = []
         for one in self.seen:
@@ -233,11 +222,11 @@ class _Since:
                 yield None
         return found
 
-    def likelihood(self, ways: Array, blurs: Sequence[Blur]) -> Pieces[tuple[Array, Array]]:
+    def _likelihood(self, ways: Array, blurs: Sequence[Blur]) -> Pieces[tuple[Array, Array]]:
         """Return logarithms of likelihoods and sums of squares of ways, (sizes,) each."""
         likely = ReadingFilter(len(self.covariance), self.settings.noise, ways.shape[:1])
         likely.covariance[THETA, THETA] = self.covariance
-        likely.anchor(self.seen[0].reading, blurs[0].deviation)
+        likely.anchor(self.seen[0].reading, blurs[0])
         logs, squares = np.zeros(len(ways)), np.zeros(len(ways))
         for k, one in enumerate(self.seen[1:]):
             likely.go(ways[:, k], one.motion.slope, one.motion.scatter)
@@ -248,34 +237,17 @@ class _Since:
                 yield None
         return logs, squares
 
-
-def _seek(
-    since: _Since, cause: Cause, reach: tuple[float, float], blurs: Sequence[Blur]
-) -> Pieces[tuple[float, float]]:
-    """Return the likeliest size of a cause within its reach, and the logarithm of its evidence."""
-    (low, high), count = reach, cause.solved
-    for _ in range(_ROUNDS):
-        solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
-        ways = yield from since.ways(cause, solved)
-        logs, _ = yield from since.likelihood(CubicSpline(solved, ways)(sizes), blurs)
-        k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
-        mean = float(np.exp(logs - logs[k]).sum()) * width
-        if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
-            break
-        low, high = max(reach[0], sizes[k] - width), min(reach[1], sizes[k] + width)
-        count = _SOLVED
-    return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
-
-
-def _parts_of(seen: Sequence[Seen]) -> Parts:
-    """Return the parts of cycles before each reading but the first."""
-    found: dict[OperatingPoint, list[tuple[int, Array, Array]]] = {}
-    for k, one in enumerate(seen[1:]):
-        for piece, begin, end in one.parts:
-            if piece.drive is not None:
-                found.setdefault(piece.drive, []).append((k, *parts_of_cycles(piece, begin, end)))
-    parts = []
-    for drive, all_of in found.items():
-        number, cycles, rests = zip(*all_of, strict=True)
-        parts.append((drive, np.array(number), np.array(cycles).T, np.array(rests).T))
-    return parts
+    @cached_property
+    def _parts(self) -> Parts:
+        """The parts of cycles before each reading but the first."""
+        found: dict[OperatingPoint, list[tuple[int, Array, Array]]] = {}
+        for k, one in enumerate(self.seen[1:]):
+            for piece, *ends in one.parts:
+                if piece.drive is not None:
+                    parts = (k, *parts_of_cycles(piece, *ends))
+                    found.setdefault(piece.drive, []).append(parts)
+        columns = {drive: zip(*all_of, strict=True) for drive, all_of in found.items()}
+        return [
+            (drive, np.array(number), np.array(cycles).T, np.array(rests).T)
+            for drive, (number, cycles, rests) in columns.items()
+        ]

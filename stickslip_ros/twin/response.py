@@ -51,11 +51,11 @@ class Blur(NamedTuple):
 
 @dataclass(frozen=True)
 class CycleCurve:
-    """Position over the cycles of a drive, from the rest before them."""
+    """Position over the cycles of a drive, from the rest before them, or derivatives of it."""
 
-    x: Array  #: m, at parts of cycles
-    rest: Array  #: m, over the rest after the last cycle, from its end on
-    step: float  #: m, of a settled cycle, with its sign
+    x: Array  #: m, (..., points) at parts of cycles
+    rest: Array  #: m, (..., points) over the rest after the last cycle, from its end on
+    step: Array  #: m, (...) of a settled cycle, with its sign
     ringing: Array  #: m, root mean square of what the mean leaves out, at parts of cycles
     rest_ringing: Array  #: m, the same over the rest
     ringing_frequency: float  #: Hz
@@ -76,7 +76,7 @@ class CycleCurve:
         x = simulation.sample(cycles).x - start
         ahead = math.ceil(4.0 / (ringing * spacing)) if ringing > 0.0 else 1
         after = end + spacing * np.arange(-ahead, _RESTING + 1, dtype=np.float64)
-        step = float(x[-1] - x[-1 - _MEAN * points]) / _MEAN
+        step = (x[-1] - x[-1 - _MEAN * points]) / _MEAN
         rest = np.append(
             np.interp(after[:ahead], cycles, x), simulation.sample(after[ahead:]).x - start
         )
@@ -93,11 +93,10 @@ class CycleCurve:
         )
 
     def at(self, cycles: Array, rest: Array) -> Array:
-        """Return positions (m) after cycles and a rest (s) behind them, each (times,)."""
-        within, number, part = self._place(cycles)
-        x = self.x[number] + part * (self.x[number + 1] - self.x[number])
-        resting = np.interp(rest, _RESTS, self.rest)
-        return np.asarray(x + (cycles - within) * self.step + resting)
+        """Return positions (m) after cycles and a rest (s) behind them, (..., times)."""
+        within = _within(cycles)
+        x = _between(self.x, within / _CYCLES) + np.multiply.outer(self.step, cycles - within)
+        return np.asarray(x + _between(self.rest, np.minimum(rest / RESTED, 1.0)) * (rest > 0.0))
 
     def blur(self, piece: Piece, t: float, timing: float) -> Blur:
         """Return the blur of a reading at t (s) by ringing and an uncertain time.
@@ -106,25 +105,26 @@ class CycleCurve:
         """
         assert piece.drive
         cycles, rest = parts_of_cycles(piece, t, max(t - timing, piece.start), t + timing)
-        if rest[0] > 0.0:
-            ringing, since = np.interp(rest[0], _RESTS, self.rest_ringing), rest[0]
-        else:
-            ringing = self.ringing[self._place(cycles[:1])[1][0]]
-            since = cycles[0] % 1.0 / piece.drive.frequency
+        since, ringing = float(rest[0]), _between(self.rest_ringing, np.minimum(rest / RESTED, 1.0))
+        if since == 0.0:
+            since = float(cycles[0] % 1.0) / piece.drive.frequency
+            ringing = _between(self.ringing, _within(cycles) / _CYCLES)
         omega = 2.0 * math.pi * self.ringing_frequency
         width, coherence = float(np.ptp(self.at(cycles, rest))), math.exp(-((omega * timing) ** 2))
-        return Blur(0.5 * width, float(ringing), omega * float(since), coherence)
-
-    def _place(self, cycles: Array) -> tuple[Array, NDArray[np.int64], Array]:
-        """Return cycles within those solved, the points before them, and the parts beyond."""
-        last = len(self.x) - 1
-        within = np.where(cycles > _CYCLES, _CYCLES - 1 + np.mod(cycles, 1.0), cycles)
-        place = within * (last / _CYCLES)
-        number = np.minimum(place.astype(np.int64), last - 1)
-        return within, number, place - number
+        return Blur(0.5 * width, float(ringing[0]), omega * since, coherence)
 
 
-_RESTS = np.linspace(0.0, RESTED, _RESTING + 1)
+def _within(cycles: Array) -> Array:
+    """Return the same place in the last of the cycles solved for those beyond."""
+    return np.where(cycles > _CYCLES, _CYCLES - 1 + np.mod(cycles, 1.0), cycles)
+
+
+def _between(values: Array, place: Array) -> Array:
+    """Interpolate values (..., points) at places (times,) from 0 to 1."""
+    place = place * (values.shape[-1] - 1)
+    number = np.minimum(place.astype(np.int64), values.shape[-1] - 2)
+    low = values[..., number]
+    return np.asarray(low + (place - number) * (values[..., number + 1] - low))
 
 
 def _smooth(x: Array, part: float) -> tuple[Array, Array]:
@@ -144,7 +144,7 @@ class Model:
         Plant.of(p)
         self.p = p
         self._curves: dict[OperatingPoint, CycleCurve] = {}
-        self._slopes: dict[tuple[OperatingPoint, tuple[str, ...]], list[CycleCurve]] = {}
+        self._slopes: dict[OperatingPoint, CycleCurve] = {}
 
     def curve(self, drive: OperatingPoint) -> CycleCurve:
         """Return the curve of a drive."""
@@ -152,26 +152,25 @@ class Model:
             self._curves[drive] = CycleCurve.of(self.p, drive)
         return self._curves[drive]
 
-    def slopes(self, drive: OperatingPoint, names: tuple[str, ...]) -> list[CycleCurve]:
-        """Return the derivatives of a curve by the logarithms of parameters."""
-        key = drive, names
-        if key not in self._slopes:
-            self._slopes[key] = []
+    def slopes(self, drive: OperatingPoint, names: tuple[str, ...]) -> CycleCurve:
+        """Return the derivatives (names, ...) of a curve by the logarithms of parameters.
+
+        The names are those of the first call.
+        """
+        if drive not in self._slopes:
+            found = []
             for name in names:
                 # At the end of what its law allows a parameter changes in one direction alone.
                 near = {by: self.moved({name: by}) for by in (_CHANGE, 0.0, -_CHANGE)}
                 known = [(by, model) for by, model in near.items() if model is not None]
                 (above, upper), (below, lower) = known[0], known[-1]
-                up, down = CycleCurve.of(upper.p, drive), CycleCurve.of(lower.p, drive)
-                rate = 1.0 / (above - below)
-                self._slopes[key].append(
-                    CycleCurve(
-                        rate * (up.x - down.x), rate * (up.rest - down.rest),
-                        rate * (up.step - down.step), up.ringing, up.rest_ringing,
-                        up.ringing_frequency,
-                    )
-                )  # fmt: skip
-        return self._slopes[key]
+                ends = [CycleCurve.of(one.p, drive) for one in (upper, lower)]
+                up, down = ([one.x, one.rest, one.step] for one in ends)
+                found.append([(a - b) / (above - below) for a, b in zip(up, down, strict=True)])
+            x, rest, step = (np.array(one) for one in zip(*found, strict=True))
+            nothing = np.zeros(2)
+            self._slopes[drive] = CycleCurve(x, rest, step, nothing, nothing, 0.0)
+        return self._slopes[drive]
 
     def moved(self, changes: Mapping[str, float]) -> Model | None:
         """Return the model with logarithms of parameters changed, None where no axis has them."""

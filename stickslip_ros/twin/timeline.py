@@ -6,9 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 #: s after which an axis is at rest: a ringing has decayed
 RESTED = 0.02
+#: Name of a command after which nobody knows the cycles
+UNKNOWN_CYCLES = "unknown"
 #: A cycle that lacks less than this share of itself has ended: rounding of times
 _ROUNDING = 1e-6
 
@@ -26,8 +29,7 @@ class TwinCommand:
     value: float = 0.0
 
 
-@dataclass(frozen=True)
-class OperatingPoint:
+class OperatingPoint(NamedTuple):
     """An operating point, and what was before it; tables of the model are made for each."""
 
     amplitude: float  #: V

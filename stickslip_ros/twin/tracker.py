@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tracks position and parameters of an axis with a Kalman filter on tables of the kernel.
 
-The state is the position at the last reading and the logarithms of parameters, as differences from
-those of the file. Between two readings the position goes on by what the kernel's curves say,
+The state is the position at the last reading, the logarithms of parameters as differences from
+those of the file, and the rate of one of them. Between two readings the position goes on by what
+the kernel's curves say,
 
     x' = x + D + J (theta - theta_0),
 
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -38,17 +39,18 @@ Parts = Sequence[tuple[Piece, float, float]]
 WALKING = ("preload", "gain")
 #: Change of a logarithm from which on the curves are made anew; beyond the last, there is no model
 _RECENTRE, FARTHEST = 0.04, math.log(3.0)
-#: Place of the logarithms in the state
-THETA = slice(1, -1)
+#: Places of the logarithms and of the rate in the state, between position and ringing
+THETA, RATE = slice(1, -2), -2
+#: What the rate of the preload may be after a change, 1/s of stepping; its change in the root of a
+#: second as a share of itself; how well its slope holds on a way over which it drifts, as a share
+_RATE, _RATE_WALK, _RATE_SLOPE = 0.03, 0.1, 0.25
 #: Times that readings after a change are gone through
 _REFITS = 2
-#: Readings that are gone through while one comes
-_FASTER = 3
 #: How well the size of a change is known then, a logarithm
 _ABOUT = 0.05
 #: Standard deviations beyond which a reading is a glitch, which moves no estimate; glitches in a
 #: row after which the position has jumped
-_GLITCH, _JUMP = 5.0, 2
+GLITCH, _JUMP = 5.0, 2
 
 
 class ModelledWay(NamedTuple):
@@ -58,6 +60,7 @@ class ModelledWay(NamedTuple):
     slope: Array  #: of the way by each parameter's logarithm, m
     scatter: float  #: variance of the way, m^2
     blur: Blur  #: of the second reading
+    stepping: float  #: s of cycles
     direction: int  #: of the cycles, 0 at rest
 
 
@@ -80,31 +83,47 @@ class Innovation(NamedTuple):
 
 
 class ReadingFilter:
-    """Position, logarithms of n parameters and ringing: the state (..., 2 + n), from readings.
+    """Position, logarithms of n parameters, a rate, and ringing: the state (..., 3 + n).
 
-    Leading axes are ways that the axis may have gone, whose covariance is one.
+    Leading axes are ways that the axis may have gone, whose covariance is one. Arrays are replaced
+    and never written to, so a shallow copy keeps what is known now.
     """
 
-    def __init__(self, n: int, noise: float, ways: tuple[int, ...] = ()) -> None:
-        """Begin at zero, known well; noise (m) is the standard deviation of a reading."""
-        self.state = np.zeros((*ways, 2 + n))
-        self.covariance = np.zeros((2 + n, 2 + n))
+    def __init__(self, n: int, noise: float, ways: tuple[int, ...] = (), drifts: int = 0) -> None:
+        """Begin at zero, known well; the rate is that of one parameter.
+
+        noise (m) is the standard deviation of a reading.
+        """
+        self.state = np.zeros((*ways, 3 + n))
+        self.covariance = np.zeros((3 + n, 3 + n))
         self._noise, self._blur = noise, Blur()  # that of the last reading
-        self._going, self._glitches = np.eye(2 + n), 0  # in a row
+        self._drifts = drifts
+        self._glitches = 0  # in a row
 
-    def anchor(self, reading: float, blur: float = 0.0) -> None:
-        """Take the position (m) from a reading alone; blur is its deviation beside the noise."""
-        self.state[..., [0, -1]] = reading, 0.0
-        self.covariance[[0, -1], :] = 0.0
-        self.covariance[:, [0, -1]] = 0.0
-        self._blur, self._glitches = Blur(), 0
-        self.covariance[0, 0] = self._noise**2 + blur**2
+    def forget(self, first: int, last: int, variance: float = 0.0) -> None:
+        """Set a part of the state to 0 with a variance of its own."""
+        kept = np.ones(self.state.shape[-1])
+        kept[first:last] = 0.0
+        self.state = self.state * kept
+        self.covariance = self.covariance * np.outer(kept, kept) + np.diag(variance * (1.0 - kept))
 
-    def go(self, way: Array | float, slope: Array, scatter: float) -> None:
+    def anchor(self, reading: float, blur: Blur) -> None:
+        """Take the position (m) from a reading alone, which may lie in the ringing."""
+        self.forget(-1, self.state.shape[-1], blur.ringing**2)
+        self.forget(0, 1, self._noise**2 + blur.deviation**2)
+        self.state[..., 0] = reading
+        self.covariance[[0, -1], [-1, 0]] = -(blur.ringing**2)
+        self._blur, self._glitches = blur, 0
+
+    def go(self, way: Array | float, slope: Array, scatter: float, stepping: float = 0.0) -> None:
         """Go on by a way (m), its slope by the logarithms, and its variance (m^2)."""
-        self.state[..., 0] += way + self.state[..., THETA] @ slope
-        self._going[0, THETA] = slope
-        self.covariance = self._going @ self.covariance @ self._going.T
+        going = np.eye(len(self.covariance))
+        going[0, THETA] = slope
+        going[0, RATE] = 0.5 * stepping * slope[self._drifts]
+        going[1 + self._drifts, RATE] = stepping
+        self.state = self.state @ going.T
+        self.state[..., 0] += way
+        self.covariance = going @ self.covariance @ going.T
         self.covariance[0, 0] += scatter
 
     def see(self, reading: float, blur: Blur, glitch: float = math.inf) -> Innovation:
@@ -128,7 +147,7 @@ class ReadingFilter:
             self._glitches += 1
             jumped = self._glitches == _JUMP
             if jumped:
-                self.anchor(reading)
+                self.anchor(reading, blur)
             return Innovation(expected, math.sqrt(total), z, jumped)
         self._glitches, gain = 0, shared / total
         self.state = self.state + np.multiply.outer(reading - expected, gain)
@@ -144,7 +163,7 @@ class Tracker(ReadingFilter):
         """Start from parameters, and from their covariance where a fit says it."""
         given = ensemble.names if ensemble else ()
         self.names = (*given, *(name for name in WALKING if name not in given))
-        super().__init__(len(self.names), settings.noise)
+        super().__init__(len(self.names), settings.noise, (), self.names.index("preload"))
         self._settings, self._origin = settings, Model(p)
         self.model, self._centre = self._origin, np.zeros(len(self.names))
         #: Whether no axis has the estimates, or they are far off; the model is the last one then
@@ -187,104 +206,112 @@ class Tracker(ReadingFilter):
     def step_size(self, drive: OperatingPoint) -> tuple[float, float]:
         """Return the settled step of a drive and its standard deviation, m."""
         self._recentre()
-        curve = self.model.curve(drive)
-        slope = np.array([one.step for one in self._first.slopes(drive, self.names)])
-        step = curve.step + float(slope @ (self.theta - self._centre))
-        gain = self.sensor_gain
-        return gain * step, gain * math.sqrt(
-            max(float(slope @ self.covariance[THETA, THETA] @ slope), 0.0)
-        )
+        slope = self._first.slopes(drive, self.names).step
+        step = float(self.model.curve(drive).step + slope @ (self.theta - self._centre))
+        variance = max(float(slope @ self.covariance[THETA, THETA] @ slope), 0.0)
+        return self.sensor_gain * step, self.sensor_gain * math.sqrt(variance)
+
+    def drift(self, drive: OperatingPoint) -> tuple[float, float]:
+        """Return the rate of a drive's step since a change, and its standard error.
+
+        Both are shares of the step in a second of stepping; 0 and 0 where no rate is sought.
+        """
+        slope = float(self._first.slopes(drive, self.names).step[self._drifts])
+        share = slope / float(self.model.curve(drive).step)
+        rate, deviation = self.state[RATE], math.sqrt(self.covariance[RATE, RATE])
+        return share * float(rate), abs(share) * deviation
 
     # -- going on
 
-    def reopen(self, name: str, deviation: float) -> None:
-        """Let a parameter be anywhere within a standard deviation of its logarithm."""
-        k = 1 + self.names.index(name)
-        self.covariance[k, k] += deviation**2
+    def reopen(self, deviation: float) -> None:
+        """Let the preload be anywhere within a deviation of its logarithm, and drift."""
+        variances = np.zeros(len(self.covariance))
+        variances[[1 + self._drifts, RATE]] = deviation**2, _RATE**2
+        self.covariance = self.covariance + np.diag(variances)
         self.prior = self.deviations
+
+    def hold_rate(self) -> None:
+        """Seek no rate any longer: in another drive every other cause would look like one."""
+        self.forget(RATE, -1)
 
     def motion(self, parts: Parts) -> ModelledWay:
         """Return what the model says of pieces of drive cycles."""
         self._recentre()
         settings, slope = self._settings, np.zeros(len(self.names))
-        way = scatter = 0.0
+        way = scatter = stepping = 0.0
         direction, blur = 0, Blur()
         for piece, begin, end in parts:
             if piece.drive is None:
                 continue
-            curve = self.model.curve(piece.drive)
-            slopes = self._first.slopes(piece.drive, self.names)
-            at = parts_of_cycles(piece, begin, end)
-            x = curve.at(*at)
-            way += self.sensor_gain * float(x[1] - x[0])
+            curve, at = self.model.curve(piece.drive), parts_of_cycles(piece, begin, end)
+            way += self.sensor_gain * float(np.diff(curve.at(*at))[0])
+            slopes = self._first.slopes(piece.drive, self.names).at(*at)
+            slope += self.sensor_gain * (slopes[:, 1] - slopes[:, 0])
             blur = curve.blur(piece, end, settings.timing)
-            for k, one in enumerate(slopes):
-                ends = one.at(*at)
-                slope[k] += self.sensor_gain * float(ends[1] - ends[0])
-            done = float(at[0][1] - at[0][0])
-            step, drive = abs(curve.step), piece.drive
+            done, step = float(at[0][1] - at[0][0]), abs(float(curve.step))
             scatter += done * (settings.step_spread * step) ** 2
             if begin == piece.start:  # a contact that nobody saw may take a step to settle
                 spread = settings.start_spread if piece.alike else settings.change_spread
-                scatter += spread**2 if drive.before else step**2
+                scatter += spread**2 if piece.drive.before else step**2
             if done > 0.0:
                 direction = piece.drive.direction
-        return ModelledWay(way, slope, scatter, blur, direction)
+                stepping += done / piece.drive.frequency
+        return ModelledWay(way, slope, scatter, blur, stepping, direction)
 
     def advance(self, motion: ModelledWay, duration: float) -> None:
         """Go on by a motion that takes a duration (s)."""
-        settings, hours = self._settings, duration / 3600.0
+        settings, hours, rate = self._settings, duration / 3600.0, float(self.state[RATE])
         walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.way)
         walks = self._walks * walk
         # A walk from nothing at the begin has a third of its last variance in the mean.
         scatter = motion.scatter + float(motion.slope**2 @ walks) / 3.0
-        self.go(motion.way - float(motion.slope @ self._centre), motion.slope, scatter)
+        drifting = 0.5 * motion.stepping * rate * float(motion.slope[self._drifts])
+        way = motion.way - float(motion.slope @ self._centre)
+        self.go(way, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping)
         self.covariance[THETA, THETA] += np.diag(walks)
+        self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 
     def forecast(self, motion: ModelledWay, duration: float) -> tuple[float, float]:
         """Return position and standard deviation (m) after a motion, and leave the state."""
-        kept = self.state.copy(), self.covariance.copy()
-        self.advance(motion, duration)
-        found = self.x, math.sqrt(float(self.covariance[0, 0]))
-        self.state, self.covariance = kept
-        return found
+        then = copy.copy(self)
+        then.advance(motion, duration)
+        return then.x, math.sqrt(float(then.covariance[0, 0]))
 
     def take(self, one: Seen, duration: float) -> Innovation:
         """Go on to a reading, and take it."""
         self.advance(one.motion, duration)
-        return self.see(one.reading, one.motion.blur, _GLITCH)
+        return self.see(one.reading, one.motion.blur, GLITCH)
 
     def rebased(
         self, p: Parameters, name: str, sensor_gain: float, covariance: Array, seen: Sequence[Seen]
-    ) -> Generator[float, None, Tracker]:
+    ) -> Tracker:
         """Return one that starts from other parameters and has gone through readings once more.
 
         The named parameter, if it is tracked, may be off by a little; covariance is that of all
         before. A change makes the first curves wrong ones: this is the iterated filter (Jazwinski
-        1970, section 8.3). The first of the readings is where they begin; others may come to their
-        end meanwhile.
+        1970, section 8.3). The first of the readings is where they begin.
         """
         new = copy.copy(self)
         new._origin, new.sensor_gain = Model(p), sensor_gain
-        new.state, new._going = np.zeros_like(self.state), self._going.copy()
+        new.state = np.zeros_like(self.state)
         opened = np.array([_ABOUT * (one == name) for one in self.names])
         for _ in range(_REFITS):
             new._renew()
             new._first = new.model
-            new.state[THETA] = 0.0
-            new.covariance = np.zeros_like(self.covariance)
+            new.forget(0, len(new.covariance))
             new.covariance[THETA, THETA] = covariance + np.diag(opened**2)
             new.prior = new.deviations
-            new.anchor(seen[0].reading)
-            for k, (before, one) in enumerate(pairwise(seen)):
+            new.anchor(seen[0].reading, seen[0].motion.blur)
+            for before, one in pairwise(seen):
                 again = one._replace(motion=new.motion(one.parts))
                 new.take(again, one.t - before.t)
-                if k % _FASTER == 0:
-                    yield 1e-9
         return new
 
-    def model_at(self, theta: Array) -> Model | None:
-        """Return the model with other logarithms of the parameters, None where there is none."""
+    def model_now(self) -> Model:
+        """Return the model with the present estimates, the last one where there is none."""
+        return self._model_at(self.theta) or self.model
+
+    def _model_at(self, theta: Array) -> Model | None:
         if np.abs(theta).max() > FARTHEST:
             return None
         return self._origin.moved(dict(zip(self.names, theta.tolist(), strict=True)))
@@ -296,7 +323,7 @@ class Tracker(ReadingFilter):
             self.lost = False
 
     def _renew(self) -> None:
-        model = self.model_at(self.theta)
+        model = self._model_at(self.theta)
         self.lost = model is None
         if model is not None:
             self.model, self._centre = model, self.theta.copy()

@@ -6,6 +6,7 @@ The same calls in the same order give the same numbers, in a node as from a file
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import Counter, deque
 from dataclasses import dataclass
@@ -19,11 +20,17 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.reporting import CONFIDENCE, format_si
-from stickslip_ros.twin.causes import CAUSES, Attribution, Pieces, attribute
+from stickslip_ros.twin.causes import CAUSES, MISFIT, Attribution, Pieces, ReadingsSince
 from stickslip_ros.twin.detector import ChangeDetector
 from stickslip_ros.twin.settings import TwinError, TwinSettings
-from stickslip_ros.twin.timeline import RESTED, OperatingPoint, Timeline, TwinCommand
-from stickslip_ros.twin.tracker import THETA, Seen, Tracker
+from stickslip_ros.twin.timeline import (
+    RESTED,
+    UNKNOWN_CYCLES,
+    OperatingPoint,
+    Timeline,
+    TwinCommand,
+)
+from stickslip_ros.twin.tracker import GLITCH, THETA, Seen, Tracker
 
 Array = NDArray[np.float64]
 
@@ -31,6 +38,11 @@ OK, DRIFTING, CHANGED, UNLIKE, BLIND = "ok", "drifting", "changed", "unlike the 
 #: Readings that are kept for the judgement of a change; those after it that it leaves out, as its
 #: onset is known no better, and the position may have jumped with it
 _KEPT, _UNSURE = 4000, 10
+#: s after a gap or an old reading in which a glitch is no evidence, unless a command comes: who
+#: loses readings or their order may have lost commands, or the clock
+_DOUBT = 60.0
+#: s, a moment
+_INSTANT = 1e-6
 #: Factor between the numbers of readings at which a change is judged again
 _AGAIN = 4
 #: s of readings between pieces of a judgement, each of which takes some milliseconds
@@ -75,6 +87,7 @@ class Change:
     drive: OperatingPoint  #: of these steps
     at_start: bool  #: whether the first steps already were other ones than the file says
     verdict: Attribution | None = None  #: None until there are readings enough
+    goes_on: bool = False  #: whether it still went on then, so that no cause is judged
 
     @property
     def text(self) -> str:
@@ -82,7 +95,8 @@ class Change:
         sizes = " to ".join(format_si(one, "m", 5) for one in (self.step_before, self.step_after))
         when = "from the start, so the file is not of this axis as it is"
         text = f"step {sizes}, {when if self.at_start else f'since {self.onset:.6g} s'}"
-        cause = self.verdict.text if self.verdict else "not judged yet"
+        waits = "not judged, as it goes on" if self.goes_on else "not judged yet"
+        cause = self.verdict.text if self.verdict else waits
         return f"{text} (told at {self.told:.6g} s); cause: {cause}"
 
 
@@ -116,18 +130,21 @@ class Twin:
         self.troubles: Counter[str] = Counter()  #: gaps, doubled readings and the like, by name
         self.t = math.nan  #: of the last reading, s
         self.driven = 0.0  #: s of stepping seen
+        self._anchored = math.nan  # when the position was taken anew, s
+        self._lost = False  # whether it has to be: nobody knows where the axis has gone
+        self._old = math.inf, math.inf  # first and last time (s) of old readings in a row
+        self._doubtful = -math.inf  # s, until when a glitch is no evidence
         self._steady = -math.inf  # since when nothing was told, s
         self._begun = math.nan  # time of the first reading that showed cycles, s
         self._excited = -math.inf  # time of the last reading that showed cycles, s
         self._judging: Pieces[None] | None = None
         self._go_on_at = 0.0  # s, when the next piece of the judgement is due
-        self._fresh: list[Seen] = []  # those that come while it ends
-        self._seen: deque[tuple[Seen, Array]] = deque(maxlen=_KEPT)
+        #: Each with what was known before it
+        self._seen: deque[tuple[Seen, Tracker]] = deque(maxlen=_KEPT)
         self._judge_at = 0  # readings since the last change at which it is judged, 0: never
         self._since = 0
-        self._before = self.tracker.model  # before the last change
-        # and how well, and the sensor's gain
-        self._known = self.tracker.covariance[THETA, THETA], 1.0
+        self._excess = 0.0  # of the squares of deviations after it over what they should be
+        self._before = self.tracker  # the last change
         self._drive: OperatingPoint | None = None  # of the last cycles
 
     # -- taking
@@ -140,11 +157,26 @@ class Twin:
         if not self._possible(command):
             self.troubles["commands that no axis like this carries out"] += 1
             return
-        if command.name == "start" and not command.t < self.t:  # an older one is history
-            if not math.isnan(self.t):
-                self.troubles["restarts of the axis"] += 1
+        if command.name == "start" and command.t >= self._anchored:  # an older one is history
+            self.troubles["restarts of the axis"] += 1
             self.t = math.nan
+        elif command.t < self.t:
+            self._undo(command.t)
+        else:
+            self._doubtful = -math.inf
         self.timeline.take(command)
+
+    def _undo(self, t: float) -> None:
+        """Take back what readings have done since a command (s) that comes after them."""
+        self._lost = True
+        if t < self._anchored:  # history of an axis that ran before the twin
+            return
+        self.troubles["late commands"] += 1
+        self.detector.reset()
+        if self.changes and self.changes[-1].told >= t and not self.changes[-1].verdict:
+            del self.changes[-1]
+        known = (one for seen, one in self._seen if seen.t > t and seen.t > self._steady)
+        self.tracker = next(known, self.tracker)
 
     def _possible(self, command: TwinCommand) -> bool:
         drive = {"amplitude": self.timeline.amplitude, "frequency": self.timeline.frequency}
@@ -164,48 +196,61 @@ class Twin:
         if not (math.isfinite(t) and math.isfinite(reading)):
             self.troubles["readings that are no numbers"] += 1
             return None
-        if t <= self.t:
-            self._note_old(t)
-            if not math.isnan(self.t):
-                return None
-        duration = t - self.t
-        if math.isnan(self.t) or duration > self.settings.longest_gap:
-            if not math.isnan(self.t):
-                self.troubles["gaps"] += 1
-            self._anchor(t, reading)
+        if t <= self.t and not self._clock_jumped(t):
             return None
-        if self.timeline.blind_between(self.t, t):
+        duration, self._old = t - self.t, (math.inf, math.inf)
+        if duration > self.settings.longest_gap:
+            self.troubles["gaps"] += 1
+            self._lost, self._doubtful = True, t + _DOUBT
+        elif self.timeline.blind_between(self.t, t):
             self.troubles["readings during unknown cycles"] += 1
+            self._lost = True
+        if self._lost or math.isnan(self.t):
             self._anchor(t, reading)
             return None
         return self._take(t, reading, duration)
 
-    def _note_old(self, t: float) -> None:
-        if self.t - t > self.settings.longest_gap:
+    def _clock_jumped(self, t: float) -> bool:
+        """Take an old reading; return whether there were only such for so long that it is none."""
+        first, last = self._old
+        goes_on = last <= t < last + 0.5 * self.settings.longest_gap
+        self._old = first if goes_on else t, t
+        if t - self._old[0] > self.settings.longest_gap:
             self.troubles["jumps of the clock"] += 1
-            self.t = math.nan
             self.timeline.clear()
-        else:
-            self.troubles["doubled readings" if t == self.t else "late readings"] += 1
+            self.timeline.take(TwinCommand(t, UNKNOWN_CYCLES))
+            self.t = self._excited = math.nan
+            return True
+        self.troubles["doubled readings" if t == self.t else "late readings"] += 1
+        self._doubtful = self.t + _DOUBT
+        return False
 
     def _anchor(self, t: float, reading: float) -> None:
-        self.tracker.anchor(reading)
+        """Take the position anew: what the axis did since the last reading is not known."""
+        self.tracker = copy.copy(self.tracker)
+        running = list(self.timeline.between(t - _INSTANT, t))
+        self.tracker.anchor(reading, self.tracker.motion(running).blur)
         self.timeline.forget(t)
         self._seen.clear()
-        self._judge_at, self._judging = 0, None
-        self.t = t
+        self._judge_at, self._judging, self._lost = 0, None, False
+        self.t = self._anchored = t
 
     def _take(self, t: float, reading: float, duration: float) -> Update:
-        tracker, before = self.tracker, self.tracker.theta.copy()
+        tracker, before = self.tracker, copy.copy(self.tracker)
         parts = list(self.timeline.between(self.t, t))
         motion = tracker.motion(parts)
+        if motion.direction:
+            drive = next(p.drive for p, _, _ in reversed(parts) if p.drive)
+            if self._drive and self._drive[:2] != drive[:2]:
+                tracker.hold_rate()
+            self._drive = drive
         seen = Seen(t, reading, parts, motion)
         found = tracker.take(seen, duration)
         self._seen.append((seen, before))
-        self._fresh.append(seen)
         self._since += 1
         self.t = t
         self.timeline.forget(t)
+        self._excess += found.z**2 - 1.0
         if found.jumped:
             self.troubles["jumps of the position"] += 1
         changed = False
@@ -213,11 +258,12 @@ class Twin:
             if not self.driven:
                 self._begun = t
             self.driven += duration
-            self._excited = t
-            self._drive = next(p.drive for p, _, _ in reversed(parts) if p.drive)
-            if not self._pending and self.detector.see(t, duration, motion.direction * found.z):
-                self._change(reading)
-                changed = True
+            self._excited = t if abs(found.z) < GLITCH else self._excited
+            counts = t > self._doubtful or abs(found.z) < GLITCH
+            if counts and not self._pending:
+                changed = self.detector.see(t, duration, motion.direction * found.z)
+        if changed:
+            self._change(seen)
         self._go_on_judging()
         self._note()
         return Update(t, reading, found.expected, found.deviation, changed)
@@ -235,22 +281,19 @@ class Twin:
 
     # -- changes
 
-    def _change(self, reading: float) -> None:
+    def _change(self, seen: Seen) -> None:
         """Tell a change, and let the estimates find what holds now."""
         onset, tracker = self.detector.onset, self.tracker
-        theta = next((theta for one, theta in self._seen if one.t > onset), tracker.theta)
+        self._before = next((known for one, known in self._seen if one.t > onset), tracker)
         assert self._drive
-        self._before = tracker.model_at(theta) or tracker.model
-        step = tracker.sensor_gain * self._before.curve(self._drive).step
+        step = self._before.step_size(self._drive)[0]
         # It was never seen to fit for longer than it was seen not to.
         at_start = not self.changes and onset - self._begun <= self.t - onset
         self.changes.append(Change(self.t, onset, step, step, self._drive, at_start))
         self._since = sum(one.t > onset for one, _ in self._seen)
-        self._judge_at = self.settings.judged_from
-        self._known = tracker.covariance[THETA, THETA].copy(), tracker.sensor_gain
-        tracker.reopen("preload", _REOPENED)
-        self._judging = None
-        tracker.anchor(reading)
+        self._judge_at, self._judging, self._excess = self.settings.judged_from, None, 0.0
+        tracker.reopen(_REOPENED)
+        tracker.anchor(seen.reading, seen.motion.blur)
         self.detector.reset()
         self._steady = self.t
 
@@ -266,12 +309,9 @@ class Twin:
             again = self._judge_at * _AGAIN
             self._judge_at = again if again <= _KEPT else 0
             self._judging, self._go_on_at = self._judge(self.changes[-1]), self.t
-        if self._judging is None:
-            self._fresh.clear()
-        elif self.t >= self._go_on_at:
-            try:
-                self._go_on_at = self.t + (next(self._judging) or _PACE)
-            except StopIteration:
+        if self._judging and self.t >= self._go_on_at:
+            self._go_on_at = self.t + _PACE
+            if next(self._judging, self) is self:
                 self._judging = None
 
     def settle(self) -> None:
@@ -284,20 +324,24 @@ class Twin:
 
     def _judge(self, change: Change) -> Pieces[None]:
         """Judge a change by all readings since; those that come meanwhile count at the end."""
-        readings = [one for one, _ in self._seen]
+        change.goes_on = self._drifts
+        readings, before = [one for one, _ in self._seen], self._before
         first = next((k for k, one in enumerate(readings) if one.t > change.onset), 0)
-        kept, (covariance, gain) = readings[first + _UNSURE :], self._known
-        if len(kept) <= self.settings.judged_from // 2:
+        kept, place = readings[first + _UNSURE :], readings[first].reading
+        if change.goes_on or len(kept) <= self.settings.judged_from // 2:
             return
-        place = readings[first].reading
-        verdict = yield from attribute(self._before, covariance, gain, kept, place, self.settings)
-        new = not change.verdict or change.verdict.likeliest != verdict.likeliest
-        if verdict.explained and new:
-            p, factor = verdict.applied(self._before.p, verdict.likeliest)
-            name, count = CAUSES[verdict.likeliest].parameter, self.settings.judged_from
-            self._fresh[:] = [one for one, _ in self._seen][-count:]
-            rebased = self.tracker.rebased(p, name, gain * factor, covariance, self._fresh)
-            self.tracker = yield from rebased
+        covariance, gain = before.covariance[THETA, THETA], before.sensor_gain
+        model, settings = before.model_now(), self.settings
+        verdict = yield from ReadingsSince(
+            model, covariance, gain, kept, place, settings
+        ).attribute()
+        name = verdict.likeliest
+        if verdict.explained and not (change.verdict and change.verdict.likeliest == name):
+            gain *= verdict.sensor_gain
+            since = [one for one, _ in self._seen][-settings.judged_from :]
+            self.tracker = self.tracker.rebased(
+                verdict.after[name], CAUSES[name].parameter, gain, covariance, since
+            )
             self._steady = self.t
         change.verdict = verdict
 
@@ -315,18 +359,30 @@ class Twin:
         verdict = next((one.verdict for one in reversed(self.changes) if one.verdict), None)
         if self.tracker.lost or (verdict and not verdict.explained):
             return UNLIKE, change.text if change else "the estimates leave the model's range"
+        if self._drifts:
+            return DRIFTING, f"the step changes by {360_000.0 * self.drift[0]:+.2g} % an hour"
         if change and self.t - change.told < settings.drift_window:
             return CHANGED, change.text
-        rate, deviation = self.drift
-        if abs(rate) > settings.drift_errors * deviation:
-            return DRIFTING, f"the step changes by {360_000.0 * rate:+.2g} % an hour"
         return OK, "as expected"
 
     @property
+    def _drifts(self) -> bool:
+        rate, deviation = self.drift
+        fits = self._excess <= MISFIT * math.sqrt(2.0 * max(self._since, 1))
+        known = fits or (bool(self.changes) and self.changes[-1].goes_on)
+        return bool(known and abs(rate) > self.settings.drift_errors * deviation)
+
+    @property
     def drift(self) -> tuple[float, float]:
-        """Rate of the step over the last window as a share of it, 1/s, and its standard error."""
-        if not self.history:
+        """Rate of the step as a share of it, 1/s, and its standard error.
+
+        It is that since a change while its cause is not known, else that over the last window.
+        """
+        if not self.history or self._drive is None:
             return 0.0, math.inf
+        rate, error = self.tracker.drift(self._drive)
+        if error > 0.0:
+            return rate, error
         window, last = self.settings.drift_window, self.history[-1]
         first = max(last[0] - window, self._steady)
         begin, *then = next((one for one in self.history if one[0] > first), last)
@@ -365,8 +421,7 @@ class Twin:
         verdict = self.changes[-1].verdict if self.changes else None
         if verdict is None or not verdict.explained:
             return []
-        rest = [verdict.applied(self._before.p, one)[0] for one in verdict.possible[1:]]
-        return [float(p.value(name)) for p in rest]
+        return [float(verdict.after[one].value(name)) for one in verdict.possible[1:]]
 
     # -- what comes
 

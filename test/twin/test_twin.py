@@ -3,6 +3,7 @@
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import pytest
 from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
+from stickslip_ros.twin.response import Blur, CycleCurve
 from stickslip_ros.twin.settings import TwinError
 from stickslip_ros.twin.timeline import OperatingPoint
+from stickslip_ros.twin.tracker import ReadingFilter
 from stickslip_ros.twin.twin import BLIND, CHANGED, DRIFTING, OK, UNLIKE
 from validation.twin_axis import Hidden, RealAxis, feed
 
@@ -225,11 +228,92 @@ def test_troubles_are_told_and_survived() -> None:
     t, x = twin.t, 1e-5
     twin.measure(t + 5.0, x)
     assert twin.troubles["gaps"] == 1
-    twin.measure(t - 50.0, x)
+    for k in range(120):
+        twin.measure(t - 50.0 + 0.01 * k, x)
     assert twin.troubles["jumps of the clock"] == 1
-    twin.command(TwinCommand(t - 50.0, "start"))
+    assert t - 49.0 < twin.t < t - 48.0 and not twin.changes
+    twin.command(TwinCommand(t - 40.0, "start"))
     assert twin.troubles["restarts of the axis"] == 1
-    assert twin.measure(t - 49.9, x) is None
+    assert twin.measure(t - 39.9, x) is None
+
+
+def test_old_readings_among_new_ones_move_nothing() -> None:
+    """Somebody sends readings of seconds ago once more: that is no jump of the clock."""
+    log, random = list(_log()), _random()
+    bad = list(log[:200])
+    for number, one in enumerate(log[200:], 200):
+        # Rising, from both sides of a gap
+        old = [log[number - int(k)] for k in (199, *sorted(random.integers(90, 120, 3))[::-1])]
+        bad += [one, *(reading for reading in old if not isinstance(reading, TwinCommand))]
+    twin, good = _told(bad), _told(log)
+    assert twin.troubles.keys() == {"late readings"} and not twin.changes
+    assert twin.tracker.x == good.tracker.x and (twin.tracker.theta == good.tracker.theta).all()
+
+
+def test_a_command_that_comes_late_makes_no_change() -> None:
+    """The axis was stopped 0.3 s ago; the readings since deviate, but are no evidence."""
+    twin, axis, random = Twin(P), Axis(P), _random()
+    twin.command(TwinCommand(0.0, "steps", 1000.0))
+    axis.command_steps(1000)
+    for k in range(1, 400):
+        if k == 250:
+            axis.command("stop")
+        if k == 280:
+            assert twin.changes  # told: nobody said that the axis was stopped
+            twin.command(TwinCommand(axis.state.t - 0.3, "stop"))
+            assert not twin.changes and twin.troubles["late commands"] == 1
+            twin.command(TwinCommand(axis.state.t, "steps", 100.0))
+            axis.command_steps(100)
+        axis.advance(0.01 * k + 0.003 * random.random())
+        twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
+    assert not twin.changes
+    (step,) = (one for one in twin.estimates() if one.name == "step size")
+    assert step.low < 133.85e-9 < step.high
+
+
+@pytest.mark.parametrize("trouble", ["late", "twice", "old", "none", "gap", "clock", "restart"])
+def test_an_axis_that_stays_the_same_is_not_accused_in_disorder(trouble: str) -> None:
+    """Steps by lot to and fro, and one trouble in each move; the axis is another one a time."""
+    for seed in range(1, 5):
+        random = np.random.default_rng(seed)
+        values = np.exp(random.normal(0.0, [0.05, 0.01])) * [0.4, P.actuator.gain]
+        p = P.replace(preload=values[0], gain=values[1])
+        axis, arrivals, t, begun, ahead = Axis(p), list[tuple[float, Any]](), 0.0, 0.0, 0.0
+        following, hurt = 0.5, math.inf
+        while t < 30.0:
+            t += 0.01 + 0.003 * float(random.random())
+            axis.advance(t - begun)
+            if t >= following:
+                steps = int(random.integers(50, 300)) * int(random.choice([-1, 1]))
+                axis.command_steps(steps)
+                late = float(random.uniform(0.1, 0.6)) if trouble == "late" else 0.0
+                arrivals.append((t + late, TwinCommand(t + ahead, "steps", steps)))
+                # Who jumps in time does not know at which part of a cycle new steps replace others.
+                rests = 4.0 if trouble == "clock" else 2.0
+                following, hurt = t + float(random.uniform(rests, 5.0)), t + 0.5
+            if t >= hurt:
+                if trouble == "clock":
+                    ahead, hurt = ahead + float(random.choice([-20.0, -0.5, 0.4, 30.0])), math.inf
+                elif trouble == "restart":
+                    axis, begun, hurt = Axis(p), t, math.inf
+                    arrivals.append((t, TwinCommand(t, "start")))
+                elif trouble == "gap" and t < hurt + 1.5:
+                    continue
+            reading = t + ahead, axis.state.x + 2e-9 * float(random.standard_normal())
+            arrivals.append((t, reading))
+            if t >= hurt and random.random() < 0.3:
+                arrivals += {
+                    "twice": [(t + 0.03, reading)], "none": [(t, (t, math.nan))],
+                    "old": [next(a for a in arrivals[-200:] if isinstance(a[1], tuple))],
+                }.get(trouble, [])  # fmt: skip
+        twin = Twin(P)
+        changed = [u for u in feed(twin, [what for _, what in sorted(arrivals, key=_arrival)]) if u]
+        assert not any(one.changed for one in changed) or trouble == "late"
+        assert not twin.changes and sum(twin.troubles.values()) > 0 and twin.driven > 3.0
+
+
+def _arrival(one: tuple[float, Any]) -> float:
+    return one[0]
 
 
 def test_rest_and_closed_loop_make_blind_and_move_no_estimate() -> None:
@@ -251,3 +335,48 @@ def test_settings_out_of_range_are_refused() -> None:
         TwinSettings(noise=-1.0)
     with pytest.raises(TwinError, match="certainty is 2"):
         TwinSettings(certainty=2.0)
+
+
+def test_a_change_that_goes_on_drifts_and_forecasts_go_with_it() -> None:
+    """The preload falls by 3 % a second, at 80 V: a move of a second ends 2 % beyond."""
+    p, random = P.replace(amplitude=80.0), _random()
+    twin, axis = Twin(p), Axis(p)
+    twin.command(TwinCommand(0.0, "steps", 500.0))
+    axis.command_steps(500)
+    for k in range(1, 520):
+        axis.advance(0.01 * k + 0.003 * random.random())
+        axis.set_parameters({"preload": 0.4 * math.exp(-0.03 * min(axis.state.t, 5.0))})
+        twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
+    assert twin.level[0] == DRIFTING and twin.changes[-1].goes_on
+    found, begin = twin.predict_steps(100), axis.state.t
+    axis.command_steps(100)
+    while axis.state.t < begin + 1.1:
+        axis.advance(axis.state.t + 0.01)
+        axis.set_parameters({"preload": 0.4 * math.exp(-0.03 * (axis.state.t - begin + 5.0))})
+    assert found.low < axis.state.x < found.high
+    assert found.high - found.low < 40e-9
+
+
+def test_a_curve_is_the_motion_from_rest_to_rest() -> None:
+    """The rest behind the cycles has no part in them: half a nanometre at each begin told."""
+    axis = Axis(P)
+    axis.command_steps(10)
+    axis.advance(0.2)
+    begin, x = axis.state.t, axis.state.x
+    curve = CycleCurve.of(P, OperatingPoint(300.0, 100.0, 1, 1))
+    axis.command_steps(12)
+    for cycles in (0.3, 0.6, 5.5, 11.7):  # where the ringing is small
+        axis.advance(begin + 0.01 * cycles)
+        (found,) = curve.at(np.array([cycles]), np.zeros(1))
+        assert abs(found - (axis.state.x - x)) < 0.25e-9
+    axis.advance(begin + 0.14)
+    (found,) = curve.at(np.array([12.0]), np.array([0.02]))
+    assert abs(found - (axis.state.x - x)) < 0.02e-9
+
+
+def test_a_reading_in_the_ringing_is_no_better_anchor_than_it_is() -> None:
+    blur, filtered = Blur(ringing=1e-8), ReadingFilter(1, 2e-9)
+    filtered.anchor(5e-9, blur)
+    filtered.go(0.0, np.zeros(1), 0.0)
+    found = filtered.see(5e-9 + 1e-8, Blur())
+    assert abs(found.z) == pytest.approx(1e-8 / math.sqrt(1e-16 + 8e-18))

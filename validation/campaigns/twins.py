@@ -145,13 +145,19 @@ def moves(count: int, first: int) -> None:
     for number in range(count):
         known = twin.tracker.step_size(drive)[0]
         before, asked = axis.x, round(whole / known)
+        if number:
+            asked = twin.predict_position(axis.x + whole).steps
         axis.step(asked)
         axis.rest(0.05)
-        for _ in feed(twin, axis.log[log:]):
-            pass
+        for one in axis.log[log:]:  # it goes on, so the last change is not settled
+            twin.command(one) if isinstance(one, TwinCommand) else twin.measure(*one)
         log, made = len(axis.log), (axis.x - before) / asked
         off, without = (100.0 * (made / one - 1.0) for one in (known, at_first))
-        print(f"move {number + 1}: {off:+.2f} % off, {without:+.2f} % with the first step")
+        ends = 100.0 * (made * asked / whole - 1.0)
+        print(
+            f"move {number + 1}: ends {ends:+.2f} % off; with the step alone {off:+.2f} %, "
+            f"with the first step {without:+.2f} %; {twin.level[0]}"
+        )
 
 
 CAUSES = {
