@@ -71,7 +71,7 @@ class AxisNode(GuardedNode):
     ) -> None:
         """Read the parameters, set up the axis; without a sim_loop start one of its own.
 
-        stop_requested is called ten times a second, True ends the node. given are defaults for
+        stop_requested is called twenty times a second, True ends it. given are defaults for
         parameters, of_process are parameters that override all others, arguments are those of the
         command line if not of this process; options are those of `rclpy.node.Node`. Raises
         ParameterError.

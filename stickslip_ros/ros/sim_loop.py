@@ -44,7 +44,7 @@ from stickslip_ros.ros.messages import publisher_of, stamp
 from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.topics import CLOCK, READY
 
-_SIGNAL_PERIOD = 0.1  # s, between checks whether a signal asks to end
+_SIGNAL_PERIOD = 0.05  # s, between checks whether a signal asks to end
 _DIAGNOSTICS_PERIOD = 1.0  # s
 _APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between checks for commands
@@ -79,27 +79,6 @@ class AxisOfLoop(Protocol):
         """Publish the diagnostics."""
 
 
-class BlockTimes:
-    """How long the blocks of a window took."""
-
-    def __init__(self) -> None:
-        """Begin a window."""
-        self._count = 0
-        self._sum = 0.0
-        self.worst = 0.0  #: s
-
-    @property
-    def mean(self) -> float:
-        """Mean time of a block, s; 0 if there was none."""
-        return self._sum / self._count if self._count else 0.0
-
-    def note(self, seconds: float) -> None:
-        """Take the time (s) of a block."""
-        self._count += 1
-        self._sum += seconds
-        self.worst = max(self.worst, seconds)
-
-
 class SimLoop:
     """Calls the axes of a process when it is time; all of them from one timer.
 
@@ -111,7 +90,7 @@ class SimLoop:
     ) -> None:
         """Take the timers from a node.
 
-        stop_requested is called ten times a second, True ends the process. Raises
+        stop_requested is called twenty times a second, True ends the process. Raises
         ParameterError for two that lead the time.
         """
         self.finished: Future = Future()
@@ -119,7 +98,7 @@ class SimLoop:
         self.priority = "off"  #: result of the request for real-time priority
         self.pace = Pace((), 0.0, 0, 0, thread_time)
         self.pacer = Pacer(1.0 / values.publish_rate, 0.0)
-        self.blocks = BlockTimes()  #: of all axes together, since the last report
+        self.blocks: list[float] = [0.0]  #: s that each took since the last report, all axes
         self.last_report = PaceReport(0.0, 0.0, 0.0)
         self._node = node
         self._values = values
@@ -264,7 +243,7 @@ class SimLoop:
         began, now = perf_counter(), monotonic_ns()
         for node in nodes:
             self.pace.act(now, node.axis)
-        self.blocks.note(perf_counter() - began)
+        self.blocks.append(perf_counter() - began)
 
     def follow_up(self, node: AxisOfLoop) -> None:
         """Have an axis publish its state at once, because a command moves it."""
@@ -313,7 +292,7 @@ class SimLoop:
         """Advance to the present; return whether there is a new state to publish."""
         began = perf_counter()
         there = self.pace.catch_up(monotonic_ns(), only)
-        self.blocks.note(perf_counter() - began)
+        self.blocks.append(perf_counter() - began)
         return there
 
     def _as_fast_as_it_can(self) -> None:
@@ -322,7 +301,7 @@ class SimLoop:
             began = perf_counter()
             ahead = self._until - self.pace.ns if self.paused else self._block_ns
             done = self.pace.leap(min(ahead, self._block_ns), left)
-            self.blocks.note(perf_counter() - began)
+            self.blocks.append(perf_counter() - began)
             if self._stepping and self._until and self.pace.ns >= self._until:
                 self._stepping.axis.note(STEP_OF_TIME, "finished")
                 self._until = 0
@@ -349,7 +328,7 @@ class SimLoop:
         self._to_report.pop(0).report()
         if not self._to_report:
             self.pacer.forget_worst()
-            self.blocks = BlockTimes()
+            self.blocks = [0.0]
 
     def _end_on_signal(self) -> None:
         if self._stop_requested() and not self.finished.done():
