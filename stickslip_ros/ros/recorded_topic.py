@@ -10,7 +10,6 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
-from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from stickslip_ros.recordings import OfferedQos, TopicDescription, schema_text
 from stickslip_ros.ros.messages import message_class, message_definition
@@ -138,7 +137,11 @@ class RecordedTopic:
     def note_number(self, number: int | None) -> None:
         """Take the publisher's number of a message for the count of lost ones."""
         self.losses.note(
-            number, lambda: frozenset(bytes(one.endpoint_gid) for one in self._publisher_infos())
+            number,
+            lambda: frozenset(
+                bytes(one.endpoint_gid)
+                for one in self._node.get_publishers_info_by_topic(self.name)
+            ),
         )
 
     def description(self) -> TopicDescription:
@@ -177,11 +180,9 @@ class RecordedTopic:
         # One message wakes the executor; taking the others along costs far less than a round each.
         self._on_messages(self, chain([(data, info)], self.waiting_messages()))
 
-    def _publisher_infos(self) -> list[TopicEndpointInfo]:
-        return list(self._node.get_publishers_info_by_topic(self.name))
-
     def _offered_now(self) -> tuple[QoSProfile, ...]:
-        return tuple(info.qos_profile for info in self._publisher_infos())
+        infos = self._node.get_publishers_info_by_topic(self.name)
+        return tuple(info.qos_profile for info in infos)
 
 
 def _offered(qos: QoSProfile) -> OfferedQos:

@@ -83,8 +83,7 @@ class RecorderNode(GuardedNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._recording: Recording | None = None
         self._bags = 0
-        self._rate = Rate()
-        self._lost_before = 0
+        self._forget_counts()
         # rosbag2's own recorder listens to ~/split_bagfile as well; these are plain Triggers.
         for name, answer in (("start", self._start), ("stop", self._stop), ("split", self._split)):
             self.create_service(
@@ -164,9 +163,13 @@ class RecorderNode(GuardedNode):
         )
         self._recording = Recording(self, bag, self._choice)
         self._bags += 1
-        self._rate = Rate()
-        self._lost_before = 0
+        self._forget_counts()
         return f"recording to {bag.folder}"
+
+    def _forget_counts(self) -> None:
+        self._rate = 0.0  # messages per second, between the last two reports
+        self._counted: tuple[int, int] | None = None  # messages, and when (ns), at the last one
+        self._lost_before = 0
 
     def _stop(self) -> str:
         recording = self._recording
@@ -240,7 +243,7 @@ class RecorderNode(GuardedNode):
         if self._under_way:
             bag = self._under_way.bag
             self.get_logger().info(
-                f"{bag.message_count} messages, {self._rate.latest:.1f}/s, "
+                f"{bag.message_count} messages, {self._rate:.1f}/s, "
                 f"{1e-6 * bag.size:.1f} MB, lost {self._under_way.lost}"
             )
 
@@ -250,7 +253,10 @@ class RecorderNode(GuardedNode):
         level, message = DiagnosticStatus.OK, "waiting"
         if recording is not None:
             bag, lost = recording.bag, recording.lost
-            self._rate.note(bag.message_count, self._steady.now().nanoseconds)
+            before, now = self._counted, self._steady.now().nanoseconds
+            self._counted = bag.message_count, now
+            if before and now > before[1]:
+                self._rate = 1e9 * (bag.message_count - before[0]) / (now - before[1])
             new, self._lost_before = lost - self._lost_before, lost
             level = DiagnosticStatus.WARN if new else DiagnosticStatus.OK
             message = f"{new} messages lost" if new else "recording"
@@ -258,7 +264,7 @@ class RecorderNode(GuardedNode):
                 "state": "recording",
                 "bag": str(bag.folder),
                 "messages": bag.message_count,
-                "messages per second (1/s)": self._rate.latest,
+                "messages per second (1/s)": self._rate,
                 "size (B)": bag.size,
                 "files": bag.file_count,
                 "messages lost": lost,
@@ -268,21 +274,6 @@ class RecorderNode(GuardedNode):
         name = self.get_fully_qualified_name().lstrip("/")
         status = diagnostic_status(f"{name}: recording", level, message, values, name)
         self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), [status]))
-
-
-class Rate:
-    """Messages per second, between the last two calls."""
-
-    def __init__(self) -> None:
-        """Start with nothing seen."""
-        self.latest = 0.0
-        self._before: tuple[int, int] | None = None
-
-    def note(self, count: int, now_ns: int) -> None:
-        """Take a count at a time (ns)."""
-        if self._before is not None and now_ns > self._before[1]:
-            self.latest = 1e9 * (count - self._before[0]) / (now_ns - self._before[1])
-        self._before = count, now_ns
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -203,7 +203,14 @@ class Recording:
                 self._node.get_logger().info(f"first message of {topic.name}")
             number = info["publication_sequence_number"]
             topic.note_number(number)
-            received = self._time_of(info["received_timestamp"] or Clock().now().nanoseconds)
+            before = self._clock.set_by
+            received = info["received_timestamp"] or Clock().now().nanoseconds
+            received = self._clock.time_of(received)
+            if by := self._clock.set_by - before:
+                self._node.get_logger().warning(
+                    f"the clock of the machine was set by {1e-9 * by:+.3f} s; the times of "
+                    "reception in the bag go on without that"
+                )
             self.bag.write(
                 topic.name,
                 data,
@@ -211,13 +218,3 @@ class Recording:
                 publish_ns=info["source_timestamp"] or received,
                 sequence=(number or 0) & 0xFFFFFFFF,  # MCAP has room for 32 bits of it
             )
-
-    def _time_of(self, received: int) -> int:
-        before = self._clock.set_by
-        unset = self._clock.time_of(received)
-        if self._clock.set_by != before:
-            self._node.get_logger().warning(
-                f"the clock of the machine was set by {1e-9 * (self._clock.set_by - before):+.3f} "
-                "s; the times of reception in the bag go on without that"
-            )
-        return unset

@@ -25,7 +25,7 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.errors import UsageError
-from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
+from stickslip_ros.recordings import OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
@@ -176,7 +176,8 @@ class ReplayNode(GuardedNode):
         played = self.played
         clock = self._given["clock"]
         period = max(1, round(1e9 * self._given["rate"] / clock)) if clock else 0
-        for time_ns, message in with_ticks(self._messages(), period):
+        messages = self._bag.messages(set(self._outlets), self._first, self._past)
+        for time_ns, message in with_ticks(((one.log_ns, one) for one in messages), period):
             if not timetable.wait((time_ns - self._first) * 1e-9, self._ended.is_set):
                 break
             if message is None:
@@ -190,10 +191,6 @@ class ReplayNode(GuardedNode):
                 f"was suspended for {timetable.moved:.3f} s; playback continues from there"
             )
         return self.played > played
-
-    def _messages(self) -> Iterator[tuple[int, BagMessage]]:
-        for message in self._bag.messages(set(self._outlets), self._first, self._past):
-            yield message.log_ns, message
 
     def _poll(self) -> None:
         if self._stop_requested():
