@@ -142,20 +142,24 @@ def read_steps(p: Parameters, steps: int) -> Motion:
     simulation = simulation_of(p, plant)
     sensor = Sensor(p.sensor)
     rest = math.ceil(max(drive_cycle.period * sensor.rate, 20.0))
-    simulation.advance(sensor.time_of(rest))
-    simulation.start(drive_cycle, abs(steps))
-    k = np.arange(sensor.number_at(simulation.end_of_move) + 1 + rest)
-    times = k / sensor.rate
-    x = np.zeros(len(k))
-    moving = times >= simulation.t
+    dynamics = None
     if has_bandwidth(p.sensor):
-        dynamics = SensorDynamics(p.sensor, plant.ringing_frequency, simulation.t, 0.0)
-        for number in np.flatnonzero(moving):
-            for looks in dynamics.due(times[number]):
+        dynamics = SensorDynamics(p.sensor, plant.ringing_frequency, 0.0, 0.0)
+
+    def positions(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        if dynamics is None:
+            return simulation.sample(times).x
+        x = np.empty(len(times))
+        for number, t in enumerate(times):
+            for looks in dynamics.due(t):
                 dynamics.see(simulation.sample(looks).x)
             x[number] = dynamics.sensed
-    else:
-        x[moving] = simulation.sample(times[moving]).x
+        return x
+
+    before = positions(np.arange(rest + 1) / sensor.rate)  # a load moves the runner already
+    simulation.start(drive_cycle, abs(steps))
+    k = np.arange(sensor.number_at(simulation.end_of_move) + 1 + rest)
+    x = np.append(before, positions(k[rest + 1 :] / sensor.rate))
     seen = [sensor.reading(*one) for one in zip(x.tolist(), k.tolist(), strict=True)]
     arrived = (k + sensor.delay) / sensor.rate
     return Motion(f"readings of {steps} steps", arrived, np.array(seen))

@@ -14,6 +14,7 @@ from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.sensor import LowPass, Sensor
+from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Samples, Simulation
 from stickslip_ros.traces import trace_steps
@@ -83,6 +84,16 @@ def test_a_wide_bandwidth_reads_where_the_runner_is() -> None:
     assert wide.x == pytest.approx(plain.x, abs=lag)
     none = read_steps(table_1(**_QUIET, sensor_rate=1e4, sensor_bandwidth=0.5), 3)
     assert (none.x == plain.x).all()
+
+
+@pytest.mark.parametrize("filter_", [{}, {"sensor_bandwidth": 1e6}])
+def test_a_load_moves_the_runner_in_the_rest_before_the_steps(filter_: dict[str, Any]) -> None:
+    """It was read at 0 until the first step, and jumped there."""
+    p = table_1(**_QUIET, sensor_rate=1e4, force=0.02, **filter_)
+    readings, simulation = read_steps(p, 1), Simulation(Plant.of(p), p.solver.tolerance)
+    x = simulation.sample(readings.t[:100]).x
+    assert np.ptp(x) > 2e-9
+    assert readings.x[:100] == pytest.approx(x, abs=3e-11 if filter_ else 0.0)  # of its lag
 
 
 def _axis(**changes: Any) -> Axis:
