@@ -161,6 +161,12 @@ CHANGES: tuple[ModelChange, ...] = (
         ),
         "0.01 nm a cycle",
     ),
+    ModelChange(
+        11,
+        "lines of a runner with a spring are finer for a contact that slides all the time",
+        lambda p: bool(p.value("spring")) and has_chain(p.actuator),
+        "0.03 nm a cycle",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

@@ -50,8 +50,9 @@ STALLED = 1000
 _AT_ONCE = 1e-6
 #: A drive of so few pieces is not searched for those along which nothing happens
 _FEW = 8
-#: Eight times what a straight line in place of a bent piece may be beside it, m
-_CHORD = 4e-12
+#: Eight times what a straight line in place of a bent piece may be beside it, m; and for a contact
+#: that slides all the time, which loses some deflection at each return of the line
+_CHORD, _CHORD_OF_SLIDE = 4e-12, 4e-14
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
 CARRIED = 10.0
 
@@ -176,7 +177,9 @@ def _next_arc(
     near = not s.near_low <= s.x <= s.near_high
     if bend != 0.0 and (plant.spring != 0.0 or (near and s.v == 0.0)):
         # With a spring or at a stop a straight line takes the place of a part of a bent piece.
-        limit = min(limit, math.sqrt(_CHORD / abs(bend)))
+        slides_on = plant.kind == ALWAYS_PLASTIC or plant.slides != 0
+        chord = _CHORD_OF_SLIDE if slides_on else _CHORD
+        limit = min(limit, math.sqrt(chord / abs(bend)))
         rate, bend = rate + 0.5 * bend * limit, 0.0
         s.rate = rate  # which decides whether the stop holds the runner
     if near:

@@ -195,7 +195,8 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
 #: their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
 #: which each was off by as much as in a cycle of a millisecond; bends made of what rounding left;
 #: lines 5 pm off their curve, which a contact feels that slides from 51 pm on; lines as long as a
-#: ringing of 600 Hz, which it adds up
+#: ringing of 600 Hz, which it adds up; lines of a spring whose rates jump by four Stribeck
+#: velocities
 FOUND: dict[str, dict[str, Any]] = {
     "bend within rounding": {
         **{"model": "ceim_without_mu", "preload": 3.7356428500744094, "mass": 0.29507838037333595},
@@ -233,6 +234,14 @@ FOUND: dict[str, dict[str, Any]] = {
         **{"sigma_1": 3.2478, "z_ba": 5.024e-8, "z_ss": 1.0048e-7, "spring": 328613.0154},
         **{"amplifier_bandwidth": 14.44406259, "slewrate": 0.091713852, "amplitude": 120.15955},
         **{"frequency": 26.559115834},
+    },
+    "lines of a spring that LuGre feels": {
+        **{"model": "lugre", "preload": 0.5028, "mu_s": 0.63385, "mu_k": 0.67918},
+        **{"v_stribeck": 2.652e-5, "sigma_0": 1e6, "sigma_1": 2.3077, "mass": 0.00141014},
+        **{"spring": 113.4487, "inclination": -1.0979553, "amplifier_bandwidth": 2741.45},
+        **{"amplifier_slew": 2.01262, "slewrate": 261.508, "amplitude": 80.19368},
+        **{"frequency": 2.731115, "waveform": "shaped", "split": 0.792523},
+        **{"latency": 0.0987429},
     },
     "a slip of a picosecond": {
         **{"preload": 0.001, "sigma_0": 5.43e8, "sigma_1": 1137.0, "mass": 11.8},
