@@ -338,9 +338,9 @@ def test_a_run_of_another_model_is_told_what_differs(
 ) -> None:
     """Only where a later mend touches the drive or, of the plain one, its way to a target."""
     slewing: dict[str, Any] = {"amplifier_slew": 50.0}
-    touched = "recorded with model 1, this is model 10: differs by at most 64 nm a cycle"
-    targets = "recorded with model 1, this is model 10: differs by at most the way to its target"
-    newer = "recorded with model 99, this is model 10: install a newer version"
+    since = f"recorded with model 1, this is model {MODEL_VERSION}: differs by at most"
+    touched, targets = f"{since} 64 nm a cycle", f"{since} the way to its target"
+    newer = f"recorded with model 99, this is model {MODEL_VERSION}: install a newer version"
     cases: list[tuple[str | None, dict[str, Any], str | None]] = [
         (None, {}, targets),
         ("1", {}, targets),
