@@ -230,10 +230,6 @@ class Tracker(ReadingFilter):
         self.covariance = self.covariance + np.diag(variances)
         self.prior = self.deviations
 
-    def hold_rate(self) -> None:
-        """Seek no rate any longer: in another drive every other cause would look like one."""
-        self.forget(RATE, -1)
-
     def motion(self, parts: Parts) -> ModelledWay:
         """Return what the model says of pieces of drive cycles."""
         self._recentre()
@@ -303,8 +299,7 @@ class Tracker(ReadingFilter):
             new.prior = new.deviations
             new.anchor(seen[0].reading, seen[0].motion.blur)
             for before, one in pairwise(seen):
-                again = one._replace(motion=new.motion(one.parts))
-                new.take(again, one.t - before.t)
+                new.take(one._replace(motion=new.motion(one.parts)), one.t - before.t)
         return new
 
     def model_now(self) -> Model:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import math
 from collections import Counter, deque
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ from stickslip_ros.twin.timeline import (
     Timeline,
     TwinCommand,
 )
-from stickslip_ros.twin.tracker import GLITCH, THETA, Seen, Tracker
+from stickslip_ros.twin.tracker import GLITCH, RATE, THETA, Seen, Tracker
 
 Array = NDArray[np.float64]
 
@@ -41,8 +42,6 @@ _KEPT, _UNSURE = 4000, 10
 #: s after a gap or an old reading in which a glitch is no evidence, unless a command comes: who
 #: loses readings or their order may have lost commands, or the clock
 _DOUBT = 60.0
-#: s, a moment
-_INSTANT = 1e-6
 #: Factor between the numbers of readings at which a change is judged again
 _AGAIN = 4
 #: s of readings between pieces of a judgement, each of which takes some milliseconds
@@ -179,16 +178,14 @@ class Twin:
         self.tracker = next(known, self.tracker)
 
     def _possible(self, command: TwinCommand) -> bool:
-        drive = {"amplitude": self.timeline.amplitude, "frequency": self.timeline.frequency}
+        now, value = self.timeline, command.value
+        jogs = command.name == "jog" and value
+        drive = {"amplitude": now.amplitude, "frequency": abs(value) if jogs else now.frequency}
         if command.name in drive:
-            drive[command.name] = command.value
-        elif command.name == "jog" and command.value:
-            drive["frequency"] = abs(command.value)
-        try:
-            drive_of(self.tracker.model.p.replace(**drive))
-        except ParameterError:
-            return False
-        return True
+            drive[command.name] = value
+        with suppress(ParameterError):
+            return drive_of(self.tracker.model.p.replace(**drive)) is not None
+        return False
 
     def measure(self, t: float, reading: float) -> Update | None:
         """Take a reading (m) with its time stamp (s); None if it is of no use by itself."""
@@ -228,7 +225,7 @@ class Twin:
     def _anchor(self, t: float, reading: float) -> None:
         """Take the position anew: what the axis did since the last reading is not known."""
         self.tracker = copy.copy(self.tracker)
-        running = list(self.timeline.between(t - _INSTANT, t))
+        running = list(self.timeline.between(t - 1e-6, t))
         self.tracker.anchor(reading, self.tracker.motion(running).blur)
         self.timeline.forget(t)
         self._seen.clear()
@@ -242,7 +239,7 @@ class Twin:
         if motion.direction:
             drive = next(p.drive for p, _, _ in reversed(parts) if p.drive)
             if self._drive and self._drive[:2] != drive[:2]:
-                tracker.hold_rate()
+                tracker.forget(RATE, -1)  # every other cause would look like a rate there
             self._drive = drive
         seen = Seen(t, reading, parts, motion)
         found = tracker.take(seen, duration)
@@ -468,7 +465,6 @@ class Twin:
 
 def _breakaway_distance(p: Parameters, preload: float) -> float:
     """Return z_ba (m) at a preload (N), nan where the law does not know it."""
-    try:
+    with suppress(ParameterError):
         return float(Plant.of(p.replace(preload=preload)).contact.z_ba)
-    except ParameterError:
-        return math.nan
+    return math.nan
