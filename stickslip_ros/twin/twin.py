@@ -126,6 +126,7 @@ class Twin:
         self.detector = ChangeDetector(self.settings.false_alarm_interval)
         self.changes: list[Change] = []
         self.history: list[tuple[float, list[TrackedParameter]]] = []  #: times (s), estimates
+        self._drives: list[tuple[float, float, int]] = []  # without what was before, of each
         self.troubles: Counter[str] = Counter()  #: gaps, doubled readings and the like, by name
         self.t = math.nan  #: of the last reading, s
         self.driven = 0.0  #: s of stepping seen
@@ -273,8 +274,9 @@ class Twin:
             self.changes[-1].step_after = self.tracker.step_size(self.changes[-1].drive)[0]
         if not self.history or not 0.0 <= self.t - self.history[-1][0] < _PERIOD:
             self.history.append((self.t, self.estimates()))
+            self._drives.append(self._drive[:3])
             if len(self.history) > _MOST:
-                del self.history[::2]
+                del self.history[::2], self._drives[::2]
 
     # -- changes
 
@@ -382,7 +384,11 @@ class Twin:
             return rate, error
         window, last = self.settings.drift_window, self.history[-1]
         first = max(last[0] - window, self._steady)
-        begin, *then = next((one for one in self.history if one[0] > first), last)
+        # The step of another drive, or back, is another one without a drift.
+        same = (
+            one for one, d in zip(self.history, self._drives, strict=True) if d == self._drives[-1]
+        )
+        begin, *then = next((one for one in same if one[0] > first), last)
         if (lasts := last[0] - begin) < 0.5 * window:
             return 0.0, math.inf
         old, new = then[0][-1], last[1][-1]  # the step is the last of the estimates

@@ -173,6 +173,20 @@ def test_what_changes_slowly_drifts() -> None:
     assert not twin.changes
 
 
+def test_steps_to_and_fro_do_not_drift() -> None:
+    """A step back is no step that has fallen by twice its size."""
+    twin, axis, random = Twin(P, TwinSettings(drift_window=4.0)), Axis(P), _random()
+    for k in range(1, 800):
+        if k % 100 == 1:
+            steps = 80 if k % 200 == 1 else -80
+            axis.command_steps(steps)
+            twin.command(TwinCommand(axis.state.t, "steps", steps))
+        axis.advance(0.01 * k + 0.003 * random.random())
+        twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
+        assert twin.level[0] in (OK, BLIND)
+        assert abs(twin.drift[0]) < 0.01  # what it learns; to and fro would be 0.5
+
+
 def test_a_wrong_file_is_told_from_the_start() -> None:
     twin = _told(_log(), P.replace(preload=0.8, mu=0.4))
     assert twin.changes[0].at_start
