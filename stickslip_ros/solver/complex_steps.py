@@ -41,6 +41,8 @@ _LEAST = 1e-60
 _MOST, _TRIALS = 1_000_000, 100
 #: First step, in units of the ringing; least and largest factor to the next one, its safety
 _FIRST, _SHORTER, _LONGER, _SAFE = 0.1, 0.2, 4.0, 0.9
+#: A swing goes on by twice the way to the place where nothing accelerates
+_AWAY = 2.0
 #: Weight of the estimate of third order, as in `general_arcs`
 _THIRD = 0.01
 #: Shares of a bracket that a guess of an event's time keeps from its ends; where it ends, rounding
@@ -64,6 +66,7 @@ class _Run(NamedTuple):
     contacts: NDArray[np.complex128]  #: (contacts, numbers)
     kind: int  #: of alpha, see `Contact`
     branches: NDArray[np.int64]  #: of each contact
+    quick: float  #: ringing while all contacts only bend, 1/s
     sides: NDArray[np.float64]
     #: what errors of the state are weighed by: its deflections, and its derivatives up to now
     scale: NDArray[np.float64]
@@ -167,15 +170,29 @@ def _try_step(y: NDArray, h: complex, rate: complex, run: _Run) -> float:
 
 
 @compiled
+def _watch_turns(y: NDArray, rate: complex, run: _Run) -> None:
+    """Let steps end where w turns, unless all contacts only bend until then and beyond.
+
+    A step over such a turn could leave out that a contact yields there.
+    """
+    sides, watched = run.sides, run.kind == ALWAYS_PLASTIC or run.m[_BETA] != 0.0
+    _rates(y, rate, run, run.work[0])
+    w, swing = y[1] - rate, abs((y[1] - rate).real) / run.quick
+    swing += _AWAY * abs(run.work[0, 1].real) / run.quick**2
+    for i in range(len(run.contacts)):
+        low, _, _ = _edges(y, i, w, run)
+        watched |= run.branches[i] != ELASTIC or abs(y[3 + i].real) + swing > low.real
+    if watched and sides[_WATCH_W] == 0.0 and sides[_W_SIDE] * w.real < 0.0:
+        _turn(y, rate, run, -sides[_W_SIDE])  # it turned while nobody watched
+    sides[_WATCH_W] = 1.0 if watched else 0.0
+
+
+@compiled
 def _advance(y: NDArray, rest: complex, rate: complex, run: _Run) -> tuple[complex, int]:
     """Advance by a step, at most rest (s); return its length and which border ends it, or -1."""
     sides, (after, before) = run.sides, (run.borders[0], run.borders[1])
     if sides[_WATCH_W] != 2.0:
-        sides[_WATCH_W] = 1.0 if run.kind == ALWAYS_PLASTIC or run.m[_BETA] != 0.0 else 0.0
-        for i in range(len(run.contacts)):
-            low, _, _ = _edges(y, i, y[1] - rate, run)
-            if run.branches[i] != ELASTIC or abs(y[3 + i].real) > low.real:
-                sides[_WATCH_W] = 1.0
+        _watch_turns(y, rate, run)
     while True:
         h = rest if sides[_TRIAL] >= rest.real else sides[_TRIAL] + 0.0j
         error = _try_step(y, h, rate, run)
@@ -201,7 +218,7 @@ def _advance(y: NDArray, rest: complex, rate: complex, run: _Run) -> tuple[compl
 @compiled
 def _time_of_event(y: NDArray, k: int, right: float, rate: complex, run: _Run) -> complex:
     """Make the step that ends where border k falls to 0; return its length (s), at most right."""
-    after, left, f_left, f_right = run.borders[0], 0.0, max(run.borders[1, k], 0.0), 0.0
+    after, left, f_left = run.borders[0], 0.0, max(run.borders[1, k], 0.0)
     f_right, h = after[k], right
     for trial in range(_TRIALS):
         share = 0.5
@@ -264,7 +281,7 @@ def _prepare(inputs: NDArray, segments: int, kind: int) -> _Run:
     sides[_TRIAL] = _FIRST / quick
     work, borders = np.empty((STEP + 1, size), np.complex128), np.empty((2, BORDER + 2 * count))
     branches, marks = np.zeros(count, np.int64), np.zeros(5, np.complex128)
-    return _Run(m, contacts, kind, branches, sides, scale, marks, work, borders)
+    return _Run(m, contacts, kind, branches, quick, sides, scale, marks, work, borders)
 
 
 @compiled
@@ -342,7 +359,10 @@ def _run_segment(
         taken, event = _advance(y, marks[_LEFT] if shorter else rest, rate, run)
         rest, marks[_LEFT] = rest - taken, marks[_LEFT] - taken
         if event >= 0:
-            _log(log, cycle, event, _cross(y, event, rate, run))
+            yielded = run.branches.max()
+            branch = _cross(y, event, rate, run)
+            if event != TURN or max(yielded, run.branches.max()) != ELASTIC:  # else it only bends
+                _log(log, cycle, event, branch)
         if sides[_WATCH_V] != 0.0:
             if (sign * y[0]).real < marks[_LOWEST].real:
                 marks[_LOWEST] = sign * y[0]

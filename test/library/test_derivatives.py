@@ -106,6 +106,19 @@ def test_random_drives_against_converged_differences(count: int) -> None:
     assert max(known) < RIGHT
 
 
+def test_a_step_over_the_top_of_a_swing_leaves_out_no_yielding() -> None:
+    """Swings end just beyond z_ba, one after the other; the third step was 8e-5 off by the mass."""
+    p = ss.Parameters.of(
+        preload=0.9430475146661687, mu=0.05728873040534577, mu_s=0.7815061584603952,
+        mu_k=0.397161202868615, v_stribeck=0.0008430854232483212, sigma_1=0.9439863610917523,
+        contacts=2, contact_spread=0.1, mass=0.009529081149384996, force=0.004235708396412725,
+        slewrate=16.77841131532556, amplitude=76.27845591507658, frequency=63.801243700825474,
+        waveform="hold", hold_before=0.10345612249095436, hold_after=0.19401227984203973,
+    )  # fmt: skip
+    errors = dict(judged(p, ["mass"]))
+    assert errors["position by mass"] < RIGHT and errors["backstep by mass"] < RIGHT
+
+
 @pytest.mark.parametrize(
     ("values", "by", "words"),
     [
