@@ -149,8 +149,8 @@ class Diagnostics:
                 "missed deadlines": pacer.missed,
                 "lag (s)": pacer.lag,
                 "worst lag (s)": pacer.worst_lag,
-                "block execution time, mean (s)": sum(blocks) / max(len(blocks) - 1, 1),
-                "block execution time, worst (s)": max(blocks),
+                "block execution time, mean (s)": sum(blocks) / max(len(blocks), 1),
+                "block execution time, worst (s)": max(blocks, default=0.0),
                 "real-time priority": sim_loop.priority,
             },
         )

@@ -98,7 +98,7 @@ class SimLoop:
         self.priority = "off"  #: result of the request for real-time priority
         self.pace = Pace((), 0.0, 0, 0, thread_time)
         self.pacer = Pacer(1.0 / values.publish_rate, 0.0)
-        self.blocks: list[float] = [0.0]  #: s that each took since the last report, all axes
+        self.blocks: list[float] = []  #: s that each took since the last report, all axes
         self.last_report = PaceReport(0.0, 0.0, 0.0)
         self._node = node
         self._values = values
@@ -328,7 +328,7 @@ class SimLoop:
         self._to_report.pop(0).report()
         if not self._to_report:
             self.pacer.forget_worst()
-            self.blocks = [0.0]
+            self.blocks = []
 
     def _end_on_signal(self) -> None:
         if self._stop_requested() and not self.finished.done():

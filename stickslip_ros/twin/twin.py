@@ -185,7 +185,8 @@ class Twin:
         if command.name in drive:
             drive[command.name] = value
         with suppress(ParameterError):
-            return drive_of(self.tracker.model.p.replace(**drive)) is not None
+            drive_of(self.tracker.model.p.replace(**drive))
+            return True
         return False
 
     def measure(self, t: float, reading: float) -> Update | None:
