@@ -197,6 +197,8 @@ setup(
             "pandas",
             "control",
             "gymnasium>=1.0",
+            "fmpy",
+            "pythonfmu3",
             "sphinx",
             "myst-parser",
             "furo",

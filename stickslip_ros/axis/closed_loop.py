@@ -56,23 +56,15 @@ class StepSize:
     def __init__(self, expected: float) -> None:
         """Start without any measured step, with the loss (m) that is expected of one."""
         self._expected = expected
-        self._lost: dict[int, float] = {}
-
-    def known(self, sign: int) -> bool:
-        """Return whether a step in that direction was ever measured."""
-        return sign in self._lost
+        self.measured: dict[int, float] = {}  #: loss of a step (m) by its direction
 
     def lost(self, sign: int) -> float:
         """Return the part of the stroke that is lost, m."""
-        return self._lost.get(sign, self._expected)
+        return self.measured.get(sign, self._expected)
 
     def of(self, stroke: float, sign: int) -> float:
         """Return the step size (m) to expect of a stroke (m)."""
         return max(stroke - self.lost(sign), _SMALLEST * stroke)
-
-    def learn(self, sign: int, lost: float) -> None:
-        """Take a measured loss of a step (m)."""
-        self._lost[sign] = lost
 
 
 def expected_loss(contact: Contact) -> float:
@@ -293,7 +285,7 @@ class ClosedLoop:
         stroke = (seen.strokes - before.strokes) / steps
         step = (seen.base - before.base) / steps
         if abs(step) <= _FARTHEST * stroke:
-            self._sizes.learn(1 if steps > 0 else -1, stroke - step)
+            self._sizes.measured[1 if steps > 0 else -1] = stroke - step
         else:  # something else has carried it
             self._reference = seen
 
@@ -365,7 +357,7 @@ class ClosedLoop:
         # The scan may take what the runner rings: a landing is known no better than that.
         room = min(max(speed * p.closed_loop.settle_time, 2.0 * margin), 0.5 * (high - low))
         way = level - min(max(0.0, low + room), high - room)
-        if self._seen.steps == self._steps or self._sizes.known(1 if way > 0.0 else -1):
+        if self._seen.steps == self._steps or (1 if way > 0.0 else -1) in self._sizes.measured:
             self._step(actuation, way)
 
     def _step(self, actuation: Actuation, way: float) -> None:
@@ -379,7 +371,7 @@ class ClosedLoop:
         if count > _FIRST_STEPS:
             # steps lost to a load that has gone may not throw the runner far beyond
             count = int(min(_CAUTION * count, _FIRST_STEPS + _FARTHEST * way / stroke))
-            if not self._sizes.known(sign):  # so many that a reading sees them
+            if sign not in self._sizes.measured:  # so many that a reading sees them
                 seen = math.ceil(config.frequency * (sensor.delay + 2) / sensor.rate)
                 count = min(count, max(_FIRST_STEPS, seen))
         else:
@@ -400,7 +392,7 @@ class ClosedLoop:
         count = min(
             round(abs(ahead) / self._sizes.of(config.stroke(config.amplitude), sign)),
             math.ceil(lookahead / period),
-            ANY if self._sizes.known(sign) else _FIRST_STEPS,
+            ANY if sign in self._sizes.measured else _FIRST_STEPS,
         )
         self._stepped_until = min(t + lookahead, self.trajectory.end)
         if count:

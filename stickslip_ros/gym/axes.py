@@ -35,7 +35,7 @@ from stickslip_ros.gym.periods import (
 )
 from stickslip_ros.model import Plant
 from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.model.actuator_chain import has_chain
+from stickslip_ros.model.actuator_chain import Chain, has_chain, limits_of_pieces
 from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
@@ -58,6 +58,8 @@ _PER_MICROSECOND = 1e6
 _FASTEST = 0.5
 #: What each axis may have for itself: groups of parameters, and those of its sensor
 _OWN_GROUPS, _OWN_OF_SENSOR = ("friction", "runner"), ("sensor_noise", "sensor_drift")
+#: Strokes that an actuator with a resonance moves at most in a piece
+_OVERSHOOT = 2.0
 #: Axes that are worth a thread of their own
 _WORTH_A_THREAD = 64
 
@@ -132,11 +134,15 @@ class Axes:
             np.zeros(count), np.zeros(count), np.zeros(count, np.int64),
         )  # fmt: skip
         contacts = contact_buffer(Plant.of(p))
+        self.chain = Chain.of(p) if has_chain(p.actuator) else None
+        places = 0 if self.chain is None else len(self.chain.rest())
         self.buffers = Buffers(
             np.zeros((count, PLANT_SIZE)),
             np.zeros((count, AXIS_BUFFER)),
             None if contacts is None else np.zeros((count, len(contacts))),
             np.zeros((count, sensor.delay + 1)),
+            np.zeros((count, places)),
+            np.zeros((count, 3)),
         )
         numbers: list[Any] = [np.zeros(count) for _ in States._fields[:-1]]
         self.states = States._make([*numbers, np.zeros(count, np.int64)])
@@ -167,7 +173,7 @@ class Axes:
             open_record(self.buffers.axes[k], AXIS)["replay"] = 0
         for column in self.states:
             column[which] = 0
-        self.buffers.sampled[which] = 0.0
+        self.buffers.sampled[which] = self.buffers.actuators[which] = 0.0
         self.change(which, columns)
         varied = self.parameters.replace(**columns).sensor
         self.sensing.noise[which], self.sensing.drift[which] = (
@@ -186,20 +192,24 @@ class Axes:
             bad = {name: float(column[~possible][0]) for name, column in columns.items()}
             raise ParameterError(f"{bad} makes no contact: narrow the ranges that are drawn from")
         stroke = self.drive.gain * (self.drive.high - self.drive.low)
+        stroke *= 1.0 if self.chain is None else _OVERSHOOT
         limits = p.limits
         for k, plant in zip(which.tolist(), plants.points(len(which)), strict=True):
             self.buffers.plants[k] = pack_plant(plant, p.solver.tolerance)
             contacts = None if self.buffers.contacts is None else self.buffers.contacts[k]
             set_contacts(contacts, plant)
+            self.buffers.limits[k] = limits_of_pieces(p.actuator, plant)
             s = open_record(self.buffers.axes[k], AXIS)
             s["low"], s["high"] = limits.travel_low, limits.travel_high
             set_clear_range(s, self.buffers.plants[k], contacts, stroke)
 
     def run(self, actions: Array) -> None:
         """Run a period with actions, (axes, numbers), -1 to 1. SolverError."""
-        parts = _parts(len(self))
+        count = len(self)
+        threads = min(os.cpu_count() or 1, max(count // _WORTH_A_THREAD, 1))
+        parts = list(pairwise(count * k // threads for k in range(threads + 1)))
         actions = np.clip(actions, -1.0, 1.0)
-        arguments = self.buffers, self.states, actions, self.drive, self.sensing
+        arguments = self.buffers, self.states, actions, self.drive, self.chain, self.sensing
         if len(parts) == 1:
             with report_compilation():
                 run_periods(*arguments, parts[0])
@@ -216,8 +226,9 @@ class Axes:
 def _check_effects(p: Parameters) -> None:
     """Refuse effects that `periods.run_periods` is without; ParameterError."""
     effects = {
-        "amplifier, memory, creep or resonance of the actuator": has_chain(p.actuator),
-        "hysteresis of the actuator": not Actuator.of(p.actuator).is_linear,
+        "hysteresis of the actuator without actuator_memory": not (
+            Actuator.of(p.actuator).is_linear or has_chain(p.actuator)
+        ),
         "contacts that vary along the surface or with time": Surface.of(p.friction) is not None,
         "a sensor with a bandwidth": has_bandwidth(p.sensor),
         "a sensor with 1/f noise": p.sensor.sensor_noise_corner is not None,
@@ -225,13 +236,6 @@ def _check_effects(p: Parameters) -> None:
     found = [name for name, has in effects.items() if has]
     if found:
         raise ParameterError(f"environments are without {', '.join(found)}: unset it, or use Axis")
-
-
-def _parts(count: int) -> list[tuple[int, int]]:
-    """Return the parts, first and end, that threads run."""
-    threads = min(os.cpu_count() or 1, max(count // _WORTH_A_THREAD, 1))
-    ends = [count * k // threads for k in range(threads + 1)]
-    return list(pairwise(ends))
 
 
 @cache

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.model.actuator_chain import CAPACITY, Chain
+from stickslip_ros.model.actuator_stages import lay_pieces
 from stickslip_ros.solver.advance import ENDLESS, advance
 from stickslip_ros.solver.budget import PER_CYCLE
 from stickslip_ros.solver.layout import ROW_SIZE, axis_in, plant_in
@@ -21,6 +23,9 @@ from stickslip_ros.solver.plants import begin_cycles
 
 #: Time (s) that the fast part of a period takes at least: a segment needs some, also one at rest
 SHORTEST = 1e-9
+#: Above this share of the speed that the pieces of an actuator were laid for they get finer, as in
+#: `solver.driven`
+NEARLY_AS_FAST = 0.7
 #: The bits of a scrambled number
 _BITS = 2**32 - 1
 #: Positions of the numbers in an action of a drive cycle
@@ -34,6 +39,8 @@ class Buffers(NamedTuple):
     axes: NDArray[np.float64]  #: (axes, AXIS_BUFFER)
     contacts: NDArray[np.float64] | None  #: (axes, buffer of several contacts), see `layout`
     sampled: NDArray[np.float64]  #: positions at the last readings, m, (axes, delay + 1)
+    actuators: NDArray[np.float64]  #: states of the chain, (axes, places); without one no places
+    limits: NDArray[np.float64]  #: of pieces, (axes, 3), see `actuator_chain.limits_of_pieces`
 
 
 class States(NamedTuple):
@@ -119,11 +126,39 @@ def own_contacts(contacts: NDArray | None, k: int) -> NDArray | None:
 
 
 @compiled
+def lay_drive(
+    chain: Chain | None, now: tuple[NDArray, NDArray, float], lines: NDArray, sign: int
+) -> tuple[NDArray, float, int, int]:
+    """Return the pieces of u that two lines of the command come to, their shift (m), those of slip.
+
+    now are state and limits of the chain, and u (m). The shift is nan where a chain takes too many
+    pieces.
+    """
+    slip, slip_end = (1, 2) if sign != 0 else (-1, -1)
+    if chain is None:
+        return lines, lines[0, 0] * lines[1, 0] + lines[0, 1] * lines[1, 1], slip, slip_end
+    state, limits, u = now
+    own = Chain(
+        chain.lag, chain.slew, chain.elastic, chain.thresholds, chain.weights, chain.creep_times,
+        chain.creep_weight, chain.omega, chain.zeta, limits[0], limits[1], limits[2],
+    )  # fmt: skip
+    slips = (lines[0, 0], lines[0, 0] + lines[0, 1]) if sign != 0 else (math.inf, math.inf)
+    pieces = np.empty((3, CAPACITY))
+    count, shift, slip, slip_end = lay_pieces(
+        own, state, lines[:2], (0.0, u), slips, (np.empty((3, CAPACITY)), pieces)
+    )
+    if count < 0:
+        return lines, math.nan, slip, slip_end
+    return pieces[:, :count].copy(), shift, slip, slip_end
+
+
+@compiled
 def run_periods(
     buffers: Buffers,
     states: States,
     actions: NDArray,
     drive: ActionScale,
+    chain: Chain | None,
     sensing: Sensing,
     part: tuple[int, int],
 ) -> None:
@@ -134,18 +169,26 @@ def run_periods(
         contacts, s = own_contacts(buffers.contacts, k), axis_in(axis).state
         t, slid = states.t[k], s.slid
         states.level[k], sign = lay_period(actions[k], states.level[k], drive, lines)
-        shift = lines[0, 0] * lines[1, 0] + lines[0, 1] * lines[1, 1]
-        slip, slip_end = (1, 2) if sign != 0 else (-1, -1)
+        limits = buffers.limits[k]
+        pieces, shift, slip, slip_end = lay_drive(
+            chain, (buffers.actuators[k], limits, s.now_u), lines, sign
+        )
+        if math.isnan(shift):
+            states.failed[k] = 1
+            continue
         begin_cycles(axis, contacts, t, 1, (shift, slip, slip_end, 1 if sign == 0 else sign))
         s.spent, s.allowance, s.previewing = 0, PER_CYCLE, 0
         end = t + (lines[0, 0] + lines[0, 1])
         last, kept = math.floor(end * sensing.rate), buffers.sampled.shape[1]
         for reading in range(max(math.floor(t * sensing.rate) + 1, last - sensing.delay), last + 1):
             s.t_end, s.stop_cycle = reading / sensing.rate, ENDLESS
-            advance(plant, axis, contacts, lines, row)
+            advance(plant, axis, contacts, pieces, row)
             buffers.sampled[k, reading % kept] = s.now_x
         s.t_end, s.stop_cycle = math.inf, 1
-        advance(plant, axis, contacts, lines, row)
+        advance(plant, axis, contacts, pieces, row)
+        if s.v_most > NEARLY_AS_FAST * limits[1]:
+            limits[1] = s.v_most / NEARLY_AS_FAST**2
+        s.v_most = 0.0
         states.t[k], states.x[k], states.v[k] = end, s.now_x, s.now_v
         states.lost[k], states.slid[k] = s.last_dissipated, s.slid - slid
         states.vibration[k] = ringing(plant, s)

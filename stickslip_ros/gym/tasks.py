@@ -42,6 +42,8 @@ class Task:
 _SENSOR = {
     "sensor_rate": 20e3, "sensor_latency": 1e-4, "sensor_noise": 0.5e-9, "sensor_resolution": 1e-10,
 }  # fmt: skip
+#: Soft ceramics: the deflection depends on the way of the voltage, and creeps by 2 % a decade
+_CERAMICS = {"actuator": "hysteresis", "actuator_memory": True, "creep": 0.02}
 #: What differs from drive to drive of one make: preload by a fifth, friction by a quarter
 _MAKE = {"preload": (0.32, 0.48), "mu": (0.15, 0.25), "mass": (3.6e-3, 4.4e-3)}
 
@@ -51,7 +53,7 @@ TASKS: Mapping[str, Task] = {
         Task(
             "long_move", "a long move with hand-over from steps to scan", "arrival",
             target=(20e-6, 60e-6), tolerance=5e-9, limit=0.4, hold=0.01,
-            parameters=_SENSOR, draws=_MAKE,
+            parameters={**_SENSOR, **_CERAMICS}, draws=_MAKE,
         ),
         Task(
             "vertical", "a vertical axis whose load changes on the way", "arrival",
@@ -70,10 +72,13 @@ TASKS: Mapping[str, Task] = {
             parameters=_SENSOR, draws=_MAKE, changes={"mu": (0.7, 1.3)},
         ),
         Task(
-            "hold", "holding within 1 nm under a changing force and noise", "error",
+            "hold", "holding within 1 nm under creep, drift, noise and a changing force", "error",
             target=(10e-9, 60e-9), tolerance=1e-9, limit=2.0,
-            parameters={**_SENSOR, "sensor_rate": 1e3, "sensor_latency": 1e-3},
-            draws={**_MAKE, "sensor_noise": (0.3e-9, 1e-9), "force": (-5e-3, 5e-3)},
+            parameters={**_SENSOR, **_CERAMICS, "sensor_rate": 1e3, "sensor_latency": 1e-3},
+            draws={
+                **_MAKE, "sensor_noise": (0.3e-9, 1e-9), "sensor_drift": (-1e-10, 1e-10),
+                "force": (-5e-3, 5e-3),
+            },
             changes={"force": (-1.0, 2.0)},
         ),
     )

@@ -26,35 +26,6 @@ _DRIVES: tuple[Mapping[str, object], ...] = (
 _SEVERAL = {"contacts": 2, "contact_spread": 0.1}
 
 
-def _runs() -> None:
-    trace_steps({}, 2)
-    for values in _DRIVES:
-        run_steps(values, 3)
-        run_steps(values, -3)
-
-
-def _axis() -> None:
-    axis = Axis({})
-    axis.compile_ahead()
-    regime_now(axis.simulation)
-    stopped = Axis({"travel_high": 1e-7})
-    stopped.command_steps(3)
-    stopped.advance(0.05)
-
-
-def _sweeps() -> None:
-    for metric in METRICS:
-        Sweep(Parameters(), (ListedAxis("preload", (0.4,)),), (metric,), 12).evaluate(0, 1)
-
-
-def _contacts() -> None:
-    trace_steps(_SEVERAL, 2)
-    for chain in ({}, {"creep": 0.01, "actuator_resonance": 8e5}):
-        axis = Axis({**_SEVERAL, **chain})
-        axis.compile_ahead()
-        regime_now(axis.simulation)
-
-
 def warm_up() -> None:
     """Compile all that runs, axes, nodes and sweeps use, unless that was done; report the progress.
 
@@ -67,7 +38,20 @@ def warm_up() -> None:
     >>> ss.warm_up()
     """
     with report_compilation():
-        _axis()  # first, for those wait for it
-        _runs()
-        _sweeps()
-        _contacts()  # last, for few have several
+        axis = Axis({})  # first, for those wait for it
+        axis.compile_ahead()
+        regime_now(axis.simulation)
+        stopped = Axis({"travel_high": 1e-7})
+        stopped.command_steps(3)
+        stopped.advance(0.05)
+        trace_steps({}, 2)
+        for values in _DRIVES:
+            run_steps(values, 3)
+            run_steps(values, -3)
+        for metric in METRICS:
+            Sweep(Parameters(), (ListedAxis("preload", (0.4,)),), (metric,), 12).evaluate(0, 1)
+        trace_steps(_SEVERAL, 2)  # last, for few have several contacts
+        for chain in ({}, {"creep": 0.01, "actuator_resonance": 8e5}):
+            axis = Axis({**_SEVERAL, **chain})
+            axis.compile_ahead()
+            regime_now(axis.simulation)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import plain_until_compiled, report_compilation
-from stickslip_ros.library.zero_amplitude import zero_amplitude
+from stickslip_ros.library.operating_points import zero_amplitude
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of, largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-_POINTS, _ZERO = (f"{__package__}.{name}" for name in ("operating_points", "zero_amplitude"))
+_POINTS = f"{__package__}.operating_points"
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class Points:
         lets threads run one after the other.
         """
         if not self._runs:
-            self._runs.append(self.solve(_POINTS, "steps_of"))
+            self._runs.append(self.solve("steps_of"))
         return self._runs[0]
 
-    def solve(self, module: str, function: str) -> Any:
-        """Return what a function of a module makes of the points."""
-        return getattr(import_module(module), function)(self.p, self.count, self.steps)
+    def solve(self, function: str) -> Any:
+        """Return what a function of `operating_points` makes of the points."""
+        return getattr(import_module(_POINTS), function)(self.p, self.count, self.steps)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class SweepMetric:
 
 
 def _why_no_zero_amplitude(p: Parameters, steps: int) -> str:
-    found: str = import_module(_ZERO).why_no_zero_amplitude(p, steps)
+    found: str = import_module(_POINTS).why_no_zero_amplitude(p, steps)
     return found
 
 
@@ -81,22 +81,22 @@ METRICS: Mapping[str, SweepMetric] = {
     ),
     "generated_force": SweepMetric(
         "N",
-        lambda points: points.solve(_POINTS, "generated_forces"),
+        lambda points: points.solve("generated_forces"),
         20,
         "the runner still gains on the spring at the end",
     ),
     "zero_amplitude": SweepMetric(
-        "m", lambda points: points.solve(_ZERO, "zero_amplitudes"), 16, _why_no_zero_amplitude
+        "m", lambda points: points.solve("zero_amplitudes"), 16, _why_no_zero_amplitude
     ),
     "zero_amplitude_intersection": SweepMetric(
         "m",
-        lambda points: points.solve(_ZERO, "intersections"),
+        lambda points: points.solve("intersections"),
         6,
         "fewer than three of the amplitudes give clear steps",
     ),
     "blocking_preload": SweepMetric(
         "N",
-        lambda points: points.solve(_POINTS, "blocking_preloads"),
+        lambda points: points.solve("blocking_preloads"),
         30,
         "no preload blocks the axis, or none lets it step",
     ),

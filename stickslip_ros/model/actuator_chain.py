@@ -87,6 +87,7 @@ class Chain(NamedTuple):
             # Exponentials of all times from e^0.5772 t0 on add up to the logarithm of t / t0.
             first = p.creep_start * math.exp(np.euler_gamma)
             times = first * 10.0 ** ((np.arange(_DECADES * _PER_DECADE) + 0.5) / _PER_DECADE)
+        error, mean_only_rate, runner = limits_of_pieces(p, plant)
         return cls(
             lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,
             slew=1e6 * p.amplifier_slew * p.gain_in_force if p.amplifier_slew else math.inf,
@@ -97,13 +98,18 @@ class Chain(NamedTuple):
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
-            error=ERROR
-            * (_YIELDING if _slides_on(plant) else 1.0)
-            * fineness_of(plant)
-            * (min(1.0, p.actuator_damping / _FIRM) if p.actuator_resonance else 1.0),
-            mean_only_rate=_fastest(plant, p.gain_in_force * p.max_voltage),
-            runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
+            error=error,
+            mean_only_rate=mean_only_rate,
+            runner=runner,
         )
+
+
+def limits_of_pieces(p: ActuatorParameters, plant: Plant) -> tuple[float, float, float]:
+    """Return error (m), mean_only_rate (m/s) and runner (1/s) of the `Chain` before a plant."""
+    error = ERROR * (_YIELDING if _slides_on(plant) else 1.0) * fineness_of(plant)
+    error *= min(1.0, p.actuator_damping / _FIRM) if p.actuator_resonance else 1.0
+    runner = math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass)
+    return error, _fastest(plant, p.gain_in_force * p.max_voltage), runner
 
 
 def _fastest(plant: Plant, stroke: float) -> float:

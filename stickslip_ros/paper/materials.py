@@ -15,8 +15,7 @@ import numpy as np
 from scipy.signal import find_peaks
 from scipy.stats import spearmanr
 
-from stickslip_ros.library.operating_points import blocking_preloads
-from stickslip_ros.library.zero_amplitude import zero_amplitudes
+from stickslip_ros.library.operating_points import blocking_preloads, zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.model.surface import CycleStart, Surface

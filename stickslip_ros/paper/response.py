@@ -8,13 +8,13 @@ from dataclasses import astuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from stickslip_ros.library.operating_points import zero_amplitudes
 from stickslip_ros.library.waveform_search import (
     elongate_step,
     elongation_map,
     shape_slip,
     shaping_map,
 )
-from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator

@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.library.operating_points import blocking_preloads
-from stickslip_ros.library.zero_amplitude import intersections, zero_amplitudes
+from stickslip_ros.library.operating_points import blocking_preloads, intersections, zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.paper.claim import ClaimVerdict, Result, Values, paired
 from stickslip_ros.paper.parameter_sets import (

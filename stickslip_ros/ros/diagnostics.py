@@ -14,7 +14,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.pace import PaceReport, costly_settings
-from stickslip_ros.library.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
+from stickslip_ros.library.operating_points import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.ros.messages import diagnostic_status

@@ -19,8 +19,11 @@ from stickslip_ros.gym.axes import Axes
 from stickslip_ros.gym.periods import normal
 from stickslip_ros.gym.positioning import Positioning
 from stickslip_ros.library.ensemble import Ensemble
+from stickslip_ros.model import Plant
+from stickslip_ros.model.drive_cycle import DriveCycle
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
+from stickslip_ros.solver.driven import simulation_of
 
 ID = "stickslip_ros/Position-v0"
 #: A task without anything hidden, and a sensor that shows the position
@@ -106,6 +109,32 @@ def test_a_scan_moves_the_runner_with_the_actuator() -> None:
             observation, *_, info = env.step(action)
         assert observation[2] == pytest.approx(60.0)
         assert info["position"] == pytest.approx(60.0 * 160e-9 / 300.0, abs=within)
+
+
+ALL_EFFECTS = {
+    "amplifier_bandwidth": 2e5, "actuator_resonance": 820e3, "actuator_damping": 0.5, "creep": 0.01,
+    "actuator": "hysteresis", "actuator_memory": True,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("effects", [ALL_EFFECTS, {"creep": 0.02}, {"amplifier_slew": 20.0}])
+def test_an_actuator_with_effects_moves_as_on_an_axis(effects: dict[str, Any]) -> None:
+    """Cycles and scans, whose direction and length change from period to period."""
+    task = replace(PLAIN, parameters={**PLAIN.parameters, **effects})
+    env: Any = gymnasium.make(ID, task=task).unwrapped
+    env.reset(seed=1)
+    drive = env.core.axes.drive
+    p = Parameters.of(None, **task.parameters)
+    axis, t, level = simulation_of(p, Plant.of(p), replay=False), 0.0, 0.0
+    for amplitude, end, hertz in [(300.0, 0.0, 1e3), (-200.0, 250.0, 3e3), (0.0, 60.0, 5e2)] * 3:
+        found = env.step(action_of(drive, amplitude, end, hertz, 100.0))[-1]["position"]
+        fall = max(abs(amplitude) / 100e6, 1e-9)
+        slow, volts = 1.0 / hertz - fall, end + amplitude
+        rates = drive.gain * np.array([(volts - level) / slow, (end - volts) / fall])
+        axis.start(DriveCycle(np.array([slow, fall]), rates, 1 if amplitude else -1, 1, 1), 1)
+        t, level = t + 1.0 / hertz, end
+        axis.advance(t)
+        assert found == pytest.approx(axis.x, abs=1e-11)
 
 
 def test_a_reading_is_the_position_at_its_time() -> None:
@@ -195,7 +224,7 @@ def test_an_episode_ends_when_the_runner_stays_at_the_target() -> None:
 def test_bad_settings_are_refused() -> None:
     cases: list[tuple[dict[str, Any], str]] = [
         ({"task": "dance"}, "known: long_move"),
-        ({"task": PLAIN, "parameters": {"creep": 0.01}}, "without amplifier, memory, creep"),
+        ({"task": PLAIN, "parameters": {"actuator": "hysteresis"}}, "without actuator_memory"),
         ({"task": PLAIN, "parameters": {"surface_spread": 0.1}}, "vary along the surface"),
         ({"task": PLAIN, "ranges": DriveRanges(frequency=(1e3, 1e5))}, "lower the frequency"),
         ({"task": PLAIN, "ranges": DriveRanges(frequency=(1e3, 1e2))}, "the lower end first"),

@@ -15,12 +15,17 @@ from table_1 import table_1
 
 from stickslip_ros.library import operating_points
 from stickslip_ros.library.grid import GridAxis, SweepError
-from stickslip_ros.library.operating_points import batch_of, steps_of
+from stickslip_ros.library.operating_points import (
+    batch_of,
+    crossings,
+    largest_amplitude,
+    steps_of,
+    zero_amplitude,
+)
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_output import SweepSummary, SweepTable, write_header, write_rows
 from stickslip_ros.library.sweep_plan import Sweep, part_size, results
 from stickslip_ros.library.sweep_plot import plot_sweep
-from stickslip_ros.library.zero_amplitude import crossings, largest_amplitude, zero_amplitude
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.parameters import ParameterError, Parameters

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.library.operating_points import steps_of
-from stickslip_ros.library.zero_amplitude import zero_amplitudes
+from stickslip_ros.library.operating_points import steps_of, zero_amplitudes
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.library.zero_amplitude import zero_amplitude
+from stickslip_ros.library.operating_points import zero_amplitude
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation

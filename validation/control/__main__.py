@@ -16,7 +16,7 @@ import matplotlib
 import numpy as np
 
 from stickslip_ros.gym import SCORES, TASKS, Task
-from validation.control import axis_loop, learned_feedforward, steps_then_scan
+from validation.control import axis_loop, inverse_hysteresis, learned_feedforward, steps_then_scan
 from validation.control.policies import Array, run
 from validation.control.steps_then_scan import Settings, policy_of
 
@@ -63,6 +63,7 @@ def main() -> None:
     baselines: dict[str, tuple[Callable[[Task, range], Array], range]] = {
         "the axis' own loop": (axis_loop.scores, QUICK if quick else SLOW_SEEDS),
         "steps, then scan": (steps_then_scan.scores, seeds),
+        "inverse of the hysteresis": (inverse_hysteresis.scores, seeds),
         "iterative learning": (learned_feedforward.scores, seeds),
     }
     if not quick:
