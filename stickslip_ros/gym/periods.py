@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.actuator_chain import CAPACITY, Chain
 from stickslip_ros.model.actuator_stages import lay_pieces
-from stickslip_ros.solver.advance import ENDLESS, advance
-from stickslip_ros.solver.budget import PER_CYCLE
+from stickslip_ros.solver.advance import ENDLESS, PER_CYCLE, advance
 from stickslip_ros.solver.layout import ROW_SIZE, axis_in, plant_in
 from stickslip_ros.solver.plants import begin_cycles
 

@@ -136,19 +136,17 @@ def turn_of_arc(
         return math.nan, 0.0
     part.weight, part.trial = arc.weight, arc.trial
     begin_arc(part, plant, (arc.x, arc.z, arc.w), arc.rate, arc.bend)
+    next_arc(part, plant, arc.length, False)
     gone = way = 0.0
     for _ in range(_MOST_PARTS):
-        next_arc(part, plant, arc.length - gone, False)
         t, dr = turning_point(part, plant, sign)
         if t == t:
             return gone + t, way + dr
-        h = part.length
-        gone += h
+        gone += part.length
         if not gone < arc.length:
             break
-        way += part.path + carried(part, h)
-        state = part.x + part.path + carried(part, h), part.z_end, part.w_end
-        begin_arc(part, plant, state, rate_after(part, h), part.bend)
+        way += part.path + carried(part, part.length)
+        _next_part(part, plant, arc.length - gone)
     return math.nan, 0.0
 
 
@@ -161,13 +159,19 @@ def _skip_tables(arc: np.record, plant: np.record, limit: float, ahead: float) -
     if arc.kind == TABULATED:
         next_arc(arc, plant, limit, False)
         while arc.length <= ahead:
-            h = arc.length
-            state = arc.x + arc.path + carried(arc, h), arc.z_end, arc.w_end
-            begin_arc(arc, plant, state, rate_after(arc, h), arc.bend)
-            ahead -= h
-            limit -= h
-            next_arc(arc, plant, limit, False)
+            ahead -= arc.length
+            limit -= arc.length
+            _next_part(arc, plant, limit)
     return ahead
+
+
+@compiled
+def _next_part(part: np.record, plant: np.record, limit: float) -> None:
+    """Let a part of a tabulated arc be the one that follows, at most limit (s) long."""
+    h = part.length
+    state = part.x + part.path + carried(part, h), part.z_end, part.w_end
+    begin_arc(part, plant, state, rate_after(part, h), part.bend)
+    next_arc(part, plant, limit, False)
 
 
 @compiled

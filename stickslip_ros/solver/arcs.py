@@ -14,11 +14,10 @@ from stickslip_ros.solver.closed_arcs import elastic_end, glide, glide_end, rest
 from stickslip_ros.solver.implicit_arcs import implicit_arc
 from stickslip_ros.solver.layout import ELASTIC, FREE, GLIDE, REST, TABULATED, TAYLOR, TURN
 from stickslip_ros.solver.oscillator import Oscillator
-from stickslip_ros.solver.precomputed import precompute
+from stickslip_ros.solver.plants import precompute
 from stickslip_ros.solver.roots import bisection
-from stickslip_ros.solver.slides import point_above, slide
 from stickslip_ros.solver.stiff import rates
-from stickslip_ros.solver.swings import burst, reversal, swing
+from stickslip_ros.solver.tables import burst, point_above, reversal, slide, swing
 from stickslip_ros.solver.taylor import (
     Branch,
     TaylorEnd,

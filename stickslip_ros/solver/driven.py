@@ -32,11 +32,9 @@ from stickslip_ros.model.actuator_stages import follow, lay_pieces
 from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver.advance import ENDLESS
-from stickslip_ros.solver.budget import PER_CYCLE, SolverError
+from stickslip_ros.solver.advance import ENDLESS, PER_CYCLE, SolverError
 from stickslip_ros.solver.layout import ROW_SIZE
-from stickslip_ros.solver.plants import begin_window
-from stickslip_ros.solver.precomputed import vary_contacts
+from stickslip_ros.solver.plants import begin_window, vary_contacts
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
 #: First window after the last cycle, s: some periods of a ringing. Each later one is twice as long.

@@ -68,7 +68,7 @@ PLANT = _record(
     ("inv_omega", "f8"),  # 1 / angular frequency, s: error in position for an error in speed
     # the elastic contact as an oscillator, see `oscillator.Oscillator`: 1/s, 1/s^2, 1/s
     *_numbers("f8", "delta kappa omega"),
-    # -- precomputed, see `precomputed.py`
+    # -- precomputed, see `tables.py`
     ("precomputed", "i8"),  # 0 not tried yet, 1 the tables hold, -1 they cannot be used
     ("burst_top", "f8"),  # fastest burst in the table, m/s
     ("slide_count", "i8"),  # points of the slide in use

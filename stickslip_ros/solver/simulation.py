@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import DriveCycle, Plant, alpha_of
-from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor, friction
-from stickslip_ros.solver.budget import (
+from stickslip_ros.solver.advance import (
+    ENDLESS,
     PER_CYCLE,
+    SAMPLE_SIZE,
     KernelBuffers,
     SolverError,
+    anchor,
+    friction,
     run,
     run_events,
     run_samples,

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from stickslip_ros.axis import Axis, CommandRefused, actuation
-from stickslip_ros.solver import budget
+from stickslip_ros.solver import advance
 
 FAST = {"frequency": 1000.0, "mass": 0.004, "preload": 0.4}
 #: A ringing of 160 MHz without damping: no integrator gets through a cycle of 1 ms in time.
@@ -83,7 +83,7 @@ def test_whatever_was_commanded_other_parameters_and_one_reset_lead_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Random commands; a small budget, so that a fault costs milliseconds."""
-    monkeypatch.setattr(budget, "SLICE", 500)
+    monkeypatch.setattr(advance, "SLICE", 500)
     monkeypatch.setattr(actuation, "_BUDGET", 3000)
     dice = random.Random(16)
     ended: Counter[str] = Counter()

@@ -13,16 +13,16 @@ from cpu_time import computes_at_most
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver import Simulation, SolverError, budget
+from stickslip_ros.solver import Simulation, SolverError, advance
 
 
 @pytest.mark.slow
 def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     p = Parameters.of({"frequency": 3e3, "model": "epm_fix"})
     runs = []
-    for arcs, samples in ((budget.SLICE, budget.SAMPLES), (1, 7)):
-        monkeypatch.setattr(budget, "SLICE", arcs)
-        monkeypatch.setattr(budget, "SAMPLES", samples)
+    for arcs, samples in ((advance.SLICE, advance.SAMPLES), (1, 7)):
+        monkeypatch.setattr(advance, "SLICE", arcs)
+        monkeypatch.setattr(advance, "SAMPLES", samples)
         simulation = Simulation(Plant.of(p), p.solver.tolerance)
         simulation.start(drive_of(p), 10)
         runs.append(simulation.run_cycles(10).position.tolist())
@@ -34,7 +34,7 @@ def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_library_ends_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(budget, "SLICE", 5)
+    monkeypatch.setattr(advance, "SLICE", 5)
     p = Parameters.of({"model": "lugre", "mass": 4e-3, "sigma_1": 1e4, "spring": 1e5})
     simulation = Simulation(Plant.of(p), p.solver.tolerance, budget=10)
     simulation.start(drive_of(p), 3)
@@ -60,8 +60,8 @@ def test_a_signal_ends_a_long_call_within_a_second(name: str) -> None:
     program = (
         "from stickslip_ros.parameters import Parameters\n"
         "from stickslip_ros.model import Plant, drive_of\n"
-        "from stickslip_ros.solver import Simulation, budget\n"
-        "budget.PER_CYCLE = 10**12\n"
+        "from stickslip_ros.solver import Simulation, advance\n"
+        "advance.PER_CYCLE = 10**12\n"
         "p = Parameters.of({'frequency': 1e4})\n"
         "s = Simulation(Plant.of(p), 1e-11, replay=False)\n"
         "s.start(drive_of(p), 10**9)\n"

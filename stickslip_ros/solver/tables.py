@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bursts and swings: the motion between two turns, precomputed for a few starts.
+"""Tables of slides, bursts and swings, computed once for a plant.
 
-Relative to the actuator, the motion between two kinks does not depend on time: without a spring,
-(z, w) follow from (z, w) alone. So one number determines
+A slide goes from z_ba into steady sliding, so fast that the runner hardly reacts. While |z| grows,
+dz/dr = 1 - alpha z / z_lim holds along the path r at any speed, so each contact has one curve z(r).
+It is stored as a row of points, with the integrals that give the work of the forces and the time of
+any slide.
+
+Without a spring, the motion between two kinks follows from (z, w) alone, so one number determines
 
 - a burst, the arc from |z| = z_ba outward to the next turn: its speed at the start;
 - a swing, the motion from a turn with |z| > z_ba to the next one: the deflection at the start.
@@ -14,30 +18,195 @@ without it they are not used.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.branches import branch_at
+from stickslip_ros.solver.branches import branch_at, path_branch
 from stickslip_ros.solver.closed_arcs import elastic_end
-from stickslip_ros.solver.layout import BREAKAWAY, NODES, TURN
+from stickslip_ros.solver.layout import BREAKAWAY, NODES, SLIDE_POINTS, SLIDE_SIZE, TURN
 from stickslip_ros.solver.oscillator import Line, Oscillator
 from stickslip_ros.solver.taylor import W, Z, expand, integral, polynomial, step_length, taylor_end
 
+#: Gauss points in (0, 1)
+_GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.leggauss(8))
+_GAUSS = _GAUSS + 0.5
+#: Shares of the tolerance per cycle: a step of a series on the way to a table, what a slide may
+#: leave out, and the tail of a Chebyshev series
+_PER_STEP, _LEFT_OUT, _TAIL = 1e-4, 2e-3, 0.02
+#: Largest skewness of the work of the forces along a slide; at constant z the work is linear
+_SKEW = 0.03
 _ANGLES = (np.arange(NODES) + 0.5) * math.pi / NODES
 #: Chebyshev points in (-1, 1), and the matrix from values there to coefficients
 _POINTS = np.cos(_ANGLES)
 _TO_COEFFICIENTS = np.cos(np.outer(np.arange(NODES), _ANGLES)) * 2.0 / NODES
 _TO_COEFFICIENTS[0] *= 0.5
-#: Shares of the tolerance per cycle: a step on the way to a value, and the tail of a series
-_PER_STEP, _TAIL = 1e-4, 0.02
 #: Steps of a series to the next turn; most take a few
 _MOST_STEPS = 1000
 #: Largest exponent of the decay of half a swing; nearer to critical damping no swing gets across
 _MOST_DECAY = 500.0
 #: Halvings of a table that is not exact enough: narrower ones serve too few swings
 _NARROWER = 8
+
+
+class Slide(NamedTuple):
+    """The end of a slide, mirrored."""
+
+    t: float  #: s, nan if there is no such slide
+    path: float  #: m
+    z: float  #: m
+    w: float  #: m/s
+
+
+class _Integrals(NamedTuple):
+    """The stored integrals of a point, counted from the start of a slide."""
+
+    z0: float
+    r: float
+    z: float
+    z1: float
+    z2: float
+    zz: float
+    rz1: float
+    z1z1: float
+    zzz1: float
+    rzz: float
+
+
+@compiled
+def slide(plant: np.record, z: float, w: float, pull: float, limit: float) -> Slide:
+    """Return the end of a slide from z > 0 (m) at speed w > 0 (m/s), within limit (s).
+
+    z has to be one of the known points; the slide ends at the furthest of them that is reached
+    within limit (s) and whose error is small enough. pull is the mirrored external force (N).
+    """
+    start = _point(plant, z)
+    if plant.slide[start, 1] == z:
+        for at in range(plant.slide_count - 1, start, -1):
+            if plant.slide[at, 0] - plant.slide[start, 0] < w * limit:
+                end = _slide_to(plant, w, pull, start, at)
+                if end.t <= limit:
+                    return end
+    return Slide(math.nan, 0.0, 0.0, 0.0)
+
+
+@compiled
+def point_above(plant: np.record, z: float) -> float:
+    """Return z (m) of the first known point of the slide above z > 0, inf if there is none."""
+    at = _point(plant, z)
+    if plant.slide[at, 1] <= z:
+        at += 1
+    return plant.slide[at, 1] if at < plant.slide_count else math.inf
+
+
+@compiled
+def _point(plant: np.record, z: float) -> int:
+    """Return which is the first point at or above z, else the last one."""
+    at = 0
+    while at < plant.slide_count - 1 and plant.slide[at, 1] < z:
+        at += 1
+    return at
+
+
+@compiled
+def _slide_to(plant: np.record, w: float, pull: float, start: int, at: int) -> Slide:
+    """Return the end at the known point ``at``, by perturbation of a constant speed.
+
+    w w' = g' - c w z' along r, with g = p r - k Z1 the work of the forces, p, k, c of the mass. To
+    second order w(r) = w + w1 + w2, where w1 = g / w - c d and d = z - z0, all from the start on.
+    """
+    p, k, c = pull / plant.mass, plant.sigma_0 / plant.mass, plant.sigma_1 / plant.mass
+    i = _integrals(plant.slide[start], plant.slide[at])
+    d = i.z - i.z0
+    g = p * i.r - k * i.z1
+    damped, loaded = c * d / w, abs(p) * i.r / (w * w)
+    share = abs(g) / (w * w)
+    third = (share + damped) * (share + damped) * (share + damped)
+    # what the orders left out come to in position, by the error in speed and in time
+    unsure = (third + share * (damped + loaded)) * plant.inv_omega * c * d
+    most = loaded + k * i.z1 / (w * w) + damped
+    third = most * most * (_SKEW * most + damped)
+    unsure += third * i.r * (1.0 + plant.inv_omega * k * i.z / w)
+    if not unsure <= _LEFT_OUT * plant.tolerance:
+        return Slide(math.nan, 0.0, 0.0, 0.0)
+    # the balance of energy with the integral of w over z
+    w_dz = w * d + (g * i.z - p * i.z1 + k * i.zz) / w - 0.5 * c * d * d
+    w_dz -= 0.5 * k * k * (i.z1 * i.z1 * i.z - 2.0 * i.zzz1) / (w * w * w)
+    w_end = math.sqrt(w * w + 2.0 * (g - c * w_dz))
+    return Slide(_slide_time(i, w, p, k, c), i.r, i.z, w_end)
+
+
+@compiled
+def _integrals(start: NDArray, end: NDArray) -> _Integrals:
+    """Return the integrals of a point, moved to the start."""
+    r0, z0, z10 = start[0], start[1], start[2]
+    r, z, z1 = end[0] - r0, end[1], end[2] - z10
+    z2_whole, zz = end[3] - start[3], end[4] - start[4]
+    z2 = z2_whole - z10 * r
+    rz1 = end[5] - start[5] - r0 * z2_whole - z10 * (0.5 * r * r)
+    z1z1 = end[6] - start[6] - 2.0 * z10 * z2_whole + z10 * z10 * r
+    zzz1 = end[7] - start[7] - z10 * zz
+    rzz = end[8] - start[8] - r0 * zz
+    return _Integrals(z0, r, z, z1, z2, zz, rz1, z1z1, zzz1, rzz)
+
+
+@compiled
+def _slide_time(i: _Integrals, w: float, p: float, k: float, c: float) -> float:
+    """Return the integral of 1 / w(r), s.
+
+    w^2 = w0^2 + 2 G, with G = g - c times the integral of w over z. It is expanded around its mean,
+    so the first order vanishes, and the third nearly does: G is almost linear in r.
+    """
+    z0, r, z1, z2, zz = i.z0, i.r, i.z1, i.z2, i.zz
+    rz = r * z1 - z2
+    rd, d1 = rz - 0.5 * z0 * r * r, z1 - z0 * r
+    g_sum = 0.5 * p * r * r - k * z2
+    gg = p * p * r * r * r / 3.0 - 2.0 * p * k * i.rz1 + k * k * i.z1z1
+    gd = p * rd - k * (0.5 * z1 * z1 - z0 * z2)
+    dd = zz - 2.0 * z0 * z1 + z0 * z0 * r
+    slope_d = p * d1 - k * (zz - z0 * z1)
+    r_slope_d = p * rd - k * (i.rzz - z0 * rz)
+    first = g_sum - c * w * d1
+    mean = (first - c / w * (gd - r * slope_d + r_slope_d) + 0.5 * c * c * dd) / r
+    spread = gg - 2.0 * c * w * gd + c * c * w * w * dd - first * first / r
+    square = w * w + 2.0 * mean
+    return (r + 1.5 * spread / (square * square)) / math.sqrt(square)
+
+
+@compiled
+def learn_slide(plant: np.record, work: NDArray) -> bool:
+    """Compute z(r) from z_ba to steady sliding; store points on the way for `slide`."""
+    z, z_slide = plant.z_ba, plant.z_slide
+    r, z1, z2, zz, rz1, z1z1, zzz1, rzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(SLIDE_SIZE):
+        plant.slide[0, k] = z if k == 1 else 0.0
+    branch = path_branch(plant)
+    for piece in range(1, SLIDE_POINTS):
+        expand(work, plant, branch, z, 1.0)
+        h = step_length(work, _PER_STEP * plant.tolerance, 0.0, False)
+        for k in range(len(_GAUSS)):
+            t = h * _GAUSS[k]
+            weight = h * _WEIGHTS[k]
+            zt = polynomial(work, Z, t)
+            z1t = z1 + integral(work, Z, t)
+            z2 += weight * z1t
+            zz += weight * zt * zt
+            rz1 += weight * (r + t) * z1t
+            z1z1 += weight * z1t * z1t
+            zzz1 += weight * zt * zt * z1t
+            rzz += weight * (r + t) * zt * zt
+        z1 += integral(work, Z, h)
+        r += h
+        z = polynomial(work, Z, h)
+        at = plant.slide[piece]
+        at[0], at[1], at[2], at[3], at[4] = r, z, z1, z2, zz
+        at[5], at[6], at[7], at[8] = rz1, z1z1, zzz1, rzz
+        if z >= z_slide - plant.settled:
+            plant.slide_count = piece + 1
+            return True
+    return False
 
 
 @compiled
