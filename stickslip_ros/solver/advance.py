@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.model.friction import friction_force
+from stickslip_ros.solver.any_arc import friction_at
 from stickslip_ros.solver.cycles import period_of, repeat, stays_clear, write_row
 from stickslip_ros.solver.event_loop import heat_since, open_account, solve_cycles
-from stickslip_ros.solver.general_arcs import force_of
 from stickslip_ros.solver.layout import PLANT, ROW_SIZE, axis_in, contacts_in, open_record, plant_in
 from stickslip_ros.solver.within_arc import turns_within
 
@@ -162,7 +161,8 @@ def sample(
             return k
         kept = samples[k]
         kept[0], kept[1], kept[2] = s.now_x, s.now_v, s.now_z
-        kept[3], kept[4], kept[5] = s.now_rate, s.now_u, _friction_now(moved, s, each)
+        kept[3], kept[4] = s.now_rate, s.now_u
+        kept[5] = friction_at(s.now_z, s.now_v - s.now_rate, moved, each)
         if contacts is not None:
             for i in range(len(each)):
                 kept[SAMPLE_SIZE + i] = each[i].now_z
@@ -172,18 +172,9 @@ def sample(
 @compiled
 def friction(plant: NDArray, axis: NDArray, contacts: NDArray | None) -> float:
     """Return F (N) of Eq. 1 at the time advanced to."""
-    return _friction_now(plant_in(plant), axis_in(axis).state, contacts_in(contacts, False))  # type: ignore[no-any-return]
-
-
-@compiled
-def _friction_now(plant: np.record, s: np.record, contacts: NDArray | None) -> float:
+    s = axis_in(axis).state
     w = s.now_v - s.now_rate
-    if contacts is None:
-        return friction_force(s.now_z, w, plant)
-    force = 0.0
-    for c in contacts:
-        force += force_of(c, c.now_z, c.now_inner, w)
-    return force
+    return friction_at(s.now_z, w, plant_in(plant), contacts_in(contacts, False))  # type: ignore[no-any-return]
 
 
 @compiled
@@ -261,16 +252,10 @@ def run(
 
     Raises SolverError if a cycle, or the time from the last cycle to t_end, exceeds the budget.
     """
-    left, state["previewing"] = budget, 0
-    while left > 0:
-        state["spent"], state["allowance"] = 0, SLICE
+    state["previewing"] = 0
+    for _ in _slices(buffers, state, budget):
         state["t_end"], state["stop_cycle"] = until
-        ended = advance(*buffers, rows)
-        if not state["unfinished"]:
-            return
-        rows = rows[ended:]
-        left = budget if ended else left - SLICE
-    raise SolverError(_over_budget(open_record(buffers.plant, PLANT), budget))
+        rows = rows[advance(*buffers, rows) :]
 
 
 def run_samples(
@@ -301,17 +286,18 @@ def run_events(
     return parts
 
 
-def _slices(buffers: KernelBuffers, state: np.void) -> Iterator[None]:
+def _slices(buffers: KernelBuffers, state: np.void, budget: int = 0) -> Iterator[None]:
     """Yield with an allowance for each slice until one finishes all; SolverError like `run`."""
-    left, done = PER_CYCLE, int(state["done"])
+    budget = budget or PER_CYCLE
+    left, done = budget, int(state["done"])
     while left > 0:
         state["spent"], state["allowance"] = 0, SLICE
         yield
         if not state["unfinished"]:
             return
-        left = PER_CYCLE if state["done"] > done else left - SLICE
+        left = budget if state["done"] > done else left - SLICE
         done = int(state["done"])
-    raise SolverError(_over_budget(open_record(buffers.plant, PLANT), PER_CYCLE))
+    raise SolverError(_over_budget(open_record(buffers.plant, PLANT), budget))
 
 
 def _over_budget(plant: Any, budget: int) -> str:

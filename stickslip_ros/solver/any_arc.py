@@ -48,31 +48,13 @@ def find_arc(
 
 
 @compiled
-def friction_at_anchor(s: np.record, plant: np.record, contacts: NDArray | None) -> float:
-    """Return F (N) of Eq. 1 at the anchor, for a runner at rest."""
+def friction_at(z: float, w: float, plant: np.record, contacts: NDArray | None) -> float:
+    """Return F (N) of Eq. 1 at z (m), or at the ``now_z`` of several contacts, and w (m/s)."""
     if contacts is None:
-        return friction_force(s.z, -s.rate, plant)
+        return friction_force(z, w, plant)
     force = 0.0
     for c in contacts:
-        force += force_of(c, c.z, c.inner, -s.rate)
-    return force
-
-
-@compiled
-def friction_after(
-    arc: np.record, plant: np.record, held: np.record, contacts: NDArray | None, t: float
-) -> float:
-    """Return F (N) of Eq. 1 after t (s) of an arc of a runner at rest.
-
-    held is the plant from `stops.make_held_plant`.
-    """
-    dr, z, _ = within_arc(arc, held, t)
-    if contacts is None:
-        return friction_force(z, -arc.rate, plant)
-    force = 0.0
-    for c in contacts:
-        z = deflection_after(arc, c, dr, t)
-        force += force_of(c, z, inner_after(arc, c, t), -arc.rate)
+        force += force_of(c, c.now_z, c.now_inner, w)
     return force
 
 
@@ -176,7 +158,7 @@ def _next_part(part: np.record, plant: np.record, limit: float) -> None:
 
 @compiled
 def _sample_contacts(arc: np.record, contacts: NDArray, dr: float, t: float) -> float:
-    """Keep the deflections after t (s) and the path dr (m); return their mean by stiffness."""
+    """Set ``now_z`` to that after t (s) and the path dr (m); return the mean by stiffness."""
     force = stiffness = 0.0
     for c in contacts:
         c.now_z = deflection_after(arc, c, dr, t)

@@ -11,12 +11,11 @@ from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, z_limit
 from stickslip_ros.solver.branches import branch_at, held_at_jump, is_flat
 from stickslip_ros.solver.closed_arcs import elastic_end, glide, glide_end, rest_line
-from stickslip_ros.solver.implicit_arcs import implicit_arc
 from stickslip_ros.solver.layout import ELASTIC, FREE, GLIDE, REST, TABULATED, TAYLOR, TURN
 from stickslip_ros.solver.oscillator import Oscillator
 from stickslip_ros.solver.plants import precompute
 from stickslip_ros.solver.roots import bisection
-from stickslip_ros.solver.stiff import rates
+from stickslip_ros.solver.stiff import implicit_arc, rates
 from stickslip_ros.solver.tables import burst, point_above, reversal, slide, swing
 from stickslip_ros.solver.taylor import (
     Branch,

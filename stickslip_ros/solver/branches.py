@@ -120,23 +120,6 @@ def held_at_jump(plant: np.record, z: float, w: float, mirror: float) -> bool:
 
 
 @compiled
-def path_branch(plant: np.record) -> Branch:
-    """Return the branch from z_ba on whose time is the path: an infinite mass keeps w at 1 m/s."""
-    return Branch(
-        z_ss=plant.z_ss,
-        plastic=False,
-        calc=False,
-        stribeck=False,
-        along=False,
-        sine_start=plant.z_ba,
-        mass=math.inf,
-        pull=0.0,
-        spring=0.0,
-        rate=0.0,
-    )
-
-
-@compiled
 def sliding_deflection(plant: np.record) -> float:
     """Return |z| (m) of steady sliding above the Stribeck curve, where alpha z = z_lim.
 

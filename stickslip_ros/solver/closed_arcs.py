@@ -98,8 +98,8 @@ def elastic_end(
         else:
             y_right, wy_right = propagate(y, wy, t_right, o)
             z_right, w_right = a + b * t_right + y_right, b + wy_right
-        level = _level_passed(z_left, z_right, z_ba)
-        if level == level:
+        if z_left < z_ba < z_right or z_left > -z_ba > z_right:
+            level = z_ba if z_left < z_right else -z_ba
             if t_right == math.inf:
                 t_right = overdamped_end(o)
             span = Span(t_left, z_left, t_right, z_right)
@@ -130,16 +130,6 @@ def elastic_end(
         if b == 0.0:
             t_turn += half
     return ElasticEnd(t_left, TURN, z_left, 0.0, z_max, z_min)
-
-
-@compiled
-def _level_passed(z_left: float, z_right: float, z_ba: float) -> float:
-    """Return the z (m) of the breakaway passed between two values of z, nan if there is none."""
-    if z_left < z_ba < z_right:
-        return z_ba
-    if z_left > -z_ba > z_right:
-        return -z_ba
-    return math.nan
 
 
 # -- glides

@@ -45,9 +45,17 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
     done = s.done + 1
     s.done, s.steady = done, 0
     s.level += s.shift
-    if s.replay != 0 and done > 1 and _repeats(s, plant):
+    close, step = REPEATED * plant.tolerance, s.x - s.cycle_x
+    if (
+        s.replay != 0
+        and done > 1
+        and abs(s.z - s.cycle_z) <= close
+        and abs(s.v - s.cycle_v) * plant.inv_omega <= close
+        and abs(step - s.last_step) <= close
+        and (plant.spring == 0.0 or abs(step) <= close)
+    ):  # it ended in the state in which it began, one step further
         s.steady = 1
-    s.last_step, s.last_dissipated = s.x - s.cycle_x, s.dissipated
+    s.last_step, s.last_dissipated = step, s.dissipated
     s.last_z_max, s.last_z_min = s.z_max, s.z_min
     s.cycle_x, s.cycle_v, s.cycle_z = s.x, s.v, s.z
     s.z_max = s.z_min = s.z
@@ -56,24 +64,11 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
     s.dissipated = 0.0
     if contacts is not None:  # it repeats only if every contact ends it as it began
         for c in contacts:
-            if not abs(c.z - c.cycle_z) <= REPEATED * plant.tolerance:
+            if not abs(c.z - c.cycle_z) <= close:
                 s.steady = 0
             if not abs(c.inner - c.cycle_inner) <= REPEATED * abs(c.inner):
                 s.steady = 0
             c.cycle_z, c.cycle_inner = c.z, c.inner
-
-
-@compiled
-def _repeats(s: np.record, plant: np.record) -> bool:
-    """Return whether the last cycle ended in the state in which it began, one step further."""
-    close = REPEATED * plant.tolerance
-    step = s.x - s.cycle_x
-    return (  # type: ignore[no-any-return]
-        abs(s.z - s.cycle_z) <= close
-        and abs(s.v - s.cycle_v) * plant.inv_omega <= close
-        and abs(step - s.last_step) <= close
-        and (plant.spring == 0.0 or abs(step) <= close)
-    )
 
 
 @compiled

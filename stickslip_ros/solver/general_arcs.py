@@ -96,7 +96,16 @@ def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: floa
     if h == 0.0:
         stay(arc, contacts, 0.0, arc.w)
         return
-    _write_series(arc, plant, contacts, rates, h, two)
+    _write_output(arc.work[W], rates, _W, h)
+    arc.work[Z] = 0.0
+    for i in range(len(contacts)):
+        c = contacts[i]
+        c.branch = PLASTIC
+        _write_output(c.series[Z], rates, _FIRST_Z + i, h)
+        if two:
+            _write_output(c.series[INNER], rates, _FIRST_Z + len(contacts) + i, h)
+        for n in range(DEGREES):
+            arc.work[Z, n] += c.sigma_0 / plant.sigma_0 * c.series[Z, n]
     t = h
     if not still:
         t, event = turn_end(arc.work, h, 0.0)
@@ -205,26 +214,6 @@ def _error(arc: np.record, contacts: NDArray, rates: NDArray, h: float) -> float
             return math.inf
         largest = max(largest, off)
     return largest
-
-
-@compiled
-def _write_series(
-    arc: np.record, plant: np.record, contacts: NDArray, rates: NDArray, h: float, two: bool
-) -> None:
-    """Turn the continuous output of a step of h (s) into series of w, the z's and their mean."""
-    work, count = arc.work, len(contacts)
-    _write_output(work[W], rates, _W, h)
-    for n in range(ORDER + 1):
-        work[Z, n] = 0.0
-    for i in range(count):
-        c = contacts[i]
-        c.branch = PLASTIC
-        _write_output(c.series[0], rates, _FIRST_Z + i, h)
-        if two:
-            _write_output(c.series[INNER], rates, _FIRST_Z + count + i, h)
-        share = c.sigma_0 / plant.sigma_0
-        for n in range(DEGREES):
-            work[Z, n] += share * c.series[0, n]
 
 
 @compiled

@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.any_arc import find_arc, friction_after, friction_at_anchor
-from stickslip_ros.solver.contact_arcs import stay
+from stickslip_ros.model.friction import friction_force
+from stickslip_ros.solver.any_arc import find_arc, friction_at
+from stickslip_ros.solver.contact_arcs import deflection_after, stay
+from stickslip_ros.solver.general_arcs import force_of, inner_after
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
@@ -42,7 +44,10 @@ def holding_stop(plant: np.record, s: np.record, contacts: NDArray | None) -> in
     """Return which stop holds the runner at the anchor: -1 the lower, 1 the upper, 0 none."""
     if s.v != 0.0:
         return 0
-    push = plant.force - plant.spring * s.x - friction_at_anchor(s, plant, contacts)
+    if contacts is not None:
+        for c in contacts:
+            c.now_z, c.now_inner = c.z, c.inner
+    push = plant.force - plant.spring * s.x - friction_at(s.z, -s.rate, plant, contacts)
     for side in (-1, 1):
         at_stop = s.x == (s.low if side < 0 else s.high)
         if at_stop and (side * push > 0.0 or (push == 0.0 and s.stopped == side)):
@@ -100,8 +105,22 @@ def _is_pressed(
 ) -> bool:
     """Return whether the runner is pressed against the stop at t (s) of an arc."""
     arc, plant, held, contacts, side = args
-    push = plant.force - plant.spring * arc.x - friction_after(arc, plant, held, contacts, t)
+    dr, z, _ = within_arc(arc, held, t)
+    push = plant.force - plant.spring * arc.x - _friction_after(arc, plant, contacts, (t, dr, z))
     return not side * push < 0.0
+
+
+@compiled
+def _friction_after(
+    arc: np.record, plant: np.record, contacts: NDArray | None, at: tuple[float, float, float]
+) -> float:
+    """Return F (N) of Eq. 1 after t (s), path (m) and z (m) of an arc of a runner at rest."""
+    (t, dr, z), w, force = at, -arc.rate, 0.0
+    if contacts is None:
+        return friction_force(z, w, plant)
+    for c in contacts:
+        force += force_of(c, deflection_after(arc, c, dr, t), inner_after(arc, c, t), w)
+    return force
 
 
 _release = bisection(_is_pressed)
@@ -131,24 +150,14 @@ def arc_to_stop(arc: np.record, plant: np.record, contacts: NDArray | None, s: n
             break
         shorter = max(short, min(h, _SHORTER * _LONGEST * short) / _SHORTER)
         find_arc(arc, plant, contacts, min(h, shorter), False)
-    t, side = _first_touch(arc, plant, s)
-    if side != 0:
-        find_arc(arc, plant, contacts, t, False)
-    return side
-
-
-@compiled
-def _first_touch(arc: np.record, plant: np.record, s: np.record) -> tuple[float, int]:
-    """Return when (s) a short arc first hits a stop, and which: -1 the lower, 1 the upper, 0 none.
-
-    The time is the end of the arc where it hits none.
-    """
     t, side = arc.length, 0
     for one in (-1, 1):
         at = _touch(arc, plant, one, s.low if one < 0 else s.high)
         if at <= t:
             t, side = at, one
-    return t, side
+    if side != 0:
+        find_arc(arc, plant, contacts, t, False)
+    return side
 
 
 @compiled

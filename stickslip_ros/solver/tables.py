@@ -24,11 +24,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.branches import branch_at, path_branch
+from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.closed_arcs import elastic_end
 from stickslip_ros.solver.layout import BREAKAWAY, NODES, SLIDE_POINTS, SLIDE_SIZE, TURN
 from stickslip_ros.solver.oscillator import Line, Oscillator
-from stickslip_ros.solver.taylor import W, Z, expand, integral, polynomial, step_length, taylor_end
+from stickslip_ros.solver.taylor import (
+    Branch,
+    W,
+    Z,
+    expand,
+    integral,
+    polynomial,
+    step_length,
+    taylor_end,
+)
 
 #: Gauss points in (0, 1)
 _GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.leggauss(8))
@@ -58,21 +67,6 @@ class Slide(NamedTuple):
     path: float  #: m
     z: float  #: m
     w: float  #: m/s
-
-
-class _Integrals(NamedTuple):
-    """The stored integrals of a point, counted from the start of a slide."""
-
-    z0: float
-    r: float
-    z: float
-    z1: float
-    z2: float
-    zz: float
-    rz1: float
-    z1z1: float
-    zzz1: float
-    rzz: float
 
 
 @compiled
@@ -116,73 +110,61 @@ def _slide_to(plant: np.record, w: float, pull: float, start: int, at: int) -> S
 
     w w' = g' - c w z' along r, with g = p r - k Z1 the work of the forces, p, k, c of the mass. To
     second order w(r) = w + w1 + w2, where w1 = g / w - c d and d = z - z0, all from the start on.
+
+    The time is the integral of 1 / w(r). w^2 = w0^2 + 2 G, with G = g - c times the integral of w
+    over z. It is expanded around its mean, so the first order vanishes, and the third nearly does:
+    G is almost linear in r.
     """
     p, k, c = pull / plant.mass, plant.sigma_0 / plant.mass, plant.sigma_1 / plant.mass
-    i = _integrals(plant.slide[start], plant.slide[at])
-    d = i.z - i.z0
-    g = p * i.r - k * i.z1
-    damped, loaded = c * d / w, abs(p) * i.r / (w * w)
+    # the stored integrals, moved to the start
+    first, last = plant.slide[start], plant.slide[at]
+    r0, z0, z10 = first[0], first[1], first[2]
+    r, z, z1 = last[0] - r0, last[1], last[2] - z10
+    z2_whole, zz = last[3] - first[3], last[4] - first[4]
+    z2 = z2_whole - z10 * r
+    rz1 = last[5] - first[5] - r0 * z2_whole - z10 * (0.5 * r * r)
+    z1z1 = last[6] - first[6] - 2.0 * z10 * z2_whole + z10 * z10 * r
+    zzz1 = last[7] - first[7] - z10 * zz
+    rzz = last[8] - first[8] - r0 * zz
+    d, g = z - z0, p * r - k * z1
+    damped, loaded = c * d / w, abs(p) * r / (w * w)
     share = abs(g) / (w * w)
     third = (share + damped) * (share + damped) * (share + damped)
     # what the orders left out come to in position, by the error in speed and in time
     unsure = (third + share * (damped + loaded)) * plant.inv_omega * c * d
-    most = loaded + k * i.z1 / (w * w) + damped
+    most = loaded + k * z1 / (w * w) + damped
     third = most * most * (_SKEW * most + damped)
-    unsure += third * i.r * (1.0 + plant.inv_omega * k * i.z / w)
+    unsure += third * r * (1.0 + plant.inv_omega * k * z / w)
     if not unsure <= _LEFT_OUT * plant.tolerance:
         return Slide(math.nan, 0.0, 0.0, 0.0)
     # the balance of energy with the integral of w over z
-    w_dz = w * d + (g * i.z - p * i.z1 + k * i.zz) / w - 0.5 * c * d * d
-    w_dz -= 0.5 * k * k * (i.z1 * i.z1 * i.z - 2.0 * i.zzz1) / (w * w * w)
+    w_dz = w * d + (g * z - p * z1 + k * zz) / w - 0.5 * c * d * d
+    w_dz -= 0.5 * k * k * (z1 * z1 * z - 2.0 * zzz1) / (w * w * w)
     w_end = math.sqrt(w * w + 2.0 * (g - c * w_dz))
-    return Slide(_slide_time(i, w, p, k, c), i.r, i.z, w_end)
-
-
-@compiled
-def _integrals(start: NDArray, end: NDArray) -> _Integrals:
-    """Return the integrals of a point, moved to the start."""
-    r0, z0, z10 = start[0], start[1], start[2]
-    r, z, z1 = end[0] - r0, end[1], end[2] - z10
-    z2_whole, zz = end[3] - start[3], end[4] - start[4]
-    z2 = z2_whole - z10 * r
-    rz1 = end[5] - start[5] - r0 * z2_whole - z10 * (0.5 * r * r)
-    z1z1 = end[6] - start[6] - 2.0 * z10 * z2_whole + z10 * z10 * r
-    zzz1 = end[7] - start[7] - z10 * zz
-    rzz = end[8] - start[8] - r0 * zz
-    return _Integrals(z0, r, z, z1, z2, zz, rz1, z1z1, zzz1, rzz)
-
-
-@compiled
-def _slide_time(i: _Integrals, w: float, p: float, k: float, c: float) -> float:
-    """Return the integral of 1 / w(r), s.
-
-    w^2 = w0^2 + 2 G, with G = g - c times the integral of w over z. It is expanded around its mean,
-    so the first order vanishes, and the third nearly does: G is almost linear in r.
-    """
-    z0, r, z1, z2, zz = i.z0, i.r, i.z1, i.z2, i.zz
     rz = r * z1 - z2
     rd, d1 = rz - 0.5 * z0 * r * r, z1 - z0 * r
     g_sum = 0.5 * p * r * r - k * z2
-    gg = p * p * r * r * r / 3.0 - 2.0 * p * k * i.rz1 + k * k * i.z1z1
+    gg = p * p * r * r * r / 3.0 - 2.0 * p * k * rz1 + k * k * z1z1
     gd = p * rd - k * (0.5 * z1 * z1 - z0 * z2)
     dd = zz - 2.0 * z0 * z1 + z0 * z0 * r
     slope_d = p * d1 - k * (zz - z0 * z1)
-    r_slope_d = p * rd - k * (i.rzz - z0 * rz)
-    first = g_sum - c * w * d1
-    mean = (first - c / w * (gd - r * slope_d + r_slope_d) + 0.5 * c * c * dd) / r
-    spread = gg - 2.0 * c * w * gd + c * c * w * w * dd - first * first / r
+    r_slope_d = p * rd - k * (rzz - z0 * rz)
+    one = g_sum - c * w * d1
+    mean = (one - c / w * (gd - r * slope_d + r_slope_d) + 0.5 * c * c * dd) / r
+    spread = gg - 2.0 * c * w * gd + c * c * w * w * dd - one * one / r
     square = w * w + 2.0 * mean
-    return (r + 1.5 * spread / (square * square)) / math.sqrt(square)
+    return Slide((r + 1.5 * spread / (square * square)) / math.sqrt(square), r, z, w_end)
 
 
 @compiled
 def learn_slide(plant: np.record, work: NDArray) -> bool:
     """Compute z(r) from z_ba to steady sliding; store points on the way for `slide`."""
-    z, z_slide = plant.z_ba, plant.z_slide
+    z = plant.z_ba
     r, z1, z2, zz, rz1, z1z1, zzz1, rzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(SLIDE_SIZE):
         plant.slide[0, k] = z if k == 1 else 0.0
-    branch = path_branch(plant)
+    # An infinite mass keeps w at 1 m/s, so that time is the path.
+    branch = Branch(plant.z_ss, False, False, False, False, z, math.inf, 0.0, 0.0, 0.0)
     for piece in range(1, SLIDE_POINTS):
         expand(work, plant, branch, z, 1.0)
         h = step_length(work, _PER_STEP * plant.tolerance, 0.0, False)
@@ -203,7 +185,7 @@ def learn_slide(plant: np.record, work: NDArray) -> bool:
         at = plant.slide[piece]
         at[0], at[1], at[2], at[3], at[4] = r, z, z1, z2, zz
         at[5], at[6], at[7], at[8] = rz1, z1z1, zzz1, rzz
-        if z >= z_slide - plant.settled:
+        if z >= plant.z_slide - plant.settled:
             plant.slide_count = piece + 1
             return True
     return False

@@ -75,8 +75,13 @@ def expand(work: NDArray, plant: np.record, branch: Branch, z: float, w: float) 
         if branch.plastic:
             q = work[Z, n]
         else:
-            if branch.calc:
-                _fraction_coefficient(work, n, plant, branch)
+            if branch.calc and n == 0:  # of pi (z - z_ba) / (z_lim - z_ba), Eq. 8
+                work[D, 0] = math.pi * (z - branch.sine_start) / (work[G, 0] - plant.z_ba)
+            elif branch.calc:
+                d = math.pi * work[Z, n]
+                for j in range(1, n + 1):
+                    d -= work[G, j] * work[D, n - j]
+                work[D, n] = d / (work[G, 0] - plant.z_ba)
             else:
                 work[D, n] = scale * (z - branch.sine_start if n == 0 else work[Z, n])
             q = loading_coefficient(work, D, work[D, 0], 1.0, n)
@@ -182,18 +187,6 @@ def _limit_coefficient(work: NDArray, n: int, plant: np.record) -> None:
             e += j * work[Y, j] * work[E, n - j]
         work[E, n] = e / n
         work[G, n] = (plant.z_s - plant.z_k) * work[E, n]
-
-
-@compiled
-def _fraction_coefficient(work: NDArray, n: int, plant: np.record, branch: Branch) -> None:
-    """Coefficient n of pi (z - z_ba) / (z_lim - z_ba) into row D, Eq. 8."""
-    if n == 0:
-        work[D, 0] = math.pi * (work[Z, 0] - branch.sine_start) / (work[G, 0] - plant.z_ba)
-        return
-    d = math.pi * work[Z, n]
-    for j in range(1, n + 1):
-        d -= work[G, j] * work[D, n - j]
-    work[D, n] = d / (work[G, 0] - plant.z_ba)
 
 
 @compiled

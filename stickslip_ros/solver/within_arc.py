@@ -14,9 +14,8 @@ from stickslip_ros.solver.closed_arcs import Glide, glide
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, STIFF, TABULATED, TAYLOR
 from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
 from stickslip_ros.solver.roots import bisection
-from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
+from stickslip_ros.solver.stiff import Moved, resolve
 from stickslip_ros.solver.taylor import (
-    Branch,
     W,
     Z,
     expand,
@@ -127,16 +126,6 @@ def _implicit(arc: np.record, plant: np.record, t: float) -> Moved:
     pull = mirror * (arc.force - plant.spring * arc.x)
     branch = branch_at(plant, mirror * arc.z, mirror * arc.w, pull, mirror * arc.rate, mirror)
     return resolve(arc, plant, branch, t)
-
-
-@compiled
-def resolve(arc: np.record, plant: np.record, branch: Branch, t: float) -> Moved:
-    """Return the state after t (s) of an implicit arc on a branch, mirrored."""
-    state = arc.mirror * arc.z, arc.mirror * arc.w
-    found = stiff_step(plant, branch, state, t, plant.inv_omega, EXACT * plant.tolerance)[0]
-    if math.isnan(found.z):  # rounding hides so small a correction; the arc converged without it
-        found = stiff_step(plant, branch, state, t, plant.inv_omega, plant.tolerance)[0]
-    return found
 
 
 @compiled
