@@ -15,7 +15,6 @@ is a normal number that belongs to ``surface_seed`` and contact i.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import astuple, replace
 from typing import Any
 
@@ -23,8 +22,6 @@ import numpy as np
 
 from stickslip_ros.model.friction import (
     DISTANCES,
-    ELASTOPLASTIC_CALC,
-    FOREIGN,
     Contact,
     contact_of,
     contacts_of,
@@ -36,21 +33,6 @@ from stickslip_ros.parameters import FrictionParameters, ParameterError, Paramet
 #: Sets the normal numbers of contacts apart from others of the same seed
 _OF_CONTACTS = 2
 _GUIDED = 6
-#: Which contacts cannot be one of several, of arrays where, and the cure
-_REFUSALS: tuple[tuple[Callable[[Contact], Any], str], ...] = (
-    (
-        lambda contact: contact.kind == ELASTOPLASTIC_CALC,
-        "several contacts need one with a fixed z_ss; set model to ceim or epm_fix",
-    ),
-    (
-        lambda contact: contact.printed != 0,
-        "several contacts need alpha of Dupont; set alpha_form to dupont",
-    ),
-    (
-        lambda contact: (contact.kind < FOREIGN) & (contact.z_k != contact.z_s),
-        "several contacts know no Stribeck curve; set mu_s to mu_k, or model to ceim",
-    ),
-)
 
 
 def scale_contact(contact: Contact, factor: Any) -> Contact:
@@ -77,11 +59,11 @@ def build_contacts(p: Parameters) -> tuple[Contact, ...]:
                 f"contact {k + 1} of {count}, with {friction.preload / count:.3g} N of the "
                 f"preload: {error}"
             ) from None
-        for refuses, cure in _REFUSALS:
-            if refuses(contact):
-                raise ParameterError(
-                    f"contacts is {count} and model is {p.friction.model}: {cure}, or contacts to 1"
-                )
+        if contact.printed:  # it jumps, which no step of several contacts ends at
+            raise ParameterError(
+                f"contacts is {count} and alpha_form is printed: several contacts need alpha of "
+                "Dupont; set alpha_form to dupont, or contacts to 1"
+            )
         found.append(_part(contact, count, factor))
     return tuple(found)
 
@@ -97,9 +79,7 @@ def columns_of_contacts(p: Parameters) -> tuple[Contact, ...]:
     found = []
     for friction, factor in _each(p):
         contact = contacts_of(friction)
-        possible = is_defined(contact)
-        for refuses, _ in _REFUSALS:
-            possible = possible & np.logical_not(refuses(contact))
+        possible = is_defined(contact) & (contact.printed == 0)
         sigma_0: Any = np.where(possible, contact.sigma_0, math.nan)
         found.append(_part(contact._replace(sigma_0=sigma_0), count, factor))
     return tuple(found)

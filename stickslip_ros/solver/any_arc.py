@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import FOREIGN, friction_force
+from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
 from stickslip_ros.solver.cycles import ArcLimits
-from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after
+from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after, takes_steps
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.within_arc import (
     begin_arc,
@@ -41,7 +41,7 @@ def find_arc(
     """
     if contacts is None:
         next_arc(arc, plant, limit, tables)
-    elif contacts[0].kind >= FOREIGN:
+    elif takes_steps(contacts[0]):
         general_arc(arc, plant, contacts, limit)
     else:
         contacts_arc(arc, plant, contacts, limit)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arcs of contacts whose law has its own rate: one step of an explicit method of order 8.
 
+So go several contacts whose limit of z follows w, too: they have no series.
+
 State and step are mirrored so that w > 0: w, the z of each contact, their second states if the law
 has two, and with a spring the path, the integral of w. The step gives polynomials of time, which
 the rest of the solver uses like a Taylor series for events, samples and sums. An arc ends where w
@@ -16,7 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import FOREIGN, friction_force, has_two_states, rates_of_law
+from stickslip_ros.model.friction import (
+    ELASTOPLASTIC_CALC,
+    FOREIGN,
+    has_two_states,
+    rates_of_law,
+)
 from stickslip_ros.solver.contact_arcs import mean_at_end, stay
 from stickslip_ros.solver.dop853 import DEGREES, ERRORS, OUTPUT, POWERS, STAGES, STEP, TIMES, A
 from stickslip_ros.solver.layout import ORDER, PLASTIC, TAYLOR, TURN
@@ -56,10 +63,14 @@ INNER = 1
 
 
 @compiled
+def takes_steps(c: np.record) -> bool:
+    """Return whether arcs of a contact are steps: its law has its own rate, or z_lim follows w."""
+    return c.kind >= FOREIGN or c.kind == ELASTOPLASTIC_CALC or c.z_k != c.z_s  # type: ignore[no-any-return]
+
+
+@compiled
 def force_of(c: np.record, z: float, inner: float, w: float) -> float:
     """Return F (N) of Eq. 1 of one of the contacts, whatever its law."""
-    if c.kind < FOREIGN:
-        return friction_force(z, w, c)
     z_rate, _ = rates_of_law(z, inner, w, c)
     return c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w  # type: ignore[no-any-return]
 

@@ -89,8 +89,6 @@ def test_what_cannot_be_is_refused_with_a_cure() -> None:
     for values, said in [
         ({**GUIDE, "contacts": 4}, "contacts is 4 and contact_shares is guide.*set contacts to 6"),
         ({**GUIDE, "preload": 0.01}, "contact_shares is guide: .* would have to pull"),
-        ({"contacts": 3, "model": "epm_calc", "preload": 1.0}, "contacts is 3 and model is epm_c"),
-        ({"contacts": 3, "model": "lugre"}, "contacts is 3 and model is lugre: .* mu_s to mu_k"),
         (
             {"contacts": 3, "alpha_form": "printed", "z_ba": 1e-8, "z_ss": 5e-8},
             "contacts is 3 .* alpha_form to dupont",

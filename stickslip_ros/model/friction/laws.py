@@ -68,16 +68,18 @@ _TWO = np.array([k < len(_FOREIGN) and _FOREIGN[k].states == 2 for k in range(_M
 @compiled
 def has_two_states(kind: int) -> bool:
     """Return whether a law with a rate of its own has a second state beside z."""
-    return _TWO[kind - FOREIGN]  # type: ignore[no-any-return]
+    return kind >= FOREIGN and _TWO[kind - FOREIGN]  # type: ignore[no-any-return]
 
 
 @compiled
 def rates_of_law(z: float, inner: float, w: float, c: np.record) -> tuple[float, float]:
-    """Return z' (m/s) and the rate of the second state of a law with a rate of its own.
+    """Return z' (m/s) and the rate of the second state of any law, 0 if it has none.
 
     c is a record with the constants of the contact, and those of the law alone, by name.
     """
     kind = c.kind - FOREIGN
+    if kind < 0:
+        return z_rate(z, w, c), 0.0
     if kind < 4:
         if kind < 2:
             return _R0(z, inner, w, c, alpha) if kind == 0 else _R1(z, inner, w, c, alpha)
