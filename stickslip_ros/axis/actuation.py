@@ -303,7 +303,8 @@ class Actuation:
         self._take_sensor()
         if self._dynamics:
             for times in self._dynamics.due(t, driven=self.kind != REST):
-                self._dynamics.see(self.sim.sample(times).x)
+                samples = self.sim.sample(times)
+                self._dynamics.see(samples.x, samples.v)
 
     def _room(self, sign: int) -> float:
         """Return how far (m) it is to the soft limit in the direction of sign."""

@@ -10,9 +10,10 @@ Motion between readings counts only with a bandwidth, a low-pass before the read
     second order:  y'' = omega^2 (x - y) - 2 zeta omega y'
 
 The position is then sampled on a grid that is fine compared with the ringing. Between samples it is
-assumed to be straight, for which the filter is exact. The grid follows the readings, not the calls,
-so the filter does not depend on how often the state is read. Once the runner stands still and the
-filter has settled, only the positions at readings that are asked for are computed.
+taken for the cubic with the same positions and velocities, for which the filter is exact. The grid
+follows the readings, not the calls, so the filter does not depend on how often the state is read.
+Once the runner stands still and the filter has settled, only the positions at readings that are
+asked for are computed.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ _BLOCK = 1024
 _SEEDS = 2**32
 #: Parts of the 1/f noise, each an octave below the last: at 1 kHz down to periods of 4.7 h
 _OCTAVES = 24
-#: Least samples in a second and in a period of the ringing: with a ringing of 30 nm, straight
-#: lines between them are 0.06 nm off at most.
+#: Least samples in a second and in a period of the ringing
 _GRID, _PER_PERIOD = 250e3, 40.0
 #: s between looks whether the runner is still; also of samples at a time, for these take memory
 _LOOK = 0.016
@@ -129,27 +129,69 @@ def _flicker_of(seed: int, block: int) -> NDArray[np.float64]:
 
 
 class LowPass:
-    """The low-pass of a sensor on even samples."""
+    """The low-pass of a sensor on even samples, exact for cubics between them."""
 
     def __init__(self, p: SensorParameters, dt: float, x: float) -> None:
         """Start settled at x (m); dt is the time (s) between samples."""
-        omega = 2.0 * math.pi * (p.sensor_bandwidth or 0.0)
-        system: tuple[list[float], list[float]] = ([omega], [1.0, omega])
-        if p.sensor_order == 2:
-            system = ([omega**2], [1.0, 2.0 * p.sensor_damping * omega, omega**2])
-        b, self._a, _ = scipy.signal.cont2discrete(system, dt, method="foh")
-        self._b = b[0]
+        omega, order = 2.0 * math.pi * (p.sensor_bandwidth or 0.0) * dt, p.sensor_order
+        rates = np.array([[-omega]])  # a sample
+        if order == 2:
+            rates = np.array([[0.0, omega], [-omega, -2.0 * p.sensor_damping * omega]])
+        # Taylor coefficients of the input follow the states of the filter.
+        taylor = np.diag(np.ones(order + 3), 1)
+        taylor[:order, :order] = rates
+        taylor[:order, order] = np.eye(order)[-1] * omega
+        end = scipy.linalg.expm(taylor)
+        held = end[:order, order:] @ _HERMITE
+        # Two sections with a pole each: the coefficients of both poles in one, near 1, would leave
+        # the gain of a slow filter nothing but rounding.
+        self._poles = np.exp(np.linalg.eigvals(rates).astype(np.complex128))
+        self._numerators = [
+            _numerator(end[:order, :order], held[:, k], held[:, k + 2], self._poles) for k in (0, 1)
+        ]
+        self._dt = dt
         self.settle(x)
 
     def settle(self, x: float) -> None:
         """Continue as after a long time at x (m)."""
-        self._state = np.zeros(len(self._a) - 1)
+        order = len(self._poles)
+        self._inputs = np.zeros((2, order))
+        self._states = np.zeros((order, 1), dtype=np.complex128)
         self._zero = x  # filtered values are small, and so is their rounding
 
-    def see(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the output (m) at the next samples x (m), (samples,)."""
-        y, self._state = scipy.signal.lfilter(self._b, self._a, x - self._zero, zi=self._state)
-        return np.asarray(y + self._zero)
+    def see(self, x: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the output (m) at the next samples x (m) with the rates v (m/s), (samples,)."""
+        y = np.zeros(len(x))
+        for k, values in enumerate((x - self._zero, v * self._dt)):
+            part, self._inputs[k] = scipy.signal.lfilter(
+                self._numerators[k], [1.0], values, zi=self._inputs[k]
+            )
+            y = y + part
+        for k, pole in enumerate(self._poles):
+            y, self._states[k] = scipy.signal.lfilter([1.0], [1.0, -pole], y, zi=self._states[k])
+        return np.asarray(y.real + self._zero)
+
+
+#: Value and derivatives at the start of the cubic between two samples, by value
+#: and rate at its start and value and rate at its end; time in samples.
+_HERMITE = np.array(
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
+)
+
+
+def _numerator(
+    a: NDArray[np.float64],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+    poles: NDArray[np.complex128],
+) -> NDArray[np.float64]:
+    """Return the numerator, (order + 1,), from an input to the first state of
+
+    y[k + 1] = a y[k] + start u[k] + end u[k + 1],  a: (order, order), start and end: (order,).
+    """
+    b = a @ end + start
+    adjugate = b if len(b) == 1 else np.array([b[0], a[0, 1] * b[1] - a[1, 1] * b[0]])
+    return np.asarray(end[0] * np.poly(poles).real + np.append(0.0, adjugate))
 
 
 def has_bandwidth(p: SensorParameters) -> bool:
@@ -195,7 +237,7 @@ class SensorDynamics:
         self._still = False
 
     def due(self, t: float, driven: bool = True) -> Iterator[NDArray[np.float64]]:
-        """Yield the times (s) of the samples up to time t (s); pass their positions to `see`.
+        """Yield the times (s) of the samples up to time t (s); pass their samples to `see`.
 
         driven: whether the actuator is commanded to move until then.
         """
@@ -210,13 +252,13 @@ class SensorDynamics:
                 first = max(-(-first // step), (self._end - 1) // step) * step
             yield self._times(np.arange(first, self._end, step))
 
-    def see(self, x: NDArray[np.float64]) -> None:
-        """Filter the positions (m) of the runner at the samples that were due, (samples,)."""
+    def see(self, x: NDArray[np.float64], v: NDArray[np.float64]) -> None:
+        """Filter positions (m) and velocities (m/s) at the samples that were due, (samples,)."""
         if not self._still:
             if self._settled:
                 self._low_pass.settle(self._x)
             readings = np.arange(self._next, self._end) % self._looks == 0
-            y = self._low_pass.see(x)
+            y = self._low_pass.see(x, v)
             self._seen(x, y)
             if readings.any():
                 self.sensed = float(y[readings][-1])

@@ -167,6 +167,12 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: bool(p.value("spring")) and has_chain(p.actuator),
         "0.03 nm a cycle",
     ),
+    ModelChange(
+        12,
+        "a sensor with a bandwidth takes the runner's velocity between its samples into account",
+        lambda p: bool(p.value("sensor_bandwidth")),
+        "0.3 nm of a reading",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

@@ -152,7 +152,8 @@ def read_steps(p: Parameters, steps: int) -> Motion:
         x = np.empty(len(times))
         for number, t in enumerate(times):
             for looks in dynamics.due(t):
-                dynamics.see(simulation.sample(looks).x)
+                samples = simulation.sample(looks)
+                dynamics.see(samples.x, samples.v)
             x[number] = dynamics.sensed
         return x
 
@@ -185,7 +186,8 @@ def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
     ends = np.empty((3, 0))  # time, position and velocity at the last look
     while done < len(x):
         t = motion.t[0] + dt * np.arange(first, min(first + _CHUNK, last + 1))
-        seen = position.see(motion.position_at(t)), velocity.see(motion.velocity_at(t))
+        rate = motion.velocity_at(t)
+        seen = position.see(motion.position_at(t), rate), velocity.see(rate, np.gradient(rate, dt))
         known = np.concatenate([ends, [t, *seen]], axis=1)
         part = slice(done, int(np.searchsorted(motion.t, t[-1], side="right")))
         x[part] = np.interp(motion.t[part], known[0], known[1])

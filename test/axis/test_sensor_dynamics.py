@@ -53,7 +53,7 @@ def test_readings_are_those_of_an_integrator_of_the_filter(filter_: dict[str, An
     during = (readings.t > rest) & (readings.t < rest + 3 / 500.0)
     expected = _filtered(p, 3, readings.t[during] - rest)
     assert np.ptp(expected) > 300e-9
-    assert readings.x[during] == pytest.approx(expected, abs=0.05e-9)
+    assert readings.x[during] == pytest.approx(expected, abs=0.005e-9)
 
 
 def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:
@@ -61,20 +61,28 @@ def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:
     motion = Motion.of_trace(trace_steps(p, 3), "")
     seen = through_bandwidth(p, motion)
     some = slice(50, None, 97)
-    assert seen.x[some] == pytest.approx(_filtered(p, 3, motion.t[some]), abs=0.05e-9)
+    assert seen.x[some] == pytest.approx(_filtered(p, 3, motion.t[some]), abs=0.01e-9)
     assert seen.v is not None
     change = np.interp(motion.t[some], motion.t, np.gradient(seen.x, motion.t))
     assert seen.v[some] == pytest.approx(change, abs=2e-5)
 
 
-def test_a_step_response_is_that_of_the_textbook() -> None:
-    p = table_1(sensor_bandwidth=100.0).sensor
-    dt = 1e-5
-    y = LowPass(p, dt, 5e-9).see(np.full(1000, 5e-9 + 100e-9))
-    # the step is the end of a ramp of one sample
-    decay = 2.0 * math.pi * 100.0 * dt
-    lag = (1.0 - math.exp(-decay)) / decay * np.exp(-decay * np.arange(1000))
-    assert y == pytest.approx(5e-9 + 100e-9 * (1.0 - lag), abs=1e-16)
+def test_the_response_to_a_cubic_is_that_of_the_textbook() -> None:
+    p, dt = table_1(sensor_bandwidth=100.0).sensor, 1e-5
+    t = np.linspace(dt, 1000 * dt, 1000)
+    y = LowPass(p, dt, 5e-9).see(5e-9 + 1e-3 * t**3, 3e-3 * t**2)
+    lag = 1.0 / (2.0 * math.pi * 100.0)
+    cubic = t**3 - 3.0 * lag * t**2 + 6.0 * lag**2 * t - 6.0 * lag**3 * (1.0 - np.exp(-t / lag))
+    assert y == pytest.approx(5e-9 + 1e-3 * cubic, abs=1e-20)
+
+
+def test_a_slow_sensor_of_a_long_move_keeps_its_gain() -> None:
+    """It was 0.06 nm off after a millimetre, and 2.8 nm at 1 Hz: rounding of the filter."""
+    p = table_1(sensor_bandwidth=10.0, sensor_order=2, sensor_damping=0.7).sensor
+    t = np.linspace(1e-6, 1.0, 10**6)
+    y = LowPass(p, 1e-6, 0.0).see(1e-3 * t, np.full_like(t, 1e-3))
+    behind = 2.0 * 0.7 / (2.0 * math.pi * 10.0)
+    assert y[-1] == pytest.approx(1e-3 * (1.0 - behind), abs=1e-13)
 
 
 def test_a_wide_bandwidth_reads_where_the_runner_is() -> None:
@@ -212,7 +220,8 @@ def test_readings_at_rest_are_those_of_every_sample() -> None:
             for between in sorted(lot.uniform(parts.state.t, t, 3)):
                 parts.advance(between)
         times = np.append(((k - 1) * 250 + numbers) / 250 / 1000, t)
-        y = low_pass.see(exact.actuation.sim.sample(times).x)[-1]
+        samples = exact.actuation.sim.sample(times)
+        y = low_pass.see(samples.x, samples.v)[-1]
         exact.advance(t)
         whole.advance(t)
         parts.advance(t)
