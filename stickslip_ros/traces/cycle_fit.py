@@ -37,6 +37,7 @@ class CycleFitSettings:
     cycles: int = 40  #: that one fit takes at most, the first and the last ones of a long run
     tuning: int = 16  #: cycles that the clock is fitted to
     beyond: int = 2  #: cycles fitted beyond either end of a run, which must not rise
+    shared: float = 0.99  #: part of its neighbour's noise that a cell has at most
     exact: float = 1e-3  #: part of the motion that no fit explains: slips are not instant
     seen: float = 0.1  #: part of a period after a slip from which on its fall is seen
     alone: int = 6  #: cycles from which on those beyond are not needed for the clock
@@ -83,6 +84,7 @@ class CycleFit:
     rise: Array  #: m, (cycles,), positive in the direction of the run
     fall: Array  #: m, (cycles,)
     seen: NDArray[np.bool_]  #: whether the fall is, (cycles,)
+    errors: Array  #: standard errors of rise and fall, m, (2, cycles)
     left: float  #: root mean square of the residuals, m
     chance: float  #: the same of the noise, m
     whole: float  #: root mean square of the motion but for its mean, m
@@ -197,16 +199,22 @@ def fit_cycles(
     def total(squares: list[float]) -> float:
         return math.sqrt(float(np.average(squares, weights=weights)))
 
-    # Cycles since the last slip, by which the record ends: of one that has none, a rise is seen.
-    later = [(p.edges[-1] - grid.first) / grid.period - p.number for p in parts]
-    slip = np.concatenate(later) > -SETTINGS.seen
+    # Cycles from the begin and to the end of the record: of one whose slip is not in it, a rise is.
+    before, after = (
+        np.concatenate(
+            [sign * (p.number - (p.edges[at] - grid.first) / grid.period) for p in parts]
+        )
+        for sign, at in ((1.0, 0), (-1.0, -1))
+    )
+    slip = after > -SETTINGS.seen
     return CycleFit(
         grid,
         ringing,
         np.concatenate([part.number for part in parts])[slip],
         np.concatenate([fit.rise for fit in fits])[slip],
         np.concatenate([fit.fall for fit in fits])[slip],
-        np.concatenate(later)[slip] > SETTINGS.seen,
+        np.minimum(before, after)[slip] > SETTINGS.seen,
+        np.concatenate([fit.errors for fit in fits], axis=1)[:, slip],
         total([float(np.mean(fit.left**2)) for fit in fits]),
         total([part.chance**2 for part in parts]),
         total([part.spread**2 for part in parts]),
@@ -239,6 +247,7 @@ class _PartFit:
     rise: Array  #: m, (cycles,)
     fall: Array  #: m, (cycles,)
     left: Array  #: m, (known cells,)
+    errors: Array  #: standard errors of rise and fall, m, (2, cycles); empty if all rise alike
 
 
 def split_parts(
@@ -316,15 +325,28 @@ def _fit_part(
         columns += [sign * rises.T, -sign * falls.T]
         widths += [half] * len(rises) + [2.0 * abs(fall)] * len(falls)
         chance = max(chance, float(np.std(alike.left)))
-    design = np.hstack(columns)[known] * np.array(widths)
-    normal = design.T @ design + chance**2 * np.eye(len(widths))
-    found = scipy.linalg.solve(normal, design.T @ wanted[known], assume_a="pos")
-    left, answers = wanted[known] - design @ found, (found * np.array(widths))[others:]
+    design, wanted = np.hstack(columns)[known] * np.array(widths), wanted[known]
+    found, left, _ = _ridge(design, wanted, chance)
     if alike is None:
-        rise_of, fall_of = np.full(int(inside.sum()), answers[0]), answers[1:]
-    else:
-        rise_of, fall_of = half + answers[: len(rises)], answers[len(rises) :]
-    return _PartFit(rise_of, fall_of, left)
+        answers = (found * np.array(widths))[others:]
+        return _PartFit(np.full(int(inside.sum()), answers[0]), answers[1:], left, np.empty(0))
+    # But for what neighbouring cells share, their noise is white (D. Cochrane, G. Orcutt, Journal
+    # of the American Statistical Association 44 (1949) 32).
+    shared = min(max(float(left[1:] @ left[:-1] / (left @ left)), 0.0), SETTINGS.shared)
+    chance = max(part.chance, float(np.std(left))) * math.sqrt(1.0 - shared**2)
+    white, whitened = (one[1:] - shared * one[:-1] for one in (design, wanted))
+    found, _, errors = _ridge(white, whitened, chance)
+    left = wanted - design @ found
+    answers, errors = (found * np.array(widths))[others:], (errors * np.array(widths))[others:]
+    rise_of, fall_of = half + answers[: len(rises)], answers[len(rises) :]
+    return _PartFit(rise_of, fall_of, left, errors.reshape(2, -1))
+
+
+def _ridge(design: Array, wanted: Array, chance: float) -> tuple[Array, Array, Array]:
+    """Return the unknowns of a prior of 1, what they leave (m), and their standard errors."""
+    inverse = np.linalg.inv(design.T @ design + chance**2 * np.eye(design.shape[1]))
+    found = inverse @ (design.T @ wanted)
+    return found, wanted - design @ found, chance * np.sqrt(np.diag(inverse))
 
 
 def responses_of(

@@ -120,7 +120,7 @@ def doubts_of(
             found.append(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
-    if fit is not None and not confirmed:
+    if fit is not None and not (confirmed or unlikely):
         found += _miscounted(fit)
     near = SETTINGS.mains / (run.end - run.begin)
     swings = 0.0 if ringing is None else ringing.frequency
@@ -235,10 +235,14 @@ def _miscounted(fit: CycleFit) -> list[str]:
     if not inner.any():
         return []
     likely = np.zeros(len(fit.number))
-    for sizes, most in ((fit.rise, 0.0), (fit.fall, math.inf)):  # a rise alone is no step
+    for sizes, errors, most in zip(  # a rise alone is no step
+        (fit.rise, fit.fall), fit.errors, (0.0, math.inf), strict=True
+    ):
         usual = float(np.median(sizes[inner]))
         scatter = 1.4826 * float(np.median(np.abs(sizes[inner] - usual)))
-        odds = usual * (sizes - 0.5 * usual) / (scatter**2 + (SETTINGS.end * usual) ** 2)
+        odds = (
+            usual * (sizes - 0.5 * usual) / (scatter**2 + (SETTINGS.end * usual) ** 2 + errors**2)
+        )
         likely += np.minimum(odds, most)
     numbers = {count}
     for number, odd, seen in zip(fit.number, likely, fit.seen, strict=True):

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -126,6 +128,17 @@ def test_of_a_long_run_both_ends_are_looked_at() -> None:
     fit = fit_cycles(even, longer, RINGING, 0.0, even.end, tuned=True)
     assert fit is not None
     assert fit.extent() == (0, 63)
+
+
+def test_noise_that_neighbours_share_widens_the_errors_as_much_as_it_does_the_falls() -> None:
+    even, grid = _run()
+    noise = np.random.default_rng(3).standard_normal(len(even.x))
+    walking = scipy.signal.lfilter([3e-9], [1.0, -0.98], noise)
+    fit = fit_cycles(replace(even, x=even.x + walking), grid, RINGING, 0.0, even.end, tuned=True)
+    assert fit is not None
+    rise, fall = (np.r_[0.0, 0.0, sizes, 0.0, 0.0] for sizes in (RISES, FALLS))
+    for found, true, errors in zip((fit.rise, fit.fall), (rise, fall), fit.errors, strict=True):
+        assert 0.5 < np.sqrt(np.mean(((found - true) / errors) ** 2)) < 2.0
 
 
 def test_too_little_tells_nothing() -> None:
