@@ -55,7 +55,7 @@ class TwinStory:
         """Return that of a twin that has taken the readings of a source."""
         told = [(one.onset, one.told, one.text) for one in twin.changes]
         readings = deque[tuple[float, ...]](one[:4] for one in updates)
-        history = deque(twin.history)
+        history = deque((t, estimates) for t, estimates, _ in twin.history)
         history.append((twin.t, twin.estimates()))
         troubles = dict(twin.troubles)
         return cls(source, *twin.level, twin.driven, readings, history, told, troubles)

@@ -7,11 +7,11 @@ import csv
 import io
 import math
 from collections import deque
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START, Event
@@ -28,6 +28,7 @@ from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.twin.settings import TwinError
 from stickslip_ros.twin.timeline import TwinCommand
 
+Array = NDArray[np.float64]
 Log = list[TwinCommand | tuple[float, float]]
 
 #: Commands whose cycles the twin knows, and others that begin none; it knows nothing of the cycles
@@ -41,11 +42,9 @@ UNKNOWN = tuple(
 _LARGEST = 100_000_000
 #: Columns with the commands: a number of steps in a row is a command given then, 0 is none
 _COLUMNS = [
-    Quantity(name, what, "frequency", (name,), "Hz", required=False, default="Hz")
-    for name, what in (
-        ("steps", "steps commanded"), ("amplitude", "amplitude"), ("frequency", "frequency"),
-    )
-]  # fmt: skip
+    Quantity(name, f"{name} commanded", "frequency", (name,), "Hz", required=False, default="Hz")
+    for name in ("amplitude", "frequency", "steps")
+]
 
 
 def commands_of(event: Event, t: float) -> list[TwinCommand]:
@@ -78,7 +77,7 @@ def read_log(
     found = load_motion(path, how, joint)
     motion, first = found.motion, found.origin_ns or 0
     if drive is not None:
-        return _merged(_of_file(drive), zip(motion.t.tolist(), motion.x.tolist(), strict=True))
+        return _merged(_of_file(drive), motion.t, motion.x)
     with open_bag(path) as bag:
         runs = recorded_runs(bag)
     of_joint = [run for run in runs if f"{run.axis_name}{SLIDER}" == joint] or runs[:1]
@@ -92,7 +91,7 @@ def read_log(
         for command in commands_of(event, 1e-9 * (event_ns(run.start_ns, event) - origin))
     ]
     stamps = first - origin + np.rint(1e9 * motion.t).astype(np.int64)
-    return _merged(commands, zip((1e-9 * stamps).tolist(), motion.x.tolist(), strict=True))
+    return _merged(commands, 1e-9 * stamps, motion.x)
 
 
 def event_ns(start_ns: int, event: Event) -> int:
@@ -103,35 +102,28 @@ def event_ns(start_ns: int, event: Event) -> int:
 def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:
     """Return the rows as they stand: late, doubled and empty ones are the twin's to tell."""
     with naming(path):
-        table = open_table(path, how.decimal)
-        plain = {one.key: "Hz" for one in _COLUMNS}  # V and Hz, whatever the unit says
-        chosen = choose(
-            table, (TIME, POSITION, *_COLUMNS), replace(how, units={**plain, **how.units})
-        )
-        loaded = table.load(list(chosen.values()))
-        values = {
-            name: column.factor * one
-            for (name, column), one in zip(chosen.items(), loaded.values, strict=True)
-        }
+        table, plain = open_table(path, how.decimal), {one.key: "Hz" for one in _COLUMNS}
+        plainly = replace(how, units={**plain, **how.units})  # V and Hz, whatever the unit says
+        chosen = choose(table, (TIME, POSITION, *_COLUMNS), plainly)
+        loaded = zip(chosen.items(), table.load(list(chosen.values())).values, strict=True)
+        values = {name: column.factor * one for (name, column), one in loaded}
     x = values["x"] / math.cos(how.angle)
     t = values["t"] if "t" in values else np.arange(len(x)) / (how.rate or 1.0)
-    readings = list(zip(t.tolist(), x.tolist(), strict=True))
     if drive is not None:
-        return _merged(_of_file(drive), readings)
+        return _merged(_of_file(drive), t, x)
     if "steps" not in values:
         raise TwinError(
             f"{path} has no column steps; add the columns steps, amplitude (V) and frequency (Hz) "
             "with the commands, or give them with --drive"
         )
-    log, before = Log(), dict.fromkeys(("amplitude", "frequency"), math.nan)
-    for k, (now, reading) in enumerate(readings):
-        for name in ("amplitude", "frequency", "steps"):
-            value = float(values[name][k]) if name in values else math.nan
-            if not math.isnan(value) and value and value != before.get(name):
+    log, before = Log(), dict[str, float]()
+    for k, now in enumerate(t.tolist()):
+        for name in (one.key for one in _COLUMNS if one.key in values):
+            value = float(values[name][k])
+            if value and not math.isnan(value) and (name == "steps" or value != before.get(name)):
                 log.append(TwinCommand(now, name, value))
-                if name in before:
-                    before[name] = value
-        log.append((now, reading))
+                before[name] = value
+        log.append((now, float(x[k])))
     return log
 
 
@@ -154,11 +146,10 @@ def _of_file(path: Path) -> list[TwinCommand]:
     return sorted(found, key=lambda command: command.t)
 
 
-def _merged(commands: list[TwinCommand], readings: Iterable[tuple[float, float]]) -> Log:
+def _merged(commands: list[TwinCommand], times: Array, positions: Array) -> Log:
     """Return commands among readings, each before the first reading that is not older."""
-
     log, waiting, latest = Log(), deque(commands), -math.inf
-    for t, x in readings:
+    for t, x in zip(times.tolist(), positions.tolist(), strict=True):
         latest = max(latest, t) if math.isfinite(t) else latest
         while waiting and waiting[0].t <= latest:
             log.append(waiting.popleft())

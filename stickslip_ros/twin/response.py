@@ -43,11 +43,6 @@ class Blur(NamedTuple):
     turned: float = 0.0  #: of its phase since the slip
     coherence: float = 0.0  #: what the uncertain time leaves of what two readings have in common
 
-    @property
-    def deviation(self) -> float:
-        """Deviation of the reading, m."""
-        return math.hypot(self.timing, self.ringing)
-
 
 @dataclass(frozen=True)
 class CycleCurve:
@@ -161,15 +156,14 @@ class Model:
             found = []
             for name in names:
                 # At the end of what its law allows a parameter changes in one direction alone.
-                near = {by: self.moved({name: by}) for by in (_CHANGE, 0.0, -_CHANGE)}
-                known = [(by, model) for by, model in near.items() if model is not None]
-                (above, upper), (below, lower) = known[0], known[-1]
-                ends = [CycleCurve.of(one.p, drive) for one in (upper, lower)]
-                up, down = ([one.x, one.rest, one.step] for one in ends)
-                found.append([(a - b) / (above - below) for a, b in zip(up, down, strict=True)])
+                near = [(by, self.moved({name: by})) for by in (_CHANGE, 0.0, -_CHANGE)]
+                (above, upper), *_, (below, lower) = [one for one in near if one[1]]
+                assert upper and lower
+                up, down = (CycleCurve.of(one.p, drive) for one in (upper, lower))
+                differences = up.x - down.x, up.rest - down.rest, up.step - down.step
+                found.append([one / (above - below) for one in differences])
             x, rest, step = (np.array(one) for one in zip(*found, strict=True))
-            nothing = np.zeros(2)
-            self._slopes[drive] = CycleCurve(x, rest, step, nothing, nothing, 0.0)
+            self._slopes[drive] = CycleCurve(x, rest, step, np.zeros(2), np.zeros(2), 0.0)
         return self._slopes[drive]
 
     def moved(self, changes: Mapping[str, float]) -> Model | None:

@@ -44,26 +44,25 @@ class Piece:
 
     start: float  #: s
     drive: OperatingPoint | None  #: None: unknown ones
-    cycles: float  #: inf: until something ends them
+    cycles: float  #: inf: until something ends them; unknown ones count as if of 1 Hz
     rests: bool = True  #: whether the axis rests afterwards
     alike: bool = False  #: whether those before had this amplitude and frequency, and then a rest
 
     @property
     def end(self) -> float:
         """Time (s) at which the last cycle ends."""
-        return self.start + self.cycles / self.drive.frequency if self.drive else math.inf
+        return self.start + self.cycles / (self.drive.frequency if self.drive else 1.0)
 
     def cycles_at(self, t: float) -> float:
         """Return the cycles (with their part) done at a time (s)."""
-        assert self.drive
-        return min(max((t - self.start) * self.drive.frequency, 0.0), self.cycles)
+        done = (t - self.start) * (self.drive.frequency if self.drive else 1.0)
+        return min(max(done, 0.0), self.cycles)
 
     def cut(self, t: float) -> Piece:
-        """Return the piece as it ends after the cycle that runs at a time (s)."""
-        if self.drive is None:
-            return self
-        done = math.ceil(self.cycles_at(t) - _ROUNDING)
-        return replace(self, cycles=min(float(done), self.cycles))
+        """Return the piece as it ends at a time (s), after the cycle that runs if it is known."""
+        done = self.cycles_at(t)
+        whole = float(math.ceil(done - _ROUNDING)) if self.drive else done
+        return replace(self, cycles=min(whole, self.cycles))
 
 
 class Timeline:
@@ -81,7 +80,11 @@ class Timeline:
         name, value, t = command.name, command.value, command.t
         if name in ("amplitude", "frequency"):
             setattr(self, name, value)
-            self._change_drive(t, jogging=name == "amplitude")
+            last = self.pieces[-1] if self.pieces else None
+            left = last.cycles - last.cut(t).cycles if last else 0.0
+            if last and last.drive and left > 0.0:  # a new frequency ends that of a jog
+                frequency = last.drive.frequency if name == "amplitude" else 0.0
+                self._begin(t, last.drive.direction, left, frequency)
         elif name == "start":
             self.clear()
         elif name in ("steps", "jog") and value:
@@ -100,46 +103,25 @@ class Timeline:
 
     def piece(self, start: float, direction: int, cycles: float, frequency: float = 0.0) -> Piece:
         """Return the piece of cycles that would be commanded now; frequency (Hz) of a jog."""
-        drive = OperatingPoint(
-            self.amplitude, frequency or self.frequency, direction, self._direction
-        )
+        drive = self.amplitude, frequency or self.frequency
         rested = not self.pieces or start - self.pieces[-1].end > RESTED
-        alike = rested and (drive.amplitude, drive.frequency) == self._before
-        return Piece(start, drive, cycles, alike=alike)
+        point = OperatingPoint(*drive, direction, self._direction)
+        return Piece(start, point, cycles, alike=rested and drive == self._before)
 
     def _end(self, t: float) -> float:
         """End what runs after its cycle; return the time (s) from which on something new runs."""
         if not self.pieces:
             return t
-        last = self.pieces[-1]
-        if last.drive is None:
-            if last.start < t:
-                self.pieces[-1] = Piece(last.start, None, t - last.start)
-            else:
-                self.pieces.pop()
-            return t
-        self.pieces[-1] = last.cut(t)
-        return max(t, self.pieces[-1].end)
+        last = self.pieces[-1] = self.pieces[-1].cut(t)
+        return max(t, last.end)
 
     def _begin(self, t: float, direction: int, cycles: float, frequency: float) -> None:
         start = self._end(t)
-        if self.pieces and self.pieces[-1].drive and start == self.pieces[-1].end > t:
+        if self.pieces and start == self.pieces[-1].end > t:
             self.pieces[-1] = replace(self.pieces[-1], rests=False)
-        piece = self.piece(start, direction, cycles, frequency)
-        self.pieces.append(piece)
-        assert piece.drive
-        self._direction, self._before = direction, (piece.drive.amplitude, piece.drive.frequency)
-
-    def _change_drive(self, t: float, jogging: bool) -> None:
-        if not self.pieces or self.pieces[-1].drive is None or self.pieces[-1].end <= t:
-            return
-        last, drive = self.pieces[-1], self.pieces[-1].drive
-        now = last.cut(t)
-        left = last.cycles - now.cycles
-        if left > 0.0:
-            self.pieces[-1] = now
-            frequency = drive.frequency if jogging else 0.0  # a new one ends that of a jog
-            self._begin(t, drive.direction, left, frequency)
+        self.pieces.append(self.piece(start, direction, cycles, frequency))
+        self._direction = direction
+        self._before = self.amplitude, frequency or self.frequency
 
     def between(self, t0: float, t1: float) -> Iterator[tuple[Piece, float, float]]:
         """Yield the pieces that matter from t0 to t1 (s), each with its part of that time.
@@ -159,7 +141,4 @@ class Timeline:
 
     def blind_between(self, t0: float, t1: float) -> bool:
         """Return whether unknown cycles may have run between two times (s)."""
-        return any(
-            piece.drive is None and begin < piece.start + piece.cycles
-            for piece, begin, _ in self.between(t0, t1)
-        )
+        return any(one.drive is None and t < one.end for one, t, _ in self.between(t0, t1))

@@ -73,15 +73,6 @@ class Seen(NamedTuple):
     motion: ModelledWay
 
 
-class Innovation(NamedTuple):
-    """A reading against what was expected."""
-
-    expected: Any  #: m
-    deviation: float  #: standard deviation of the difference, m
-    z: Any  #: the difference in these
-    jumped: bool = False  #: whether the position has, so that it is taken anew
-
-
 class ReadingFilter:
     """Position, logarithms of n parameters, a rate, and ringing: the state (..., 3 + n).
 
@@ -98,7 +89,7 @@ class ReadingFilter:
         self.covariance = np.zeros((3 + n, 3 + n))
         self._noise, self._blur = noise, Blur()  # that of the last reading
         self._drifts = drifts
-        self._glitches = 0  # in a row
+        self._glitches, self.jumped = 0, False  # in a row; whether the position just has
 
     def forget(self, first: int, last: int, variance: float = 0.0) -> None:
         """Set a part of the state to 0 with a variance of its own."""
@@ -110,7 +101,7 @@ class ReadingFilter:
     def anchor(self, reading: float, blur: Blur) -> None:
         """Take the position (m) from a reading alone, which may lie in the ringing."""
         self.forget(-1, self.state.shape[-1], blur.ringing**2)
-        self.forget(0, 1, self._noise**2 + blur.deviation**2)
+        self.forget(0, 1, self._noise**2 + blur.timing**2 + blur.ringing**2)
         self.state[..., 0] = reading
         self.covariance[[0, -1], [-1, 0]] = -(blur.ringing**2)
         self._blur, self._glitches = blur, 0
@@ -126,8 +117,10 @@ class ReadingFilter:
         self.covariance = going @ self.covariance @ going.T
         self.covariance[0, 0] += scatter
 
-    def see(self, reading: float, blur: Blur, glitch: float = math.inf) -> Innovation:
-        """Take a reading (m) after `go`; one beyond so many deviations is told but not taken.
+    def see(self, reading: float, blur: Blur, glitch: float = math.inf) -> tuple[Any, float, Any]:
+        """Take a reading (m) after `go`, unless it is beyond so many deviations, a glitch.
+
+        Return what was expected (m), the standard deviation (m) of the difference, and this in it.
 
         Where readings meet the same phase of the ringing they differ from the curve alike: only its
         phase after the slip is unknown, so their covariance is a cosine of what it has turned.
@@ -143,17 +136,18 @@ class ReadingFilter:
         expected = self.state[..., 0] + self.state[..., -1]
         total = float(shared[0] + shared[-1]) + self._noise**2 + blur.timing**2
         z = (reading - expected) / math.sqrt(total)
+        self.jumped = False
         if glitch < math.inf and abs(z) > glitch:
             self._glitches += 1
-            jumped = self._glitches == _JUMP
-            if jumped:
+            self.jumped = self._glitches == _JUMP
+            if self.jumped:
                 self.anchor(reading, blur)
-            return Innovation(expected, math.sqrt(total), z, jumped)
+            return expected, math.sqrt(total), z
         self._glitches, gain = 0, shared / total
         self.state = self.state + np.multiply.outer(reading - expected, gain)
         self.covariance = self.covariance - np.outer(gain, shared)
         self.covariance = 0.5 * (self.covariance + self.covariance.T)
-        return Innovation(expected, math.sqrt(total), z)
+        return expected, math.sqrt(total), z
 
 
 class Tracker(ReadingFilter):
@@ -193,21 +187,20 @@ class Tracker(ReadingFilter):
         return self.state[THETA]
 
     @property
+    def values(self) -> Array:
+        """Values of the parameters, (names,)."""
+        return np.exp(self.theta) * [float(self._origin.p.value(name)) for name in self.names]
+
+    @property
     def deviations(self) -> Array:
         """Standard deviations of these logarithms, (names,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance)[THETA]))
 
-    @property
-    def values(self) -> Array:
-        """Values of the parameters, (names,)."""
-        known = [float(self._origin.p.value(name)) for name in self.names]
-        return np.asarray(known * np.exp(self.theta))
-
     def step_size(self, drive: OperatingPoint) -> tuple[float, float]:
         """Return the settled step of a drive and its standard deviation, m."""
-        self._recentre()
+        model = self.renew(_RECENTRE)
         slope = self._first.slopes(drive, self.names).step
-        step = float(self.model.curve(drive).step + slope @ (self.theta - self._centre))
+        step = float(model.curve(drive).step + slope @ (self.theta - self._centre))
         variance = max(float(slope @ self.covariance[THETA, THETA] @ slope), 0.0)
         return self.sensor_gain * step, self.sensor_gain * math.sqrt(variance)
 
@@ -232,14 +225,13 @@ class Tracker(ReadingFilter):
 
     def motion(self, parts: Parts) -> ModelledWay:
         """Return what the model says of pieces of drive cycles."""
-        self._recentre()
-        settings, slope = self._settings, np.zeros(len(self.names))
+        model, settings, slope = self.renew(_RECENTRE), self._settings, np.zeros(len(self.names))
         way = scatter = stepping = 0.0
         direction, blur = 0, Blur()
         for piece, begin, end in parts:
             if piece.drive is None:
                 continue
-            curve, at = self.model.curve(piece.drive), parts_of_cycles(piece, begin, end)
+            curve, at = model.curve(piece.drive), parts_of_cycles(piece, begin, end)
             way += self.sensor_gain * float(np.diff(curve.at(*at))[0])
             slopes = self._first.slopes(piece.drive, self.names).at(*at)
             slope += self.sensor_gain * (slopes[:, 1] - slopes[:, 0])
@@ -267,14 +259,8 @@ class Tracker(ReadingFilter):
         self.covariance[THETA, THETA] += np.diag(walks)
         self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 
-    def forecast(self, motion: ModelledWay, duration: float) -> tuple[float, float]:
-        """Return position and standard deviation (m) after a motion, and leave the state."""
-        then = copy.copy(self)
-        then.advance(motion, duration)
-        return then.x, math.sqrt(float(then.covariance[0, 0]))
-
-    def take(self, one: Seen, duration: float) -> Innovation:
-        """Go on to a reading, and take it."""
+    def take(self, one: Seen, duration: float) -> tuple[float, float, float]:
+        """Go on to a reading, and take it; return as `see`."""
         self.advance(one.motion, duration)
         return self.see(one.reading, one.motion.blur, GLITCH)
 
@@ -292,8 +278,7 @@ class Tracker(ReadingFilter):
         new.state = np.zeros_like(self.state)
         opened = np.array([_ABOUT * (one == name) for one in self.names])
         for _ in range(_REFITS):
-            new._renew()
-            new._first = new.model
+            new._first = new.renew(-1.0)
             new.forget(0, len(new.covariance))
             new.covariance[THETA, THETA] = covariance + np.diag(opened**2)
             new.prior = new.deviations
@@ -302,23 +287,17 @@ class Tracker(ReadingFilter):
                 new.take(one._replace(motion=new.motion(one.parts)), one.t - before.t)
         return new
 
-    def model_now(self) -> Model:
-        """Return the model with the present estimates, the last one where there is none."""
-        return self._model_at(self.theta) or self.model
+    def renew(self, within: float) -> Model:
+        """Make the model anew where the estimates are farther off than within, and return it.
 
-    def _model_at(self, theta: Array) -> Model | None:
-        if np.abs(theta).max() > FARTHEST:
-            return None
-        return self._origin.moved(dict(zip(self.names, theta.tolist(), strict=True)))
-
-    def _recentre(self) -> None:
-        if np.abs(self.theta - self._centre).max() > _RECENTRE:
-            self._renew()
-        else:
-            self.lost = False
-
-    def _renew(self) -> None:
-        model = self._model_at(self.theta)
-        self.lost = model is None
-        if model is not None:
-            self.model, self._centre = model, self.theta.copy()
+        The last one stays where there is none.
+        """
+        theta, self.lost = self.theta, False
+        if np.abs(theta - self._centre).max() > within:
+            near = np.abs(theta).max() <= FARTHEST
+            changes = dict(zip(self.names, theta.tolist(), strict=True))
+            model = self._origin.moved(changes) if near else None
+            self.lost = model is None
+            if model is not None:
+                self.model, self._centre = model, theta.copy()
+        return self.model

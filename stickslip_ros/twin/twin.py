@@ -21,8 +21,14 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.reporting import CONFIDENCE, format_si
-from stickslip_ros.twin.causes import CAUSES, MISFIT, Attribution, Pieces, ReadingsSince
-from stickslip_ros.twin.detector import ChangeDetector
+from stickslip_ros.twin.changes import (
+    CAUSES,
+    MISFIT,
+    Attribution,
+    ChangeDetector,
+    Pieces,
+    ReadingsSince,
+)
 from stickslip_ros.twin.settings import TwinError, TwinSettings
 from stickslip_ros.twin.timeline import (
     RESTED,
@@ -114,10 +120,7 @@ class Twin:
     """The model beside an axis. Time (s) is passed in."""
 
     def __init__(
-        self,
-        p: Parameters,
-        settings: TwinSettings | None = None,
-        ensemble: Ensemble | None = None,
+        self, p: Parameters, settings: TwinSettings | None = None, ensemble: Ensemble | None = None
     ) -> None:
         """Start from the parameters of the axis and, if there is one, the ensemble of their fit."""
         self.settings = settings or TwinSettings()
@@ -125,8 +128,8 @@ class Twin:
         self.timeline = Timeline(p.drive.amplitude, p.drive.frequency)
         self.detector = ChangeDetector(self.settings.false_alarm_interval)
         self.changes: list[Change] = []
-        self.history: list[tuple[float, list[TrackedParameter]]] = []  #: times (s), estimates
-        self._drives: list[tuple[float, float, int]] = []  # without what was before, of each
+        #: Times (s), estimates, and drives without what was before
+        self.history: list[tuple[float, list[TrackedParameter], tuple[float, ...]]] = []
         self.troubles: Counter[str] = Counter()  #: gaps, doubled readings and the like, by name
         self.t = math.nan  #: of the last reading, s
         self.driven = 0.0  #: s of stepping seen
@@ -151,43 +154,33 @@ class Twin:
 
     def command(self, command: TwinCommand) -> None:
         """Take a command; they come in the order of time, each before later readings."""
-        if not (math.isfinite(command.t) and math.isfinite(command.value)):
+        name, t, value, now = command.name, command.t, command.value, self.timeline
+        if not (math.isfinite(t) and math.isfinite(value)):
             self.troubles["commands that are no numbers"] += 1
             return
-        if not self._possible(command):
+        drive = {"amplitude": now.amplitude, "frequency": now.frequency}
+        if name in drive or (name == "jog" and value):
+            drive["frequency" if name == "jog" else name] = abs(value) if name == "jog" else value
+        try:
+            drive_of(self.tracker.model.p.replace(**drive))
+        except ParameterError:
             self.troubles["commands that no axis like this carries out"] += 1
             return
-        if command.name == "start" and command.t >= self._anchored:  # an older one is history
+        if name == "start" and t >= self._anchored:  # an older one is history
             self.troubles["restarts of the axis"] += 1
             self.t = math.nan
-        elif command.t < self.t:
-            self._undo(command.t)
+        elif t < self.t:  # takes back what readings have done since
+            self._lost = True
+            if t >= self._anchored:  # else it is of an axis that ran before the twin
+                self.troubles["late commands"] += 1
+                self.detector.reset()
+                if self.changes and self.changes[-1].told >= t and not self.changes[-1].verdict:
+                    del self.changes[-1]
+                known = (one for seen, one in self._seen if seen.t > max(t, self._steady))
+                self.tracker = next(known, self.tracker)
         else:
             self._doubtful = -math.inf
-        self.timeline.take(command)
-
-    def _undo(self, t: float) -> None:
-        """Take back what readings have done since a command (s) that comes after them."""
-        self._lost = True
-        if t < self._anchored:  # history of an axis that ran before the twin
-            return
-        self.troubles["late commands"] += 1
-        self.detector.reset()
-        if self.changes and self.changes[-1].told >= t and not self.changes[-1].verdict:
-            del self.changes[-1]
-        known = (one for seen, one in self._seen if seen.t > t and seen.t > self._steady)
-        self.tracker = next(known, self.tracker)
-
-    def _possible(self, command: TwinCommand) -> bool:
-        now, value = self.timeline, command.value
-        jogs = command.name == "jog" and value
-        drive = {"amplitude": now.amplitude, "frequency": abs(value) if jogs else now.frequency}
-        if command.name in drive:
-            drive[command.name] = value
-        with suppress(ParameterError):
-            drive_of(self.tracker.model.p.replace(**drive))
-            return True
-        return False
+        now.take(command)
 
     def measure(self, t: float, reading: float) -> Update | None:
         """Take a reading (m) with its time stamp (s); None if it is of no use by itself."""
@@ -244,40 +237,33 @@ class Twin:
                 tracker.forget(RATE, -1)  # every other cause would look like a rate there
             self._drive = drive
         seen = Seen(t, reading, parts, motion)
-        found = tracker.take(seen, duration)
+        expected, deviation, z = tracker.take(seen, duration)
         self._seen.append((seen, before))
         self._since += 1
         self.t = t
         self.timeline.forget(t)
-        self._excess += found.z**2 - 1.0
-        if found.jumped:
+        self._excess += z**2 - 1.0
+        if tracker.jumped:
             self.troubles["jumps of the position"] += 1
         changed = False
         if motion.direction:
             if not self.driven:
                 self._begun = t
             self.driven += duration
-            self._excited = t if abs(found.z) < GLITCH else self._excited
-            counts = t > self._doubtful or abs(found.z) < GLITCH
-            if counts and not self._pending:
-                changed = self.detector.see(t, duration, motion.direction * found.z)
+            self._excited = t if abs(z) < GLITCH else self._excited
+            if (t > self._doubtful or abs(z) < GLITCH) and not self._pending:
+                changed = self.detector.see(t, duration, motion.direction * z)
         if changed:
             self._change(seen)
         self._go_on_judging()
-        self._note()
-        return Update(t, reading, found.expected, found.deviation, changed)
-
-    def _note(self) -> None:
-        """Add to the history, once in a period."""
-        if self._drive is None:
-            return
         if self.changes and self._judge_at:
             self.changes[-1].step_after = self.tracker.step_size(self.changes[-1].drive)[0]
-        if not self.history or not 0.0 <= self.t - self.history[-1][0] < _PERIOD:
-            self.history.append((self.t, self.estimates()))
-            self._drives.append(self._drive[:3])
+        due = not self.history or not 0.0 <= t - self.history[-1][0] < _PERIOD
+        if due and self._drive is not None:
+            self.history.append((t, self.estimates(), self._drive[:3]))
             if len(self.history) > _MOST:
-                del self.history[::2], self._drives[::2]
+                del self.history[::2]
+        return Update(t, reading, expected, deviation, changed)
 
     # -- changes
 
@@ -325,23 +311,20 @@ class Twin:
     def _judge(self, change: Change) -> Pieces[None]:
         """Judge a change by all readings since; those that come meanwhile count at the end."""
         change.goes_on = self._drifts
-        readings, before = [one for one, _ in self._seen], self._before
+        readings, before = [one for one, _ in self._seen], copy.copy(self._before)
         first = next((k for k, one in enumerate(readings) if one.t > change.onset), 0)
         kept, place = readings[first + _UNSURE :], readings[first].reading
         if change.goes_on or len(kept) <= self.settings.judged_from // 2:
             return
-        covariance, gain = before.covariance[THETA, THETA], before.sensor_gain
-        model, settings = before.model_now(), self.settings
-        verdict = yield from ReadingsSince(
-            model, covariance, gain, kept, place, settings
-        ).attribute()
-        name = verdict.likeliest
-        if verdict.explained and not (change.verdict and change.verdict.likeliest == name):
-            gain *= verdict.sensor_gain
-            since = [one for one, _ in self._seen][-settings.judged_from :]
-            self.tracker = self.tracker.rebased(
-                verdict.after[name], CAUSES[name].parameter, gain, covariance, since
-            )
+        before.renew(-1.0)
+        verdict = yield from ReadingsSince(before, kept, place, self.settings).attribute()
+        name = verdict.possible[0]
+        if verdict.explained and not (change.verdict and change.verdict.possible[0] == name):
+            p, of = verdict.after[name], CAUSES[name].parameter
+            gain = before.sensor_gain * (1.0 if of else math.exp(verdict.sizes[name]))
+            since = [one for one, _ in self._seen][-self.settings.judged_from :]
+            covariance = before.covariance[THETA, THETA]
+            self.tracker = self.tracker.rebased(p, of, gain, covariance, since)
             self._steady = self.t
         change.verdict = verdict
 
@@ -386,13 +369,11 @@ class Twin:
         window, last = self.settings.drift_window, self.history[-1]
         first = max(last[0] - window, self._steady)
         # The step of another drive, or back, is another one without a drift.
-        same = (
-            one for one, d in zip(self.history, self._drives, strict=True) if d == self._drives[-1]
-        )
-        begin, *then = next((one for one in same if one[0] > first), last)
+        same = (one for one in self.history if one[2] == last[2] and one[0] > first)
+        begin, then, _ = next(same, last)
         if (lasts := last[0] - begin) < 0.5 * window:
             return 0.0, math.inf
-        old, new = then[0][-1], last[1][-1]  # the step is the last of the estimates
+        old, new = then[-1], last[1][-1]  # the step is the last of the estimates
         scale = abs(old.value) * lasts
         width = math.hypot(new.high - new.low, old.high - old.low)
         return (new.value - old.value) / scale, 0.5 * width / (CONFIDENCE * scale)
@@ -400,32 +381,27 @@ class Twin:
     def estimates(self) -> list[TrackedParameter]:
         """Return the parameters, the breakaway distance and the step size with their intervals."""
         tracker, found = self.tracker, []
-        deviations = tracker.deviations
+        verdict = self.changes[-1].verdict if self.changes else None
+        known = verdict if verdict and verdict.explained else None
+        others = [known.after[one] for one in known.possible[1:]] if known else []
         for k, name in enumerate(tracker.names):
-            value = float(tracker.values[k])
-            wide = math.exp(CONFIDENCE * deviations[k])
-            others = [value, *self._of_other_causes(name)]
-            ends = min(others) / wide, max(others) * wide
-            seen = len(others) == 1 and deviations[k] < _SEEN * tracker.prior[k]
+            value, deviation = float(tracker.values[k]), float(tracker.deviations[k])
+            wide = math.exp(CONFIDENCE * deviation)
+            # What the parameter is if the last change had another cause
+            values = [value, *(float(p.value(name)) for p in others)]
+            ends = min(values) / wide, max(values) * wide
+            seen = not others and deviation < _SEEN * tracker.prior[k]
             found.append(TrackedParameter(name, PARAMETERS[name].unit, value, *ends, bool(seen)))
-        preload = next(one for one in found if one.name == "preload")
-        p = tracker.model.p
-        z_ba = [_breakaway_distance(p, one) for one in preload[2:5]]
-        found.append(
-            TrackedParameter("breakaway distance", "m", z_ba[0], z_ba[1], z_ba[2], preload.seen)
-        )
+        preload, z_ba = next(one for one in found if one.name == "preload"), [math.nan] * 3
+        for k, force in enumerate(preload[2:5]):
+            with suppress(ParameterError):  # nan where the law does not know it
+                z_ba[k] = Plant.of(tracker.model.p.replace(preload=force)).contact.z_ba
+        found.append(TrackedParameter("breakaway distance", "m", *z_ba, preload.seen))
         if self._drive is not None:
             step, deviation = tracker.step_size(self._drive)
             half = CONFIDENCE * deviation
             found.append(TrackedParameter("step size", "m", step, step - half, step + half, True))
         return found
-
-    def _of_other_causes(self, name: str) -> list[float]:
-        """Return the values of a parameter if the last change had another cause."""
-        verdict = self.changes[-1].verdict if self.changes else None
-        if verdict is None or not verdict.explained:
-            return []
-        return [float(verdict.after[one].value(name)) for one in verdict.possible[1:]]
 
     # -- what comes
 
@@ -437,19 +413,18 @@ class Twin:
         running = self.timeline.pieces[-1] if self.timeline.pieces else None
         if math.isnan(self.t):
             raise TwinError("there is no reading to predict from; give the position first")
-        if running and math.isinf(running.end) and running.drive:
-            raise TwinError("the axis steps without end; stop it, then ask for a prediction")
-        if running and running.drive is None and self.timeline.blind_between(self.t, math.inf):
-            raise TwinError("the axis follows a closed loop; stop it, then ask for a prediction")
-        begin = max(self.t, running.end if running and running.drive else self.t)
+        if running and math.isinf(running.end):
+            does = "steps without end" if running.drive else "follows a closed loop"
+            raise TwinError(f"the axis {does}; stop it, then ask for a prediction")
+        begin = max(self.t, running.end) if running else self.t
         parts = list(self.timeline.between(self.t, begin))
         piece = self.timeline.piece(begin, 1 if steps >= 0 else -1, float(abs(steps)))
         if steps:
             parts.append((piece, begin, piece.end + RESTED))
-        motion = self.tracker.motion(parts)
-        x, deviation = self.tracker.forecast(motion, piece.end + RESTED - self.t)
-        half = CONFIDENCE * deviation
-        return Forecast(steps, begin, piece.end, x, x - half, x + half)
+        then = copy.copy(self.tracker)
+        then.advance(self.tracker.motion(parts), piece.end + RESTED - self.t)
+        half = CONFIDENCE * math.sqrt(then.covariance[0, 0])
+        return Forecast(steps, begin, piece.end, then.x, then.x - half, then.x + half)
 
     def predict_position(self, target: float) -> Forecast:
         """Return the steps that end nearest to a target (m), and where they end.
@@ -468,10 +443,3 @@ class Twin:
             (self.predict_steps(direction * max(near + more, 0)) for more in (-1, 0, 1)),
             key=lambda found: abs(found.position - target),
         )
-
-
-def _breakaway_distance(p: Parameters, preload: float) -> float:
-    """Return z_ba (m) at a preload (N), nan where the law does not know it."""
-    with suppress(ParameterError):
-        return float(Plant.of(p.replace(preload=preload)).contact.z_ba)
-    return math.nan

@@ -1,5 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a change may come from: the likelihood of named causes, and which cannot be told apart.
+"""Tells a change, and what it may come from.
+
+While nothing changes, the tracker's prediction of a reading is normal with the mean and deviation
+that it states, whatever came before. So the likelihood ratio of a shifted mean is an e-value:
+its expectation is 1. The procedure of Shiryaev and Roberts adds up the e-values of all times at
+which a change may have begun,
+
+    M_k = (M_(k-1) + w_k) L_k,
+
+with the time w_k of stepping that reading k ends. M - t is then a martingale, so the alarm M >= A
+comes after a time of A in the mean at the earliest (Shiryaev 1963; Pollak 1985; for mixtures of
+alternatives as here, e-detectors: Shin, Ramdas, Rinaldo 2023, arXiv:2203.03532).
 
 Each cause is one parameter of unknown size, uniform over its range. The readings since the change
 have a likelihood for each size, from the same filter as `tracker`, which knows the parameters of
@@ -25,11 +36,15 @@ from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.twin.response import Blur, CycleCurve, Model, parts_of_cycles
 from stickslip_ros.twin.settings import TwinSettings
-from stickslip_ros.twin.timeline import OperatingPoint, Piece
-from stickslip_ros.twin.tracker import THETA, ReadingFilter, Seen
+from stickslip_ros.twin.timeline import OperatingPoint
+from stickslip_ros.twin.tracker import THETA, ReadingFilter, Seen, Tracker
 
 Array = NDArray[np.float64]
 
+#: Shifts of the mean that are looked for, in standard deviations, in and against the direction
+SHIFTS = np.array([sign * size for size in (0.25, 0.5, 1.0, 2.0, 3.0) for sign in (1.0, -1.0)])
+#: Deviations beyond which a reading counts no more: two glitches alone make no alarm
+_CUT = 3.0
 #: Sizes that the kernel solves in a round of the search but the first, which is the cause's own;
 #: rounds, each about the best of the one before; likely sizes of a round that is fine enough
 _SOLVED, _ROUNDS, _BROAD = 9, 4, 5
@@ -37,16 +52,49 @@ _SOLVED, _ROUNDS, _BROAD = 9, 4, 5
 _TRIED = 65
 #: A cause less likely than this is left out of those that cannot be told apart
 _LEAST = 0.01
-_REST = Piece(0.0, None, 0.0)
 #: Readings between pauses
 _PIECE = 50
 T = TypeVar("T")
 #: What is computed in pieces of some milliseconds
 Pieces = Generator[None, None, T]
-#: For each drive: numbers of readings, cycles and rests (2, parts) where parts begin and end
-Parts = list[tuple[OperatingPoint, NDArray[np.int64], Array, Array]]
 #: Standard deviations of the sum of squares beyond which no cause explains the readings
 MISFIT = 6.0
+
+
+class ChangeDetector:
+    """Sums evidence of a change; call `see` for each reading while the axis steps."""
+
+    def __init__(self, interval: float) -> None:
+        """Allow one false alarm in an interval (s) of stepping, in the mean."""
+        self._interval = interval
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew, with no evidence."""
+        self._sums = np.zeros(len(SHIFTS))  # evidence, s; an alarm where the mean is the interval
+        self._runs = np.zeros(len(SHIFTS))  # logarithms of Page's sums, for the time of onset
+        self._onsets = np.zeros(len(SHIFTS))
+
+    @property
+    def onset(self) -> float:
+        """Time (s) at which the likeliest change began."""
+        return float(self._onsets[np.argmax(self._runs)])
+
+    def see(self, t: float, duration: float, deviation: float) -> bool:
+        """Take a reading at t (s) after a duration (s) of stepping; return whether it is a change.
+
+        deviation is that from the prediction, in its standard deviations, positive in the direction
+        of the steps.
+        """
+        # A deviation is cut on the side where it would count: the ratio only falls by that.
+        seen = np.minimum(np.sign(SHIFTS) * deviation, _CUT)
+        log_ratio = np.abs(SHIFTS) * (seen - 0.5 * np.abs(SHIFTS))
+        self._sums = (self._sums + duration) * np.exp(log_ratio)
+        np.minimum(self._sums, 1e100, out=self._sums)
+        begins = self._runs <= 0.0
+        self._onsets[begins] = t - duration
+        self._runs = np.where(begins, 0.0, self._runs) + log_ratio
+        return bool(self._sums.mean() >= self._interval)
 
 
 @dataclass(frozen=True)
@@ -94,34 +142,22 @@ CAUSES: Mapping[str, Cause] = {
 class Attribution:
     """What a change comes from."""
 
-    posterior: Mapping[str, float]  #: of each cause
+    posterior: Mapping[str, float]  #: of each cause, the likeliest first
     sizes: Mapping[str, float]  #: the likeliest of each cause
     after: Mapping[str, Parameters]  #: of the axis after each cause
     explained: bool  #: whether the likeliest cause explains the readings
     certainty: float
 
     @property
-    def likeliest(self) -> str:
-        """The likeliest cause."""
-        return max(self.posterior, key=lambda name: self.posterior[name])
+    def possible(self) -> list[str]:
+        """All causes that cannot be left out, the likeliest first."""
+        return [name for name, share in self.posterior.items() if share >= _LEAST]
 
     @property
     def cause(self) -> str | None:
         """The cause that is as likely as asked for, None if there is none."""
-        certain = self.explained and self.posterior[self.likeliest] >= self.certainty
-        return self.likeliest if certain else None
-
-    @property
-    def possible(self) -> list[str]:
-        """All causes that cannot be left out, the likeliest first."""
-        possible = [name for name, share in self.posterior.items() if share >= _LEAST]
-        return sorted(possible, key=lambda name: -self.posterior[name])
-
-    @property
-    def sensor_gain(self) -> float:
-        """The factor of the gain of the sensor, by the likeliest cause."""
-        name = self.likeliest
-        return 1.0 if CAUSES[name].parameter else math.exp(self.sizes[name])
+        likeliest, share = next(iter(self.posterior.items()))
+        return likeliest if self.explained and share >= self.certainty else None
 
     @property
     def text(self) -> str:
@@ -140,18 +176,16 @@ class Attribution:
 class ReadingsSince:
     """Readings since a change, and the axis before it."""
 
-    model: Model  #: of the axis before
-    covariance: Array  #: of logarithms of its parameters
-    sensor_gain: float  #: before
+    before: Tracker  #: of the axis before, with its model made anew
     seen: Sequence[Seen]  #: the first is where they begin
     place: float  #: where it changed, m
     settings: TwinSettings
 
     def attribute(self) -> Pieces[Attribution]:
         """Return what explains the readings; pauses every few milliseconds."""
-        p = self.model.p
+        p = self.before.model.p
         warms = p.actuator.gain_temperature or p.friction.friction_temperature
-        blurs = yield from self._blurs(self.model)
+        blurs = yield from self._blurs(self.before.model)
         best: dict[str, float] = {}
         evidence: dict[str, float] = {}
         for name, cause in CAUSES.items():
@@ -159,8 +193,8 @@ class ReadingsSince:
             yield None
             if low < high and (warms or name != "temperature"):
                 best[name], evidence[name] = yield from self._seek(cause, low, high, blurs)
-        top = max(evidence, key=lambda name: evidence[name])
-        shares = {name: math.exp(one - evidence[top]) for name, one in evidence.items()}
+        top, *_ = ranked = sorted(evidence, key=lambda name: -evidence[name])
+        shares = {name: math.exp(evidence[name] - evidence[top]) for name in ranked}
         total, count = sum(shares.values()), len(self.seen) - 1
         after = {name: CAUSES[name].applied(p, size) for name, size in best.items()}
         own = yield from self._blurs(Model(after[top]))  # another mass rings in another way
@@ -190,12 +224,12 @@ class ReadingsSince:
     def _ways(self, cause: Cause, sizes: Array) -> Pieces[Array]:
         """Return the ways (sizes, readings - 1) of a cause, m."""
         if not cause.parameter or cause.local:
-            before = yield from self._ways_of(self.model.p)  # without a change
+            before = yield from self._ways_of(self.before.model.p)  # without a change
             if not cause.parameter:
                 return np.asarray(before * np.exp(sizes)[:, None])
         ways = np.empty((len(sizes), len(self.seen) - 1))
         for k, size in enumerate(sizes.tolist()):
-            ways[k] = yield from self._ways_of(cause.applied(self.model.p, size))
+            ways[k] = yield from self._ways_of(cause.applied(self.before.model.p, size))
         if not cause.local:
             return ways
         positions = np.array([one.reading for one in self.seen[1:]])
@@ -204,50 +238,47 @@ class ReadingsSince:
 
     def _ways_of(self, p: Parameters) -> Pieces[Array]:
         found = np.zeros(len(self.seen) - 1)
-        for drive, number, cycles, rest in self._parts:
-            curve = CycleCurve.of(p, drive)
-            way = curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0])
-            found += np.bincount(number, way, len(found))
+        for drive, rows in self._parts.items():
+            (number, begin, end, rest, rest_end), curve = np.array(rows).T, CycleCurve.of(p, drive)
+            way = curve.at(end, rest_end) - curve.at(begin, rest)
+            found += np.bincount(number.astype(np.int64), way, len(found))
             yield None
-        return self.sensor_gain * found
+        return self.before.sensor_gain * found
 
     def _blurs(self, model: Model) -> Pieces[list[Blur]]:
         """Return the blur of each reading."""
         found = []
         for one in self.seen:
-            piece, _, end = one.parts[-1] if one.parts else (_REST, 0.0, one.t)
-            curve = model.curve(piece.drive) if piece.drive else None
-            found.append(curve.blur(piece, end, self.settings.timing) if curve else Blur())
+            piece, _, end = one.parts[-1] if one.parts else (None, 0.0, 0.0)
+            found.append(Blur())
+            if piece and piece.drive:
+                found[-1] = model.curve(piece.drive).blur(piece, end, self.settings.timing)
             if len(found) % _PIECE == 0:
                 yield None
         return found
 
     def _likelihood(self, ways: Array, blurs: Sequence[Blur]) -> Pieces[tuple[Array, Array]]:
         """Return logarithms of likelihoods and sums of squares of ways, (sizes,) each."""
-        likely = ReadingFilter(len(self.covariance), self.settings.noise, ways.shape[:1])
-        likely.covariance[THETA, THETA] = self.covariance
+        likely = ReadingFilter(len(self.before.names), self.settings.noise, ways.shape[:1])
+        likely.covariance[THETA, THETA] = self.before.covariance[THETA, THETA]
         likely.anchor(self.seen[0].reading, blurs[0])
         logs, squares = np.zeros(len(ways)), np.zeros(len(ways))
         for k, one in enumerate(self.seen[1:]):
             likely.go(ways[:, k], one.motion.slope, one.motion.scatter)
-            found = likely.see(one.reading, blurs[k + 1])
-            logs -= 0.5 * found.z**2 + math.log(found.deviation)
-            squares += found.z**2
+            _, deviation, z = likely.see(one.reading, blurs[k + 1])
+            logs -= 0.5 * z**2 + math.log(deviation)
+            squares += z**2
             if k % _PIECE == 0:
                 yield None
         return logs, squares
 
     @cached_property
-    def _parts(self) -> Parts:
-        """The parts of cycles before each reading but the first."""
-        found: dict[OperatingPoint, list[tuple[int, Array, Array]]] = {}
+    def _parts(self) -> dict[OperatingPoint, list[tuple[float, ...]]]:
+        """For each drive numbers of readings, cycles and rests (s) at both ends of their parts."""
+        found: dict[OperatingPoint, list[tuple[float, ...]]] = {}
         for k, one in enumerate(self.seen[1:]):
             for piece, *ends in one.parts:
                 if piece.drive is not None:
-                    parts = (k, *parts_of_cycles(piece, *ends))
-                    found.setdefault(piece.drive, []).append(parts)
-        columns = {drive: zip(*all_of, strict=True) for drive, all_of in found.items()}
-        return [
-            (drive, np.array(number), np.array(cycles).T, np.array(rests).T)
-            for drive, (number, cycles, rests) in columns.items()
-        ]
+                    cycles, rests = parts_of_cycles(piece, *ends)
+                    found.setdefault(piece.drive, []).append((k, *cycles, *rests))
+        return found

@@ -4,7 +4,7 @@
 import numpy as np
 from scipy.stats import poisson
 
-from stickslip_ros.twin.detector import SHIFTS, ChangeDetector
+from stickslip_ros.twin.changes import SHIFTS, ChangeDetector
 
 
 def test_mean_time_to_a_false_alarm_is_the_one_set_or_longer() -> None:
