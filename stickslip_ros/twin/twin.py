@@ -396,7 +396,9 @@ class Twin:
         for k, force in enumerate(preload[2:5]):
             with suppress(ParameterError):  # nan where the law does not know it
                 z_ba[k] = Plant.of(tracker.model.p.replace(preload=force)).contact.z_ba
-        found.append(TrackedParameter("breakaway distance", "m", *z_ba, preload.seen))
+        found.append(
+            TrackedParameter("breakaway distance", "m", z_ba[0], z_ba[1], z_ba[2], preload.seen)
+        )
         if self._drive is not None:
             step, deviation = tracker.step_size(self._drive)
             half = CONFIDENCE * deviation

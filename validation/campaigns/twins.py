@@ -126,7 +126,7 @@ def _oracle(twin: Twin, truth: Mapping[str, float]) -> Twin:
     tracker, file = oracle.tracker, [float(P.value(name)) for name in twin.tracker.names]
     tracker.state[THETA] = np.log([truth[name] for name in tracker.names]) - np.log(file)
     tracker.covariance[THETA] = tracker.covariance[:, THETA] = 0.0
-    tracker._renew()
+    tracker.renew(-1.0)
     return oracle
 
 
