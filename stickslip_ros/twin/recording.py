@@ -9,6 +9,7 @@ import math
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.twin.settings import TwinError
 from stickslip_ros.twin.timeline import TwinCommand
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 Log = list[TwinCommand | tuple[float, float]]
 
 #: Commands whose cycles the twin knows, and others that begin none; it knows nothing of the cycles
