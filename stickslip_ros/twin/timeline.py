@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 #: s after which an axis is at rest: a ringing has decayed
 RESTED = 0.02
-#: Name of a command after which nobody knows the cycles
-UNKNOWN_CYCLES = "unknown"
 #: A cycle that lacks less than this share of itself has ended: rounding of times
 _ROUNDING = 1e-6
 

@@ -32,7 +32,6 @@ from stickslip_ros.twin.changes import (
 from stickslip_ros.twin.settings import TwinError, TwinSettings
 from stickslip_ros.twin.timeline import (
     RESTED,
-    UNKNOWN_CYCLES,
     OperatingPoint,
     Timeline,
     TwinCommand,
@@ -45,9 +44,12 @@ OK, DRIFTING, CHANGED, UNLIKE, BLIND = "ok", "drifting", "changed", "unlike the 
 #: Readings that are kept for the judgement of a change; those after it that it leaves out, as its
 #: onset is known no better, and the position may have jumped with it
 _KEPT, _UNSURE = 4000, 10
-#: s after a gap or an old reading in which a glitch is no evidence, unless a command comes: who
-#: loses readings or their order may have lost commands, or the clock
+#: s of disorder after a gap, an old reading or a motion at rest, unless the axis is seen at rest:
+#: who loses readings or their order may have lost commands, or the clock. A glitch is no evidence
+#: then, and a deviation no change: the axis is astray until it rests
 _DOUBT = 60.0
+#: Standard deviations of two readings within which an axis is at rest
+_STILL = 7.0
 #: Factor between the numbers of readings at which a change is judged again
 _AGAIN = 4
 #: s of readings between pieces of a judgement, each of which takes some milliseconds
@@ -136,7 +138,9 @@ class Twin:
         self._anchored = math.nan  # when the position was taken anew, s
         self._lost = False  # whether it has to be: nobody knows where the axis has gone
         self._old = math.inf, math.inf  # first and last time (s) of old readings in a row
-        self._doubtful = -math.inf  # s, until when a glitch is no evidence
+        self._doubtful = -math.inf  # s, until when there is disorder
+        self._astray = False  # whether its cycles are not known, until it rests
+        self._still = math.nan, math.nan  # since when (s) and where (m) it has not moved
         self._steady = -math.inf  # since when nothing was told, s
         self._begun = math.nan  # time of the first reading that showed cycles, s
         self._excited = -math.inf  # time of the last reading that showed cycles, s
@@ -178,8 +182,7 @@ class Twin:
                     del self.changes[-1]
                 known = (one for seen, one in self._seen if seen.t > max(t, self._steady))
                 self.tracker = next(known, self.tracker)
-        else:
-            self._doubtful = -math.inf
+        self._still = t, self._still[1]
         now.take(command)
 
     def measure(self, t: float, reading: float) -> Update | None:
@@ -193,10 +196,19 @@ class Twin:
         duration, self._old = t - self.t, (math.inf, math.inf)
         if duration > self.settings.longest_gap:
             self.troubles["gaps"] += 1
-            self._lost, self._doubtful = True, t + _DOUBT
-        elif self.timeline.blind_between(self.t, t):
+            self._lost, self._doubtful, self._still = True, t + _DOUBT, (t, reading)
+        elif self._astray or self.timeline.blind_between(self.t, t):
             self.troubles["readings during unknown cycles"] += 1
             self._lost = True
+        if not abs(reading - self._still[1]) < _STILL * self.settings.noise:
+            self._still = t, reading
+        drives = (one for one in (self._drive, self.timeline) if one)
+        cycle = 1.0 / min(one.frequency for one in drives)
+        if t <= self._doubtful and t - self._still[0] > cycle + RESTED:
+            self._doubtful, self._astray = -math.inf, False
+            if self.timeline.pieces and self.timeline.pieces[-1].end > t:
+                self.timeline.clear()
+                self._lost = True
         if self._lost or math.isnan(self.t):
             self._anchor(t, reading)
             return None
@@ -210,7 +222,7 @@ class Twin:
         if t - self._old[0] > self.settings.longest_gap:
             self.troubles["jumps of the clock"] += 1
             self.timeline.clear()
-            self.timeline.take(TwinCommand(t, UNKNOWN_CYCLES))
+            self._astray, self._doubtful, self._still = True, t + _DOUBT, (t, math.nan)
             self.t = self._excited = math.nan
             return True
         self.troubles["doubled readings" if t == self.t else "late readings"] += 1
@@ -245,6 +257,7 @@ class Twin:
         self._excess += z**2 - 1.0
         if tracker.jumped:
             self.troubles["jumps of the position"] += 1
+            self._doubtful = self._doubtful if motion.direction else t + _DOUBT
         changed = False
         if motion.direction:
             if not self.driven:
@@ -253,7 +266,12 @@ class Twin:
             self._excited = t if abs(z) < GLITCH else self._excited
             if (t > self._doubtful or abs(z) < GLITCH) and not self._pending:
                 changed = self.detector.see(t, duration, motion.direction * z)
-        if changed:
+        if changed and t <= self._doubtful:
+            self.troubles["deviations in disorder"] += 1
+            onset, self._astray, changed = self.detector.onset, True, False
+            self.tracker = next((known for one, known in self._seen if one.t > onset), tracker)
+            self.detector.reset()
+        elif changed:
             self._change(seen)
         self._go_on_judging()
         if self.changes and self._judge_at:
@@ -336,6 +354,8 @@ class Twin:
         settings = self.settings
         if math.isnan(self.t):
             return BLIND, "no position was heard"
+        if self._astray:
+            return BLIND, "after disorder the cycles are not known until the axis rests"
         if not self.t - self._excited <= settings.blind_after:
             return BLIND, f"no step was seen for {settings.blind_after:g} s; estimates are held"
         change = self.changes[-1] if self.changes else None
@@ -415,6 +435,8 @@ class Twin:
         running = self.timeline.pieces[-1] if self.timeline.pieces else None
         if math.isnan(self.t):
             raise TwinError("there is no reading to predict from; give the position first")
+        if self._astray:
+            raise TwinError("the cycles are not known; let the axis rest, then ask")
         if running and math.isinf(running.end):
             does = "steps without end" if running.drive else "follows a closed loop"
             raise TwinError(f"the axis {does}; stop it, then ask for a prediction")

@@ -105,6 +105,7 @@ def main() -> int:
             peer.spin(1.0)
         end = time.monotonic() + 60.0 * args.minutes
         while time.monotonic() < end and twin.poll() is None:
+            changes = peer.values["changes"]
             for direction in (1, -1):
                 peer.steps.publish(Int32(data=300 * direction))
                 peer.spin(4.0)
@@ -134,6 +135,8 @@ def main() -> int:
                 peer.spin(0.2)
             done[what] += 1
             peer.spin(5.0)
+            if peer.values["changes"] != changes:
+                print(f"{what}: {peer.values['reason']}", flush=True)
             times = [begun, *peer.reports[heard:], time.monotonic()]
             away = AWAY if what == "twin starved" else 0.0
             silent = max(silent, float(np.max(np.diff(times))) - away)
