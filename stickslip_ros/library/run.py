@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import plain_until_compiled, report_compilation
 from stickslip_ros.library.operating_points import zero_amplitude
-from stickslip_ros.model import Plant
-from stickslip_ros.model.waveforms import command_of, largest_slip
+from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import format_rows, micro_prefix
-from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
 from stickslip_ros.traces.motion import Motion, read_steps
 
@@ -155,7 +153,7 @@ class SimulatedRun:
         with report_compilation():
             return trace_at_rate(self.parameters, self.count, rate)
 
-    @cached_property
+    @property
     def deflections(self) -> NDArray[np.float64]:
         """Deflection of each contact at the times of the trace, m, shape (contacts, samples).
 
@@ -164,10 +162,7 @@ class SimulatedRun:
         >>> run.deflections.shape == (6, len(run.trace.t))
         True
         """
-        simulation = simulation_of(self.parameters, Plant.of(self.parameters))
-        command = command_of(self.parameters, 1 if self.count > 0 else -1)
-        simulation.start(command, abs(self.count))
-        return simulation.sample(self.trace.t).each
+        return self.trace.each if len(self.trace.each) else self.trace.z[np.newaxis]
 
     @property
     def motion(self) -> Motion:

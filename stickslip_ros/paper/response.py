@@ -79,7 +79,7 @@ def response() -> Result:
         "backstep in the slip": backstep,
         "swings above 1 nm after the backstep": np.sum(np.abs(ringing[turned]) > _SWING),
     }
-    table = dict(zip(HEADER, astuple(trace), strict=True))
+    table = dict(zip(HEADER, astuple(trace), strict=False))  # of one contact
     return Result(values, tables={"": table}, draw=draw, height=9.0)
 
 

@@ -182,7 +182,10 @@ def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
     """Return field, index and value for all that a message says of the axis."""
     state = axis.state
     if sample.topic == run.contact_topic:
-        rows = {f"{run.axis_name}{CONTACT}": (state.z, state.w, state.force)}
+        name = f"{run.axis_name}{CONTACT}"
+        rows: dict[str, tuple[float, ...]] = {name: (state.z, state.w, state.force)}
+        for k, z in enumerate(axis.simulation.deflections.tolist(), 1):
+            rows[f"{name}_{k}"] = z, state.w  # of several contacts, without a force
     else:
         rows = {
             f"{run.axis_name}{SLIDER}": (state.x, state.v, -state.force),
@@ -193,7 +196,7 @@ def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
         (name, names.index(joint), value)
         for joint, values in rows.items()
         if joint in names
-        for name, value in zip(_UNITS, values, strict=True)
+        for name, value in zip(_UNITS, values, strict=False)
         if len(getattr(sample.message, name))
     ]
 

@@ -83,7 +83,7 @@ class AxisNode(GuardedNode):
         self._published = ("", False, -1.0)
         self.is_read = True  #: somebody subscribed to a state when one was published last
         self._doubles = 0  # others that publish the events of an axis of this name
-        self._messages = StateMessages(values.node.axis_name)
+        self._messages = StateMessages(values.node.axis_name, values.friction.contacts)
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
         self._sim_loop = sim_loop or SimLoop(self, values.node, stop_requested)
@@ -188,7 +188,8 @@ class AxisNode(GuardedNode):
             elif topic is topics.RUNNER:
                 self.publish(topic, messages.runner(state, self.axis.config.offset, now))
             else:
-                self.publish(topic, messages.contact(state, now))
+                each = self.axis.simulation.deflections.tolist()
+                self.publish(topic, messages.contact(state, each, now))
         self.publish_events()
 
     def report(self) -> None:

@@ -44,11 +44,12 @@ def stamp(nanoseconds: int) -> Time:
 class StateMessages:
     """The state messages of an axis; filled anew each time, which costs less than new ones."""
 
-    def __init__(self, axis_name: str) -> None:
-        """Name the joints after the axis."""
+    def __init__(self, axis_name: str, contacts: int) -> None:
+        """Name the joints after the axis; several contacts have numbers."""
         self._joints = JointState(name=[f"{axis_name}{SLIDER}", f"{axis_name}{PIEZO}"])
         self._runner = JointState(name=[f"{axis_name}{SLIDER}"])
-        self._contact = JointState(name=[f"{axis_name}{CONTACT}"])
+        each = [f"{axis_name}{CONTACT}_{k + 1}" for k in range(contacts if contacts > 1 else 0)]
+        self._contact = JointState(name=[f"{axis_name}{CONTACT}", *each])
 
     def joints(self, state: State, time: Time) -> JointState:
         """Return slider and piezo; the friction force on the slider is -F, on the piezo +F."""
@@ -59,9 +60,16 @@ class StateMessages:
         """Return the runner alone; its position counts from offset (m) on."""
         return _filled(self._runner, time, [state.x - offset], [state.v], [-state.force])
 
-    def contact(self, state: State, time: Time) -> JointState:
-        """Return deflection and differential velocity of the contact, and the friction force."""
-        return _filled(self._contact, time, [state.z], [state.w], [state.force])
+    def contact(self, state: State, each: list[float], time: Time) -> JointState:
+        """Return deflection and differential velocity of the contact, and the friction force.
+
+        Of several contacts that is their mean, and the whole force; the deflections of each follow,
+        without a force: nan.
+        """
+        z, force = [state.z], [state.force]
+        if len(self._contact.name) > 1:
+            z, force = z + each, force + [math.nan] * len(each)
+        return _filled(self._contact, time, z, [state.w] * len(z), force)
 
 
 def _filled(

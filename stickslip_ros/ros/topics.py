@@ -66,7 +66,8 @@ RUNNER = OutputTopic(
 CONTACT = OutputTopic(
     "~/contact",
     JOINT_STATE,
-    "`<axis_name>_contact`: asperity deflection, differential velocity, friction force",
+    "`<axis_name>_contact`: asperity deflection, differential velocity, friction force; of several "
+    "contacts that is the mean, and `<axis_name>_contact_1` .. have the deflection of each",
 )
 DIAGNOSTICS = OutputTopic("/diagnostics", STATUSES, "once a second: `axis`, `friction`, `timing`")
 CLOCK = OutputTopic(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TextIO
@@ -48,12 +48,15 @@ class Trace:
     #: work of F on the contact since the start, the integral of F w, J: heat, and what each contact
     #: holds, sigma_0 z^2 / 2; empty where it is not known
     work: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    #: deflection of each of several contacts, m, shape (contacts, samples); of one it is ``z``
+    each: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
 
 
-#: Names of the samples with units, in their order.
+#: Names of the samples with units, in their order; those of several contacts follow.
 HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
            "deflection (m)", "differential velocity (m/s)", "friction force (N)",
            "friction work (J)")  # fmt: skip
+_OF_CONTACT = "deflection {} (m)"
 
 
 @dataclass(frozen=True)
@@ -122,11 +125,18 @@ def _trace(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: bo
         both = times if rigid else np.stack([before, times], axis=1).ravel()
         s, own = simulation.sample(both), slice(None) if rigid else slice(1, None, 2)
         columns = both, s.x, s.v, s.u, s.z, s.v - s.rate, s.force, np.zeros(len(both))
-        rows = np.stack(columns)[:, own]
-        rows[-1] = _work(plant, np.hstack([last, rows]), None if rigid else s.u[::2])
-        last = rows[:, -1:]
+        rows = np.vstack([*columns, s.each])[:, own]
+        rows[7] = _work(plant, np.hstack([last, rows[:8]]), None if rigid else s.u[::2])
+        last = rows[:8, -1:]
         parts.append(rows if with_events else rows[:, np.isin(times, part)])
-    return Trace(*np.hstack(parts))
+    return _of_rows(np.hstack(parts)[: None if len(plant.contacts) > 1 else len(HEADER)])
+
+
+def _of_rows(rows: NDArray[np.float64]) -> Trace:
+    """Return the trace of rows in the order of `HEADER`, then those of several contacts."""
+    count = len(HEADER)
+    trace = Trace(*rows[:count])
+    return replace(trace, each=rows[count:]) if len(rows) > count else trace
 
 
 def _merge_times(grid: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -239,10 +249,14 @@ def sample_times(drive_cycle: DriveCycle, rate: float) -> NDArray[np.float64]:
 
 def write_csv(trace: Trace, file: TextIO) -> None:
     """Write one line for each sample, below a line of names with units."""
-    writer, columns = csv.writer(file), [getattr(trace, f.name) for f in fields(trace)]
+    writer, columns = csv.writer(file), [getattr(trace, f.name) for f in fields(trace)[:-1]]
     known = columns if len(trace.work) else columns[:-1]  # earlier versions knew no work
-    writer.writerow(HEADER[: len(known)])
-    writer.writerows(np.column_stack(known).tolist())
+    writer.writerow(HEADER[: len(known)] + _names_of_contacts(len(trace.each)))
+    writer.writerows(np.column_stack([*known, *trace.each]).tolist())
+
+
+def _names_of_contacts(count: int) -> tuple[str, ...]:
+    return tuple(_OF_CONTACT.format(k + 1) for k in range(count))
 
 
 def read_csv(path: Path) -> Trace:
@@ -251,9 +265,10 @@ def read_csv(path: Path) -> Trace:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file)
             names = tuple(next(reader, ()))
-            if names not in (HEADER, HEADER[:-1]):  # earlier versions knew no work
+            each = _names_of_contacts(len(names) - len(HEADER))
+            if names not in (HEADER + each, HEADER[:-1]):  # earlier versions knew no work
                 raise ValueError(f"its first line has to be {','.join(HEADER)}")
-            return Trace(*np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
+            return _of_rows(np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
     except (ValueError, TypeError, csv.Error) as error:
         raise ValueError(f"{path} is not a trace written by simulate --trace: {error}") from None
 

@@ -94,7 +94,13 @@ def record_axis(
             }
             data = joints(number, state(ns, **rows))
             bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
-            contact = state(ns, axis_contact=(s.z, s.w, s.force))
+            each = (
+                axis.simulation.deflections.tolist()
+                if axis.parameters.friction.contacts > 1
+                else []
+            )
+            parts = {f"axis_contact_{k}": (z, s.w, math.nan) for k, z in enumerate(each, 1)}
+            contact = state(ns, axis_contact=(s.z, s.w, s.force), **parts)
             bag.write(CONTACT.name, contact, log_ns=ns, publish_ns=ns)
             if number == 5:
                 axis.command("frequency", 500.0)
@@ -149,6 +155,7 @@ def test_a_run_with_every_effect_on_comes_out_bit_for_bit(tmp_path: Path) -> Non
         (again,) = resimulate(bag)
         (other,) = resimulate(bag, {"surface_seed": 2})
     assert again.bit_for_bit
+    assert "axis_contact_2 position" in again.differences
     assert not other.bit_for_bit
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from heard import Heard, stamp, values
 from live import MakeAxis, Ros, Start
@@ -17,6 +18,8 @@ from table_1 import table_1
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient, CommandRefused
+from stickslip_ros.ros.messages import StateMessages
+from stickslip_ros.solver import State
 from stickslip_ros.traces import run_steps
 
 CRASH = ("Traceback", "Error", "terminate called", "Exception", "core dumped", "Segmentation")
@@ -68,6 +71,14 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
         assert touch.effort[0] == joint.effort[1]
         assert touch.velocity[0] == joint.velocity[0] - joint.velocity[1]
     assert max(m.position[0] for m in joints) > 3e-6
+
+
+def test_each_of_several_contacts_has_its_deflection() -> None:
+    now = State(t=0.0, x=0.0, v=3.0, z=2e-9, u=0.0, rate=1.0, force=0.5)
+    message = StateMessages("lens", 2).contact(now, [1e-9, 3e-9], Time())
+    assert message.name == ["lens_contact", "lens_contact_1", "lens_contact_2"]
+    assert list(message.position) == [2e-9, 1e-9, 3e-9] and list(message.velocity) == [2.0] * 3
+    assert message.effort[0] == 0.5 and math.isnan(message.effort[2])
 
 
 NUMBER_KEYS = {
