@@ -36,6 +36,18 @@ class Bins:
     weight: Array  #: part of each node in the mean of its bin, (nodes,)
     noise: float  #: standard deviation of one sample, as far as it changes between bins, m
 
+    @property
+    def scale(self) -> float:
+        """Root of the samples in a bin, by which white noise is smaller. The last digits of bin
+        edges must not enter: where bins held 9 and 10 samples by turns, a slow wander would jump.
+        """
+        return float(np.sqrt(np.median(self.count)))
+
+    @property
+    def whole(self) -> Array:
+        """1 for each bin, 0 for those at gaps, whose few samples count as none, (bins,)."""
+        return (self.count >= BINS.whole * np.median(self.count)).astype(np.float64)
+
     def means(self, values: Array) -> Array:
         """Return the mean over each bin of values at the nodes, (bins,)."""
         found = np.bincount(self.owner, self.weight * values, minlength=len(self.t))

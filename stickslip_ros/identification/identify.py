@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -227,12 +226,9 @@ class _Work:
                 continue
             self._choose_variants()
             self._learn()
-            excess = [0.0]  # of residuals over the noise between neighbouring bins
-            for k, fit in self.problem.traces:
-                left = fit.unprojected(self.best.seen[k])
-                size = math.sqrt(float(np.mean(left**2 * fit.bins.count * fit.kept)))
-                excess.append(size / fit.bins.noise)
-            if max(excess) < DESCENT.too_much:
+            # A wrong optimum leaves ringing, which no law of noise explains.
+            excess = [fit.noise.structure for fit in self.traces]
+            if max(excess, default=0.0) < DESCENT.too_much:
                 return
         if self.best is None:
             raise IdentificationError(

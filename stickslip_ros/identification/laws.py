@@ -99,7 +99,11 @@ def score_law(name: str, problem: Problem, best: Point) -> LawScore:
         squares[k] += float(np.sum(left**2 * samples))
         bins[k] += len(left)
         total += float(np.sum(left**2))
-    colour = [(fit.noise.size / float(np.sum(fit.noise.filter))) ** 2 for _, fit in problem.traces]
+    # What repeats with the drive is judged, so the noise at its frequency counts.
+    colour = [
+        fit.noise.power(fit.experiment.runs[0].frequency * float(np.median(np.diff(fit.bins.t))))
+        for _, fit in problem.traces
+    ]
     values = problem.free.values(best.unknowns[: len(problem.free.names)])
     constants = {key: value for key, value in values.items() if key != LAG}
     return LawScore(

@@ -68,20 +68,22 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
         text += ", so the axis changed during the run: its preload, its track or its load"
     if lags and gains[_LAG] == max(gains.values()):
         return Misfit(f"{text}; {_LAG} explains it: identify again with --fit-lag", probability)
-    return Misfit(f"{text}; {_best_explanation(problem, best, gains)}", probability)
+    beyond = sum(max(one.beyond for one in three) for three in runs)
+    return Misfit(f"{text}; {_best_explanation(gains, beyond)}", probability)
 
 
 @dataclass(frozen=True)
 class _Finding:
-    """One test: how likely by chance, how large (m), and in words."""
+    """One test: how likely by chance, the squares beyond it, how large (m), and in words."""
 
     chance: float
+    beyond: float
     size: float
     text: str
 
 
-def _chance_of_means(white: Array, group: NDArray[np.int64], fitted: int) -> float:
-    """Return how likely means of groups differ as much by chance."""
+def _chance_of_means(white: Array, group: NDArray[np.int64], fitted: int) -> tuple[float, float]:
+    """Return how likely means of groups differ as much by chance, and their squares beyond it."""
     _, group = np.unique(group, return_inverse=True)
     count = np.bincount(group)
     means = np.bincount(group, white) / count
@@ -89,15 +91,16 @@ def _chance_of_means(white: Array, group: NDArray[np.int64], fitted: int) -> flo
     within = float(np.sum((white - means[group]) ** 2))
     free, left = max(len(count) - 1 - fitted, 1), len(white) - len(count)
     if left < 1 or within <= 0.0:
-        return 1.0
-    return float(scipy.stats.f.sf(between / free / (within / left), free, left))
+        return 1.0, 0.0
+    chance = float(scipy.stats.f.sf(between / free / (within / left), free, left))
+    return chance, max(between - free * within / left, 0.0)
 
 
 def _within_cycle(
     white: Array, left: Array, place: Array, period: float, fitted: int, source: str
 ) -> _Finding:
     phase, count = _phases(place)
-    chance = _chance_of_means(white, phase, min(fitted, count // 4))
+    chance, beyond = _chance_of_means(white, phase, min(fitted, count // 4))
     number = np.maximum(np.bincount(phase, minlength=count), 1)
     means = np.bincount(phase, left, minlength=count) / number
     size = float(np.sqrt(np.mean(means**2)))
@@ -112,7 +115,7 @@ def _within_cycle(
         f"{source}: {format_si(size, 'm', 2)} (root mean square) that repeats with the drive is "
         f"not noise; it is largest, {format_si(float(abs(means[worst])), 'm', 2)}, {where}"
     )
-    return _Finding(chance, size, text)
+    return _Finding(chance, beyond, size, text)
 
 
 def _phases(place: Array) -> tuple[NDArray[np.int64], int]:
@@ -127,9 +130,9 @@ def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding
     cycles = math.ceil(float(place.max()))
     parts = min(MISFIT.parts, cycles // MISFIT.of_a_part)
     if parts < 2:
-        return _Finding(1.0, 0.0, "the run is too short to show a change")
+        return _Finding(1.0, 0.0, 0.0, "the run is too short to show a change")
     group = phase + count * np.minimum(place / cycles * parts, parts - 1).astype(np.int64)
-    chance = _chance_of_means(white, group, min(fitted, count // 4))
+    chance, beyond = _chance_of_means(white, group, min(fitted, count // 4))
     whole, own = (
         (np.bincount(one, left) / np.maximum(np.bincount(one), 1))[one] for one in (phase, group)
     )
@@ -137,19 +140,20 @@ def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding
     noise = float(np.sum((left - own) ** 2)) / max(len(left) - count * parts, 1)
     power = float(np.mean((own - whole) ** 2)) - noise * count * (parts - 1) / len(left)
     size = math.sqrt(max(power, 0.0))
-    return _Finding(chance, size, f"parts of the run differ in that by {format_si(size, 'm', 2)}")
+    text = f"parts of the run differ in that by {format_si(size, 'm', 2)}"
+    return _Finding(chance, beyond, size, text)
 
 
 def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
     cycle = place.astype(np.int64)
-    chance = _chance_of_means(white, cycle, 2)
+    chance, beyond = _chance_of_means(white, cycle, 2)
     means = np.bincount(cycle, left) / np.maximum(np.bincount(cycle), 1)
     worst = int(np.argmax(np.abs(means)))
     text = (
         f"the means of cycles are up to {format_si(float(abs(means[worst])), 'm', 2)} off "
         f"(cycle {worst + 1})"
     )
-    return _Finding(chance, float(np.sqrt(np.mean(means**2))), text)
+    return _Finding(chance, beyond, float(np.sqrt(np.mean(means**2))), text)
 
 
 _LAG = "a lag of the amplifier"
@@ -196,16 +200,10 @@ def _gains(problem: Problem, best: Point) -> dict[str, float]:
     return gains
 
 
-def _best_explanation(problem: Problem, best: Point, gains: Mapping[str, float]) -> str:
-    """Return in words which effect explains most of the residuals."""
-    free = max(len(best.residuals) - problem.size, 1)
-    # Noise between neighbours is the size of the residuals without misfit.
-    usual = sum(
-        (fit.bins.noise / fit.noise.size) ** 2 * len(fit.bins.t) / len(fit.noise.filter)
-        for _, fit in problem.traces
-    )
-    beyond = max(best.deviance - min(usual, free), 0.02 * best.deviance)
-    name = max(gains, key=lambda one: gains[one], default="")
-    if not name or gains[name] < MISFIT.takes_up * beyond:
-        return "no single effect of the model takes it up"
-    return f"{name} would take up {100.0 * min(gains[name] / beyond, 1.0):.0f} % of it"
+def _best_explanation(gains: Mapping[str, float], beyond: float) -> str:
+    """Return in words which effects explain most of what the deviance is beyond chance."""
+    likely = sorted(gains, key=lambda one: -gains[one])[: MISFIT.named]
+    shares = [(name, min(gains[name] / max(beyond, 1e-9), 1.0)) for name in likely]
+    named = [f"{name} would take up {100.0 * share:.0f} % of it"
+             for name, share in shares if share > MISFIT.takes_up]  # fmt: skip
+    return ", or ".join(named) or "no single effect of the model takes it up"

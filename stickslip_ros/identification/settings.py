@@ -28,7 +28,7 @@ class RecordSettings:
 
 @dataclass(frozen=True)
 class BinSettings:
-    """How samples are put into bins, and how the noise of the bins is estimated."""
+    """How samples are put into bins."""
 
     per_ringing: float = 12.0  #: bins in a swing, which show its shape
     per_period: float = 400.0  #: bins in a drive period where no ringing is seen
@@ -36,11 +36,23 @@ class BinSettings:
     most: int = 12_000  #: bins of a trace: time of a fit grows with them
     looks: int = 12  #: samples of a bin about a slip that the model is computed for
     fine_per_ringing: float = 16.0  #: of bins that show the noise: motion hardly differs in one
+    whole: float = 0.25  #: of the usual samples of a bin; noise of fewer is more than twice as much
     spike: float = 6.0  #: robust standard deviations beyond which a residual is not noise
-    order: int = 12  #: highest of the autoregressive model of the noise
+    rate_deviation: float = 5e-4  #: s/s, of clocks of recorders
+
+
+@dataclass(frozen=True)
+class NoiseSettings:
+    """The model of the noise of a record, and its hum."""
+
+    corner_factor: float = 3.0  #: between corner frequencies tried: a filter off by less is as good
+    highest_corner: float = 5.0  #: of those of the bins: hardly any white noise is left
+    order: int = 12  #: highest of the autoregressive model of what is left
     per_order: int = 50  #: residuals at least for each order
     order_gain: float = 4.0  #: by which Akaike's criterion has to fall for another order
-    rate_deviation: float = 5e-4  #: s/s, of clocks of recorders
+    hum_chance: float = 1e-4  #: of a likelihood as high without hum
+    hum_width: float = 1.5  #: prior deviation of its amplitudes, in terms of the amplitude found
+    mains_off: float = 0.05  #: Hz, prior deviation of the frequency of the mains
 
 
 @dataclass(frozen=True)
@@ -109,7 +121,7 @@ class DescentSettings:
     first: int = 15  #: rounds of those
     then: int = 10  #: rounds with the noise learnt
     learnt: int = 3  #: times that the noise is learnt
-    too_much: float = 1.25  #: times the noise; a fit that leaves more is searched for again
+    too_much: float = 1.25  #: structure of the noise from which on it is searched for again
     searches: int = 3  #: at most
     again: int = 3  #: descents from better optima that profiles have met
 
@@ -141,6 +153,7 @@ class MisfitSettings:
     changed: float = 1.5  #: ratio of changing to repeating residuals from which on the axis changed
     part_changed: float = 1.0  #: parts of a run, likewise
     takes_up: float = 0.3  #: part of the residuals that an effect has to explain to be named
+    named: int = 2  #: effects at most: the third best hardly ever is the cause
     lag: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand
     part: float = 0.01  #: change of a parameter for its derivative
 
@@ -196,6 +209,7 @@ class NextSettings:
 
 RECORD = RecordSettings()
 BINS = BinSettings()
+NOISE = NoiseSettings()
 FREE = FreeSettings()
 START = StartSettings()
 SEARCH = EvolutionSettings()

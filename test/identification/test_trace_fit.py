@@ -8,19 +8,30 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment, Stepping
-from stickslip_ros.identification.trace_fit import (
-    BinnedModel,
+from stickslip_ros.identification.noise import (
     Hum,
     Noise,
-    TraceFit,
     autocorrelation,
     coloured,
-    hum_in,
+    learn,
+    whitener,
 )
+from stickslip_ros.identification.trace_fit import BinnedModel, TraceFit
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
+
+
+def evenly(t: np.ndarray, x: np.ndarray) -> Bins:
+    """Bins of one sample each."""
+    ones = np.ones_like(t)
+    return Bins(t, x, ones, t, np.arange(len(t)), ones, 1e-9)
+
+
+def hum_in(t: np.ndarray, left: np.ndarray) -> tuple[float, ...]:
+    """The mains of hum in residuals."""
+    return learn(evenly(t, left), left, np.ones_like(t))[1]
 
 
 @pytest.mark.slow
@@ -80,6 +91,50 @@ def test_the_colour_of_noise_is_found() -> None:
         assert own[:2] == pytest.approx([1.0, -colour], abs=0.03)
 
 
+def test_a_wander_is_made_white() -> None:
+    """Its first orders alone left the slow part, which moved sigma_0ss by six deviations."""
+    random, count = np.random.default_rng(5), 6000
+    t, white = np.arange(count) * 2e-5, 1e-9 * random.standard_normal(count)
+    for walk in (0.0, 3e-11, 1e-9):
+        left = white + walk * np.cumsum(random.standard_normal(count)) + 3e-7 + 1e-6 * t
+        noise, mains = learn(evenly(t, left), left, np.ones(count))
+        assert mains == ()
+        assert noise.structure < 1.05
+        columns = noise.whitened(np.column_stack([np.ones(count), t, left]), np.ones(count))
+        basis, _ = np.linalg.qr(columns[:, :2])
+        rest = columns[:, 2] - basis @ (basis.T @ columns[:, 2])
+        for length in (1, 20, 200):  # as white over long times as over short ones
+            means = rest.reshape(-1, length).mean(axis=1)
+            assert np.std(means) * np.sqrt(length) == pytest.approx(1.0, rel=0.35)
+
+
+def test_the_filter_of_a_walk_with_white_noise_is_known() -> None:
+    """Their sum is a moving average of first order, summed: 1 - L over 1 - theta L."""
+    walk = 0.02  # of the samples: where the power of the walk is that of the white noise
+    ratio = (2.0 * np.pi * walk) ** 2  # of the variances
+    theta = 1.0 + 0.5 * ratio - np.sqrt(ratio + 0.25 * ratio**2)
+    taps = lfilter([1.0, -1.0], [1.0, -theta], np.eye(1, 2000)[0])
+    assert whitener(2000, 0.0, walk) == pytest.approx(taps, abs=2e-3)
+
+
+def test_a_spike_is_bridged() -> None:
+    noise, kept = Noise(1.0, whitener(100, 0.0, 0.5)), np.ones(100)
+    kept[50] = 0.0
+    x = np.linspace(3.0, 4.0, 100)
+    spiked = x.copy()
+    spiked[50] = 1e3
+    white = noise.whitened(np.column_stack([x, spiked]), kept)
+    assert white[:, 0] == pytest.approx(white[:, 1])
+    assert white[50].tolist() == [0.0, 0.0]
+
+
+def test_bins_of_nine_and_ten_samples_scale_a_wander_alike() -> None:
+    t = np.arange(0.0, 1.0, 1e-3)
+    bins = Bins(t, t, np.resize([9.0, 10.0], 1000), t, np.arange(1000), t, 1e-9)
+    assert bins.scale == pytest.approx(3.0, abs=0.2)
+    assert bins.whole.all()
+
+
 def test_hum_is_found() -> None:
     t = np.arange(0.0, 0.13, 2e-5)
     noise = 1e-9 * np.random.default_rng(7).standard_normal(len(t))
@@ -113,7 +168,7 @@ def test_hum_leaves_nothing_where_its_frequency_is_told_wrongly(
     orders, parts = np.array([[1.0], [2.0], [3.0]]), 1.5e-8 * np.array([1.0, 0.4, 0.3])
     hum = parts @ np.sin(2.0 * np.pi * (50.0 + off) * orders * t + orders)
     fit = TraceFit(Experiment.of(known, motion))
-    fit.bins = Bins(t, hum, np.ones_like(t), t, np.arange(len(t)), np.ones_like(t), 1e-9)
+    fit.bins = evenly(t, hum)
     fit.kept, fit.noise = np.ones_like(t), Noise(1e-9, np.ones(1))
     still = BinnedModel(np.zeros_like(t), np.zeros_like(t))
     without, _ = fit.residuals(still)

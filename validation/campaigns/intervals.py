@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often intervals hold the truth: experiments by lot, from the independent integrator.
 
-    python -m validation.campaigns.intervals [--linear] [--lag] COUNT [FIRST_SEED]
+    python -m validation.campaigns.intervals [--linear] COUNT [FIRST_SEED] >> FILE
+    python -m validation.campaigns.intervals --sum FILE
 
-prints each experiment and, at the end, how many intervals of each parameter hold the truth. An
-experiment has a contact by lot, one to three traces of 12 cycles with other drives, noise of 0.5 to
-3 nm, in half of the traces hum, in half drift, and starting values wrong by up to a factor of 3.
-With --lag the amplifier lags by up to 2 us, which no parameters say.
+The first prints a line of JSON for each experiment, the second counts those of a file: how many
+intervals of each parameter hold the truth, with the binomial standard error, how wide they are,
+and what the misfits say.
+
+An experiment has a contact by lot and one or two traces of 12 cycles with other drives. The noise
+is white, pink or white and a random walk; the amplifier lags by 0 to 2 us; in half of the traces
+each there are hum, drift and creep. Starting values are wrong by up to a factor of 3. The width is
+compared with that of a fit which knows the lag, hum, drift, creep and the colour of the noise; it
+follows from the Jacobian at the truth.
 With --linear nothing is searched for: from the Jacobian at the truth follows how far the optimum is
 off, in standard deviations. That takes a second, and tells whether the intervals have the right
 width and whether what the sensor does pulls at the parameters.
@@ -14,27 +20,33 @@ width and whether what the sensor does pulls at the parameters.
 
 from __future__ import annotations
 
+import json
+import math
 import sys
 import time
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
+from bench_traces import Array, Axis, Drive, Sensor, bench_trace, random_axis
 
 from stickslip_ros.identification import Experiment, Fit, identify
 from stickslip_ros.identification.experiment import Stepping
-from stickslip_ros.identification.free import free_parameters
+from stickslip_ros.identification.free import FreeParameters, free_parameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
-from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.identification.trace_fit import BinnedModel, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 
-#: Rest before the steps, s.
-PAUSE = 0.01
+#: Rest before the steps, s; steps; samples in a second.
+PAUSE, STEPS, RATE = 0.01, 12, 5e5
+NOISES = ("white", "pink", "walk")
 
 
 @dataclass(frozen=True)
@@ -50,18 +62,44 @@ class ScaledAxis(Axis):
         return mass, sigma_0, sigma_1, self.scale * z_ba, self.scale * z_ss, z_limit
 
 
-def lag_of(seed: int) -> float:
-    """Return the time constant (s) of the amplifier in an experiment with a lag."""
-    return float(np.random.default_rng([seed, 1]).uniform(0.0, 2e-6))
+@dataclass(frozen=True)
+class Trace:
+    """One trace of an experiment."""
+
+    known: Parameters  #: what the file says of the drive
+    t: Array  #: s
+    x: Array  #: as measured, m
+    quiet: Array  #: without hum, drift and creep, m
 
 
-def experiment(
-    seed: int, lags: bool = False
-) -> tuple[dict[str, float], list[tuple[Parameters, Motion]]]:
-    """Return the truth of an experiment, and its traces with what is known of each drive."""
+@dataclass(frozen=True)
+class Drawn:
+    """An experiment by lot."""
+
+    truth: dict[str, float]
+    lag: float  #: s
+    noise: str
+    traces: list[Trace]
+
+
+def _coloured(random: np.random.Generator, kind: str, count: int) -> Array:
+    """Return noise of a kind (m), (count,)."""
+    noise = random.uniform(0.5e-9, 3e-9) * random.standard_normal(count)
+    if kind == "pink":
+        spectrum = np.fft.rfft(random.standard_normal(count))
+        spectrum[1:] /= np.sqrt(np.arange(1, len(spectrum)))
+        pink = np.fft.irfft(spectrum, count)
+        noise = random.uniform(1e-9, 4e-9) * pink / np.std(pink)
+    if kind == "walk":
+        walk = np.cumsum(random.standard_normal(count)) / math.sqrt(count)
+        noise += random.uniform(2e-9, 3e-8) * walk
+    return np.asarray(noise)
+
+
+def draw(seed: int) -> Drawn:
+    """Return an experiment."""
     random = np.random.default_rng(seed)
-    lag = lag_of(seed) if lags else 0.0
-    count = int(random.integers(1, 4))
+    kind, lag = str(random.choice(NOISES)), float(random.uniform(0.0, 2e-6))
     plain = random_axis(random)
     axis = ScaledAxis(
         plain.preload, plain.mass, plain.sigma_1, plain.sigma_0_offset,
@@ -71,107 +109,163 @@ def experiment(
     truth = {"sigma_0": sigma_0, "sigma_1": sigma_1, "z_ba": z_ba, "sigma_0ss": axis.sigma_0ss}
     wrong = np.exp(random.uniform(-np.log(3.0), np.log(3.0), len(truth)))
     start = {name: value * part for (name, value), part in zip(truth.items(), wrong, strict=True)}
-    runs = []
-    for k in range(count):
+    traces = []
+    for k in range(int(random.integers(1, 3))):
         drive = Drive(
-            12, float(np.exp(random.uniform(np.log(60.0), np.log(2000.0)))),
+            STEPS, float(np.exp(random.uniform(np.log(100.0), np.log(2000.0)))),
             float(random.uniform(150.0, 300.0)), 1, PAUSE, lag,
         )  # fmt: skip
         sensor = Sensor(
-            rate=5e5,
-            noise=float(random.uniform(0.5e-9, 3e-9)),
+            rate=RATE,
             hum=float(random.choice([0.0, random.uniform(2e-9, 15e-9)])),
+            mains=float(random.choice([50.0, 60.0])),
             drift=float(random.choice([0.0, random.uniform(-2e-7, 2e-7)])),
         )
         bench = bench_trace(axis, (drive,), sensor, 8e-3, seed * 10 + k)
+        noise = _coloured(random, kind, len(bench.t))
+        since = np.maximum(bench.t - PAUSE, 0.0) * drive.frequency
+        creep = random.choice([0.0, random.uniform(0.01, 0.05)]) * bench.runs[0].step_size
         known = {"preload": axis.preload, "mass": axis.mass, "frequency": drive.frequency,
                  "amplitude": drive.amplitude}  # fmt: skip
-        runs.append((Parameters.of({**known, **start}), Motion("bench", bench.t, bench.x)))
-    return truth, runs
+        x = bench.x + creep * np.log1p(since) + noise
+        traces.append(Trace(Parameters.of({**known, **start}), bench.t, x, bench.clean + noise))
+    return Drawn(truth, lag, kind, traces)
 
 
-def judged(truth: dict[str, float], found: Fit) -> dict[str, str]:
-    """Return for each parameter: held, missed, or not determined."""
-    told = {}
-    for name, true in truth.items():
-        one = found.parameters[name]
-        if not one.determined or one.low is None or one.high is None:
-            told[name] = "not determined"
-        else:
-            told[name] = "held" if one.low <= true <= one.high else "missed"
-    return told
+class _Levelled(TraceFit):
+    """A trace of which only the zero is unknown."""
+
+    def columns(self) -> Array:
+        """Return the one column of the zero."""
+        return np.ones((len(self.bins.t), 1))
+
+    def learn_noise(self, seen: BinnedModel) -> None:
+        """Learn the noise, without the hum, of which there is none."""
+        super().learn_noise(seen)
+        self.hum = None
 
 
-def pulls(seed: int, lags: bool = False) -> np.ndarray:
-    """Return by how many standard deviations the optimum of an experiment is off the truth, (4,).
-
-    The order is that of the truth; the lag, where there is one, is free and comes last.
-    """
-    truth, runs = experiment(seed, lags)
+def _at_truth(drawn: Drawn, knows: bool) -> Profiler:
+    """Return the profiler at the truth, of a fit that knows all effects or none."""
+    truth, kind = drawn.truth, _Levelled if knows else TraceFit
+    bandwidth = 1.0 / (2.0 * math.pi * max(drawn.lag, 1e-9))
     traces = []
-    for known, motion in runs:
-        true = known.replace(**truth)
+    for one in drawn.traces:
+        true = one.known.replace(**truth)
         plant = Plant.of(true)
         ringing = Ringing(plant.ringing_frequency, truth["sigma_1"] / (2.0 * plant.mass))
-        stepping = Stepping(PAUSE, 12, true.drive.frequency)
-        traces.append(TraceFit(Experiment(true, motion, (stepping,), ringing)))
-    free = free_parameters([one.parameters for one in traces], list(truth))
+        if knows:
+            true = true.replace(amplifier_bandwidth=bandwidth)
+        motion = Motion("bench", one.t, one.quiet if knows else one.x)
+        stepping = Stepping(PAUSE, STEPS, true.drive.frequency)
+        traces.append(kind(Experiment(true, motion, (stepping,), ringing)))
+    free: FreeParameters = free_parameters([one.parameters for one in traces], list(truth))
     theta = np.log(list(truth.values()))
-    if lags:
-        free = free.with_lag(lag_of(seed))
+    if not knows:
+        free = free.with_lag(max(drawn.lag, 1e-9))
         theta = np.append(theta, free.start[-1])
     problem = Problem(traces, free)
     start = problem.begin(theta)
     seen = problem.point(start)
     assert seen is not None
-    for trace, one in zip(traces, seen.seen, strict=True):
-        trace.learn_noise(one)
-    profiler = Profiler(problem, problem.point_of(start, seen.seen))
+    for trace, at in zip(traces, seen.seen, strict=True):
+        trace.learn_noise(at)
+    return Profiler(problem, problem.point_of(start, seen.seen))
+
+
+def deviations(profiler: Profiler) -> Array:
+    """Return the standard deviations of the logarithms."""
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(profiler.information()))))
+
+
+def linear(seed: int) -> dict[str, Any]:
+    """Return by how many standard deviations the optimum of an experiment is off the truth."""
+    drawn = draw(seed)
+    profiler = _at_truth(drawn, False)
     step = -np.linalg.lstsq(profiler.jacobian, profiler.best.residuals, rcond=None)[0]
-    deviation = np.sqrt(np.diag(np.linalg.inv(profiler.information())))
-    return np.asarray(step[: len(theta)] / deviation)
+    own, best = deviations(profiler), deviations(_at_truth(drawn, True))
+    pulls = step[: len(own)] / own
+    return {
+        "seed": seed, "noise": drawn.noise, "pulls": np.round(pulls, 2).tolist(),
+        "wider": np.round(own[:4] / best, 2).tolist(),
+    }  # fmt: skip
 
 
-def linear(count: int, first: int, lags: bool) -> None:
-    """Print how far the optima of experiments are off, and the root mean squares."""
-    found = []
-    for seed in range(first, first + count):
-        found.append(pulls(seed, lags))
-        print(f"{seed}: {', '.join(f'{one:.2f}' for one in found[-1])}", flush=True)
-    usual = np.sqrt(np.mean(np.square(found), axis=0))
-    within = int(np.sum(np.abs(found) < 1.96))
-    print(f"root mean squares {np.round(usual, 2)}; {within} of {np.size(found)} within 1.96")
+def whole(seed: int) -> dict[str, Any]:
+    """Return what a whole fit of an experiment finds."""
+    drawn = draw(seed)
+    begun = time.process_time()
+    runs = [(one.known, Motion("bench", one.t, one.x)) for one in drawn.traces]
+    found: Fit = identify(runs)
+    took = time.process_time() - begun
+    best = 2.0 * CONFIDENCE * deviations(_at_truth(drawn, True))
+    values = {}
+    for (name, true), ideal in zip(drawn.truth.items(), best.tolist(), strict=True):
+        one = found.parameters[name]
+        low, high = one.low or 0.0, one.high or math.inf
+        values[name] = {
+            "part": round(one.value / true, 5), "low": low / true, "high": high / true,
+            "determined": one.determined,
+            "wider": math.log(high / low) / ideal if low and one.high else math.inf,
+        }  # fmt: skip
+    return {
+        "seed": seed, "noise": drawn.noise, "traces": len(runs), "lag": drawn.lag,
+        "seconds": round(took, 1), "values": values, "notes": found.notes,
+        "misfit": found.misfit.text if found.misfit else "",
+    }  # fmt: skip
 
 
-def main(count: int, first: int, lags: bool) -> None:
-    """Run experiments and print what they show."""
-    told: dict[str, Counter[str]] = {}
-    optima = misfits = 0
-    for seed in range(first, first + count):
-        truth, runs = experiment(seed, lags)
-        begun, clock = time.process_time(), time.monotonic()
-        found = identify(runs)
-        for name, word in judged(truth, found).items():
-            told.setdefault(name, Counter())[word] += 1
-        parts = {name: found.parameters[name].value / true for name, true in truth.items()}
-        # Another optimum has another stiffness or damping, which every trace tells well.
-        optimum = abs(parts["sigma_0"] - 1.0) < 0.02 and abs(parts["sigma_1"] - 1.0) < 0.3
-        optima += optimum
-        misfits += found.misfit is not None
-        values = ", ".join(f"{name} {part:.4f}" for name, part in parts.items())
-        took, wall = time.process_time() - begun, time.monotonic() - clock
-        words = f"{judged(truth, found)}{', MISFIT' if found.misfit else ''}"
-        print(
-            f"{seed}: {len(runs)} traces, {took:.0f} s of CPU, {wall:.0f} s, {values}, {words}",
-            flush=True,
-        )
-    for name, counts in told.items():
-        sure = counts["held"] + counts["missed"]
-        print(f"{name}: {counts['held']} of {sure} intervals hold the truth, determined {sure}")
-    print(f"the global optimum in {optima} of {count}; misfit told in {misfits}")
+def summary(lines: list[dict[str, Any]]) -> str:
+    """Return the counts over experiments, in words."""
+    if "pulls" in lines[0]:
+        pulls = np.array([one["pulls"] for one in lines])
+        within = np.abs(pulls) < CONFIDENCE
+        usual = np.round(np.sqrt(np.mean(pulls**2, axis=0)), 2)
+        text = [f"root mean squares {usual}; {_share(int(within.sum()), within.size)} within 1.96"]
+        for kind in NOISES:
+            own = within[[one["noise"] == kind for one in lines]]
+            text.append(f"{kind}: {_share(int(own.sum()), own.size)}")
+        wider = np.round(np.median([one["wider"] for one in lines], axis=0), 2)
+        return "\n".join([*text, f"median width over that of a fit that knows all: {wider}"])
+    text, counts = [], Counter[tuple[str, bool]]()
+    for name in lines[0]["values"]:
+        found = [one["values"][name] for one in lines]
+        for line, one in zip(lines, found, strict=True):
+            if one["determined"]:
+                counts[line["noise"], one["low"] <= 1.0 <= one["high"]] += 1
+        sure = [one for one in found if one["determined"]]
+        held = sum(one["low"] <= 1.0 <= one["high"] for one in sure)
+        wider = float(np.median([one["wider"] for one in found]))
+        text.append(f"{name}: {_share(held, len(sure))} hold, determined in {len(sure)} of "
+                    f"{len(found)}, median width {wider:.2f}")  # fmt: skip
+    text += [
+        f"{kind}: {_share(counts[kind, True], counts[kind, True] + counts[kind, False])}"
+        for kind in NOISES
+    ]
+    held = sum(count for (_, held), count in counts.items() if held)
+    wider = float(np.median([v["wider"] for one in lines for v in one["values"].values()]))
+    misfits = sum(bool(one["misfit"]) for one in lines)
+    seconds = float(np.mean([one["seconds"] for one in lines]))
+    text.append(f"pooled: {_share(held, counts.total())}, median width {wider:.2f}; misfits "
+                f"{_share(misfits, len(lines))}; {seconds:.1f} s of processor a fit")  # fmt: skip
+    return "\n".join(text)
+
+
+def _share(part: int, of: int) -> str:
+    share = part / max(of, 1)
+    error = math.sqrt(share * (1.0 - share) / max(of, 1))
+    return f"{part} of {of} ({100.0 * share:.1f} +- {100.0 * error:.1f} %)"
 
 
 if __name__ == "__main__":
-    numbers = [int(one) for one in sys.argv[1:] if not one.startswith("--")]
-    given = numbers[0], numbers[1] if len(numbers) > 1 else 1000
-    (linear if "--linear" in sys.argv else main)(*given, lags="--lag" in sys.argv)
+    if sys.argv[1] == "--sum":
+        lines = [
+            json.loads(one) for path in sys.argv[2:] for one in Path(path).read_text().splitlines()
+        ]
+        print(summary(lines))
+    else:
+        numbers = [int(one) for one in sys.argv[1:] if not one.startswith("--")]
+        first = numbers[1] if len(numbers) > 1 else 1000
+        study = linear if "--linear" in sys.argv else whole
+        for seed in range(first, first + numbers[0]):
+            print(json.dumps(study(seed)), flush=True)
