@@ -95,16 +95,17 @@ def learn(bins: Bins, left: Array, kept: Array) -> tuple[Noise, tuple[float, ...
     grams = _Grams(columns)
     waves, count = 2 * HARMONICS, columns.shape[1] - 1
     of_mains = [list(range(2 + k * waves, 2 + (k + 1) * waves)) for k in range(len(MAINS))]
-    fitted, found = [0, 1], ()
+    fitted = [0, 1]
+    found: tuple[int, ...] = ()
     best = grams.best(fitted)
     while len(found) < len(MAINS):
         others = [k for k in range(len(MAINS)) if k not in found]
         tried = [(grams.best([*fitted, *of_mains[k]]), k) for k in others]
-        (corners, squares), k = min(tried, key=lambda one: one[0][1])
-        ratio = len(t) * math.log(best[1] / squares)
+        nearest, which = min(tried, key=lambda one: one[0][1])
+        ratio = len(t) * math.log(best[1] / nearest[1])
         if not ratio > scipy.stats.chi2.isf(NOISE.hum_chance, waves):
             break
-        fitted, found, best = [*fitted, *of_mains[k]], (*found, k), (corners, squares)
+        fitted, found, best = [*fitted, *of_mains[which]], (*found, which), nearest
     law = whitener(len(t), *best[0])
     white = _filtered(columns, law)
     rest = white[:, count]

@@ -20,10 +20,11 @@ from stickslip_ros.identification.experiment import Experiment, IdentificationEr
 from stickslip_ros.identification.fit import Estimate, Suggestion
 from stickslip_ros.identification.free import LAG, FreeParameters
 from stickslip_ros.identification.least_squares import Problem
+from stickslip_ros.identification.noise import Noise
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.search import place_runs
 from stickslip_ros.identification.settings import NEXT
-from stickslip_ros.identification.trace_fit import Noise, TraceFit
+from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
 from stickslip_ros.reporting import CONFIDENCE, format_si

@@ -157,14 +157,15 @@ class TraceFit:
     def learn_noise(self, seen: BinnedModel) -> None:
         """Estimate spikes, hum and noise from the residuals of a good model."""
         left, self.kept = self.bins.x - seen.x, self.bins.whole
-        self.noise, mains = learn(self.bins, left, self.kept)
-        white = self.noise.whitened(self.bins.scale * left, self.kept)
-        spread = BINS.spike * 1.4826 * float(np.median(np.abs(white - np.median(white))))
-        spikes = np.abs(white) > max(spread, 1e-15)
-        if spikes.any():
-            self.kept = np.where(spikes, 0.0, self.kept)
+        for _ in range(2):  # once more without the spikes
             self.noise, mains = learn(self.bins, left, self.kept)
-        self.hum = Hum.of(self.bins.t, left, mains)
+            self.hum = Hum.of(self.bins.t, left, mains)
+            white = self.residuals(seen)[0][: len(left)]  # zero, drift and hum are no spikes
+            spread = BINS.spike * 1.4826 * float(np.median(np.abs(white - np.median(white))))
+            spikes = np.abs(white) > max(spread, 1e-15)
+            if not spikes.any():
+                break
+            self.kept = np.where(spikes, 0.0, self.kept)
 
     def look_for_hum(self, seen: BinnedModel) -> None:
         """Take out hum of the mains, if there is any."""

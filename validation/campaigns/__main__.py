@@ -40,15 +40,11 @@ CAMPAIGNS: dict[str, Campaign] = {
         (f"{_STUDIES}targets", "--count", "1000"),
     ),
     "intervals": Campaign(
-        "how often 95 % intervals hold the truth", (f"{_STUDIES}intervals", "212", "3003")
+        "how often 95 % intervals hold the truth", (f"{_STUDIES}intervals", "212", "8000")
     ),
     "pulls": Campaign(
         "whether the sensor pulls at the optimum",
-        (f"{_STUDIES}intervals", "--linear", "24", "2000"),
-    ),
-    "lagging": Campaign(
-        "the same behind amplifiers that lag",
-        (f"{_STUDIES}intervals", "--linear", "--lag", "61", "8100"),
+        (f"{_STUDIES}intervals", "--linear", "200", "1000"),
     ),
     "comparisons": Campaign(
         "whether compare tells a wrong preload and no right one",
