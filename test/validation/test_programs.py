@@ -16,7 +16,6 @@ import setuptools
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.gym import TASKS
-from stickslip_ros.identification import identify
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import run_steps
 from validation import benchmark
