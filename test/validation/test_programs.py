@@ -156,8 +156,9 @@ def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
     assert all(one["determined"] and abs(one["part"] - 1.0) < 0.1 for one in values)
     assert sum(one["low"] <= 1.0 <= one["high"] for one in values) >= 6
     assert "of 8 (" in summary(found)
-    drawn = [linear(seed)["pulls"] for seed in (1000, 1002, 1007, 1010)]  # white, pink, walk
-    assert np.abs(np.array(drawn)).max() < 3.0
+    # White, pink, walk.
+    drawn = np.array([linear(seed)["pulls"] for seed in (1000, 1002, 1007, 1010)])
+    assert np.abs(drawn).max() < 3.0
     assert np.mean(drawn**2) < 1.9  # 16 values of mean square 1: chance in a hundred
 
 
