@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The constants of a contact, which a friction law computes from parameters and normal force.
 
-Most laws consist of these constants, in the form of `model.friction.contact`. A law of another form
+Most laws consist of these constants, in the form of `model.friction.laws`. A law of another form
 has its own rate, which uses them by name.
 """
 

@@ -175,7 +175,7 @@ def _relax(
         if at < turn < to:
             to = turn
         h = to - at
-        gone = left * lag * _faded(h, lag)
+        gone = -left * lag * math.expm1(-h / lag) if lag > 0.0 else 0.0
         u = c + b * (to - lag) - e * _fading(to, lag)
         t = t_end if to == span else t_end - (span - to)
         summed = (abs(left) + abs(b) * h) * h
@@ -193,12 +193,6 @@ def _fading(t: float, lag: float) -> float:
     if x < 1e-4:  # a series is as exact, and quicker
         return 1.0 - x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x)))
     return math.exp(-x)
-
-
-@compiled
-def _faded(t: float, lag: float) -> float:
-    """Return 1 - exp(-t / lag), exact for a short t too; 1 without a lag."""
-    return -math.expm1(-t / lag) if lag > 0.0 else 1.0
 
 
 @compiled

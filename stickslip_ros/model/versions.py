@@ -41,10 +41,6 @@ class ModelChange:
     commands: Set[str] = frozenset()
 
 
-def _slew_without_lag(p: Parameters) -> bool:
-    return bool(p.value("amplifier_slew")) and not p.value("amplifier_bandwidth")
-
-
 def _rate_counts(p: Parameters) -> bool:
     curved = p.friction.model in ("lugre", "epm_fix", "epm_calc")
     stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
@@ -56,7 +52,7 @@ CHANGES: tuple[ModelChange, ...] = (
     ModelChange(
         2,
         "an amplifier with a slew limit alone keeps it when its output lags at the end of a cycle",
-        _slew_without_lag,
+        lambda p: bool(p.value("amplifier_slew")) and not p.value("amplifier_bandwidth"),
         "64 nm a cycle",
     ),
     ModelChange(

@@ -11,6 +11,7 @@ from live import MakeAxis, Ros, Start
 from rclpy.parameter import Parameter
 
 from stickslip_ros.axis import Axis
+from stickslip_ros.axis.pace import Pace
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.sim_loop import request_priority
 
@@ -58,30 +59,30 @@ def test_peers_follow_its_clock_where_it_publishes_one(ros: Ros, make_axis: Make
 
 
 def test_an_axis_at_rest_whose_states_nobody_reads_computes_seldom(
-    ros: Ros, make_axis: MakeAxis
+    ros: Ros, make_axis: MakeAxis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """But as often as it should for whoever reads, and at once for a command."""
-    node, blocks = make_axis(), Counter[str]()
-    loop = node._sim_loop
-    catch_up = loop._catch_up
+    blocks, catch_up = Counter[str](), Pace.catch_up
 
-    def counted(only: Axis | None = None) -> bool:
+    def counted(pace: Pace, steady: int, only: Axis | None = None) -> bool:
         blocks["now"] += 1
-        return catch_up(only)
+        return catch_up(pace, steady, only)
 
-    loop._catch_up = counted  # type: ignore[method-assign]
-    ros.wait_until(lambda: loop._rests, "rest, after its first report")
-    before, began = blocks["now"], time.monotonic()
-    time.sleep(1.0)
-    assert (blocks["now"] - before) / (time.monotonic() - began) < 15.0
+    def blocks_a_second() -> float:
+        before, began = blocks["now"], time.monotonic()
+        time.sleep(1.0)
+        return (blocks["now"] - before) / (time.monotonic() - began)
+
+    monkeypatch.setattr(Pace, "catch_up", counted)
+    make_axis()
+    ros.wait_until(lambda: 0.0 < blocks_a_second() < 15.0, "rest, after its first report")
     heard = Heard(ros)
     client = AxisClient(node=ros.node("user"))
-    ros.wait_until(lambda: not loop._rests, "a block with readers")
     seen, before = len(heard.joints), blocks["now"]
     ros.wait_until(lambda: len(heard.joints) > seen + 50, "states")
     assert blocks["now"] - before >= 50
     assert client.step(3).wait().steps_done == 3
-    assert node._sim_loop.pace.dropped == 0
+    assert float(client.report()["timing"]["time dropped (s)"]) == 0.0
 
 
 @pytest.mark.long

@@ -14,12 +14,14 @@ from stickslip_ros.laws.contact import (
     FOREIGN,
     Contact,
 )
-from stickslip_ros.model.friction.contact import alpha_at, alpha_of, z_limit
 from stickslip_ros.model.friction.laws import (
+    alpha_at,
+    alpha_of,
     friction_force,
     has_two_states,
     kind_of,
     rates_of_law,
+    z_limit,
     z_rate,
 )
 from stickslip_ros.parameters import FrictionParameters, ParameterError
