@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 #: The metric that no sweep has: it needs no run.
 RINGING = "ringing_frequency"
 #: The units of all metrics.
-_UNITS = {**{name: metric.unit for name, metric in METRICS.items()}, RINGING: "Hz"}
+UNITS = {**{name: metric.unit for name, metric in METRICS.items()}, RINGING: "Hz"}
 #: Endings of the column that holds the standard deviation of a metric.
 _DEVIATIONS = ("_sd", "_error", "_uncertainty")
 #: Other names of metrics and parameters.
@@ -65,16 +65,16 @@ def read_curve(path: Path, decimal: str | None = None) -> Curve:
     for column, values in zip(table.columns, loaded.values, strict=True):
         name = _plain(column.name)
         own = _plain(next((name.removesuffix(e) for e in _DEVIATIONS if name.endswith(e)), ""))
-        if own in _UNITS:
-            deviations[own] = values * _factor(path, column, _UNITS[own])
-        elif name in _UNITS:
-            metrics[name] = values * _factor(path, column, _UNITS[name])
+        if own in UNITS:
+            deviations[own] = values * _factor(path, column, UNITS[own])
+        elif name in UNITS:
+            metrics[name] = values * _factor(path, column, UNITS[name])
         elif name in PARAMETERS and PARAMETERS[name].kind is float:
             varied[name] = values * _factor(path, column, PARAMETERS[name].unit)
         else:
             raise MeasurementError(
                 f"{path}: column {column} is neither a parameter nor a metric; metrics are "
-                f"{', '.join(_UNITS)}, their standard deviations end in _sd"
+                f"{', '.join(UNITS)}, their standard deviations end in _sd"
             )
     if not varied or not metrics:
         raise MeasurementError(

@@ -134,6 +134,7 @@ class Profile:
     rise: Array  #: of the deviance over the optimum, in units of the scale
     low: float | None  #: lower end of the 95 % interval, None where there is none
     high: float | None  #: upper end, likewise
+    limit: float  #: the rise at the ends: 3.84 for many residuals
 
 
 @dataclass(frozen=True)

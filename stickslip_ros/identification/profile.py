@@ -67,8 +67,8 @@ class Profiler:
         looks = sorted([*seen_below, (float(at), 0.0), *seen_above])
         name, (theta, rise) = self.problem.free.names[k], np.array(looks).T
         values = np.array([value_at(name, one) for one in theta])
-        ends = (None if math.isinf(one) else value_at(name, one) or None for one in (low, high))
-        return Profile(name, values, rise, *ends)
+        ends = [None if math.isinf(one) else value_at(name, one) or None for one in (low, high)]
+        return Profile(name, values, rise, ends[0], ends[1], self.rise)
 
     def _width(self, k: int) -> float:
         information = self.information()

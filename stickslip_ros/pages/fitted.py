@@ -8,9 +8,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.identification.curve import UNITS
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
-from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.pages.texts import fit_sources
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
@@ -31,8 +31,8 @@ LEFT, LIMIT = "#5b4a8a", "#c46a1b"
 _POINTS, _PHASES, _ABREAST = 6000, 100, 3
 #: Points of the line of a profile; gap below a row of profiles, for their names.
 _POINTS_BETWEEN, _GAP = 60, 0.2
-#: Rise of the deviance at the ends of a 95 % interval, and the highest rise that is shown.
-_RISE, _SHOWN = 3.84, 8.0
+#: The highest rise of the deviance that is shown.
+_SHOWN = 8.0
 _FOLDED = (
     "What the fit leaves at each place of the cycle, and its mean over the cycles. The slip is at "
     "0 and 1. Noise has a mean near 0 everywhere."
@@ -140,9 +140,8 @@ def _curve(curve: FittedCurve) -> Figure:
     data, axes = [], {}
     count = len(curve.measured)
     for k, (metric, values) in enumerate(curve.measured.items()):
-        own = METRICS[metric].unit if metric in METRICS else "Hz"
         finite = values[np.isfinite(values)]
-        factor, unit = scale_of(float(np.max(np.abs(finite), initial=0.0)), own)
+        factor, unit = scale_of(float(np.max(np.abs(finite), initial=0.0)), UNITS[metric])
         axis = "y" if k == 0 else f"y{k + 1}"
         error = {"type": "data", "array": digits_of(factor * curve.deviations[metric][order])}
         words = metric.replace("_", " ")
@@ -190,7 +189,7 @@ def _profiles(found: Fit) -> Figure:
             )  # fmt: skip
         ends = factor * values[seen][[0, -1]]
         data.append(
-            line_of(ends, np.array([_RISE, _RISE]), "95 %", LIMIT, "", named, showlegend=k == 0,
+            line_of(ends, np.full(2, profile.limit), "95 %", LIMIT, "", named, showlegend=k == 0,
                     xaxis=f"x{number}", yaxis=f"y{number}")
         )  # fmt: skip
         title = f"{profile.name} ({named})" if named else profile.name

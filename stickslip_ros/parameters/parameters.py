@@ -190,7 +190,11 @@ def _rows() -> dict[str, Parameter]:
                 if one.name in _OF_EXTENDED:
                     continue
                 if one.name in rows:
-                    raise ValueError(f"{holder.__name__} brings {one.name}, which is there already")
+                    owner = rows[one.name].rows.__name__
+                    raise ValueError(
+                        f"{holder.__name__} brings {one.name}, which {owner} has; call one of them "
+                        "otherwise"
+                    )
                 kinds = get_args(hints[one.name]) or (hints[one.name],)
                 default: Any = one.default
                 rows[one.name] = Parameter(

@@ -178,7 +178,8 @@ def _spin(program: str, node: Runnable, executor: Executor) -> int:
                 if not node.nodes[0].context.ok():
                     raise
                 node.nodes[0].get_logger().error(
-                    f"ignored: {' '.join(str(error).split())}", throttle_duration_sec=1.0
+                    f"error of the middleware, going on: {' '.join(str(error).split())}",
+                    throttle_duration_sec=1.0,
                 )
         node.finished.result()
         return DONE

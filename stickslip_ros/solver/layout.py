@@ -32,6 +32,13 @@ NODES = 20
 
 
 def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
+    names = [name for name, *_ in fields]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ValueError(
+            f"{', '.join(twice)}: a constant of a law has the name of a field of the solver, or of "
+            "a constant of another law; call it otherwise"
+        )
     return np.dtype((np.record, list(fields)))
 
 

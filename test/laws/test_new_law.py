@@ -147,8 +147,8 @@ def _with(tmp_path: Path, room: str, name: str, text: str, constant: str) -> Pat
     return tmp_path
 
 
-def _run(folder: Path, program: str, *arguments: str) -> Any:
-    done = subprocess.run(
+def _start(folder: Path, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
         [sys.executable, "-c", program, *arguments],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(folder)},
         cwd=folder,
@@ -156,6 +156,10 @@ def _run(folder: Path, program: str, *arguments: str) -> Any:
         text=True,
         check=False,
     )
+
+
+def _run(folder: Path, program: str, *arguments: str) -> Any:
+    done = _start(folder, program, *arguments)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
@@ -166,6 +170,20 @@ def test_a_law_reaches_kernel_and_identification(tmp_path: Path) -> None:
     folder = _with(tmp_path, "laws", "dahl", LAW, "DAHL")
     found = _run(folder, IN_KERNEL, "dahl_share", "2.0")
     assert found == [[0.5, 2.0 * 0.75**2], ["sigma_0", "dahl_share"], True]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "reason"), [("inner", "field of the solver"), ("mass", "which Dahl has")]
+)
+def test_a_constant_that_is_called_like_another_is_refused(
+    tmp_path: Path, name: str, reason: str
+) -> None:
+    """It was a riddle of numpy."""
+    folder = _with(tmp_path, "laws", "dahl", LAW.replace("dahl_cap", name), "DAHL")
+    uses = 'from stickslip_ros import parameters, solver; parameters.PARAMETERS["mass"]'
+    done = _start(folder, uses)
+    assert name in done.stderr.splitlines()[-1] and reason in done.stderr.splitlines()[-1]
 
 
 @pytest.mark.long
