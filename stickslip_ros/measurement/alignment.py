@@ -25,6 +25,7 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     without_slopes,
 )
+from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
 from stickslip_ros.traces.runs import Run
@@ -40,9 +41,11 @@ class AlignmentSettings:
     samples: int = 16  #: in common, at least
     overlap: float = 0.05  #: part of the shorter motion in common, at least
     noise_only: float = 1.2  #: times the noise below which nothing but noise is left
-    #: Part of a period: the rest before the first step that pins the clock, and by which periods
-    #: of one drive may differ.
+    #: Part of a period: the rest before the first step that pins the clock, and by which the times
+    #: from the first step to the last may differ.
     rest: float = 0.2
+    missed: float = 2.0  #: times the difference that another first step has to leave
+    moved: float = 0.01  #: part of its stroke by which an actuator leaves a rest
     reach: float = 0.55  #: part of a period about the start found in which the clock is looked for
     places: int = 111  #: offsets tried there, a hundredth of a period apart
     swings: float = 4.0  #: periods of the ringing about the best of them, tried in as many places
@@ -64,15 +67,50 @@ def align(
     fits: Fits,
     run_steps: Run | None,
     measured_steps: Run | None,
+    begun: Alignment | None = None,
 ) -> Alignment:
-    """Find the alignment; the steps are None for a motion that has none.
+    """Find the alignment, near the one of `align_starts` if there is one.
 
-    Raises ComparisonError where there is too little in common.
+    The steps are None for a motion that has none. Raises ComparisonError where there is too little
+    in common.
     """
     search = ClockSearch(pair, fits, run_steps, measured_steps)
-    ends = pair.measurement.t[[0, -1]]
-    found = Alignment(middle=0.5 * float(ends.sum()))
-    return search.sensor(search.clock(found) if fits.offset else search.checked(found))
+    start = pair.unaligned
+    return search.sensor(search.clock(start, begun) if fits.offset else search.checked(start))
+
+
+def align_starts(pair: MotionPair, measured: Sequence[Run]) -> Alignment | None:
+    """Return the offset at which both begin to step, None unless both show all steps after a rest.
+
+    Cycles look alike, and forward runs are like backward ones but for a slope; only the rest before
+    the first cycle identifies them.
+    """
+    u, main = pair.run.u, max(measured, key=lambda one: one.steps, default=None)
+    if u is None or main is None:
+        return None
+    begin, end = measured[0].start, measured[-1].end
+    away = np.abs(np.subtract.outer(u[[0, -1]], u)) > SETTINGS.moved * np.ptp(u)
+    if not away.any() or begin < pair.measurement.t[0] + SETTINGS.rest * main.period:
+        return None
+    first, last = pair.run.t[np.argmax(away[0])], pair.run.t[len(u) - 1 - np.argmax(away[1, ::-1])]
+    if abs(end - begin - (last - first)) > SETTINGS.rest * main.period:
+        return None
+    start = replace(pair.unaligned, offset=float(begin - first))
+    cycles = Cycles.even(start.run_time(main.slips), main.period, main.direction)
+    about = pair.measurement.between(main.start - 2.0 * main.period, main.end + 2.0 * main.period)
+    near = MotionPair(pair.run, about)
+    search, best, least = ClockSearch(near, Fits(), None, None), None, math.inf
+    for periods in (0.0, -1.0, 1.0):  # the search for steps may have missed the first one
+        moved = replace(start, offset=start.offset + periods * main.period)
+        found = search.best_near(moved, SETTINGS.reach * main.period, SETTINGS.places, cycles)
+        left = math.inf if found is None else near.difference(found, cycles)
+        if left * SETTINGS.missed < least:
+            best, least = found, left
+    if best is None or not main.ringing_frequency > 0.0:
+        return best
+    # Places further apart than half a period of the ringing may miss its right swing.
+    reach = SETTINGS.swings / main.ringing_frequency
+    return search.best_near(best, reach, SETTINGS.places, cycles)
 
 
 @dataclass(frozen=True)
@@ -96,10 +134,9 @@ class ClockSearch:
             )
         return found
 
-    def clock(self, start: Alignment) -> Alignment:
+    def clock(self, start: Alignment, begun: Alignment | None) -> Alignment:
         """Return the alignment with offset and drift of the clock. Raises ComparisonError."""
         steps = self.run_steps
-        begun = self._by_start(start)
         found = self.checked(begun or self._coarse(start))
         near = max(self.pair.spacing, self.pair.longer / SETTINGS.grid)
         found = self.best_near(found, SETTINGS.near * near, SETTINGS.near_places, steps) or found
@@ -114,39 +151,20 @@ class ClockSearch:
         noise = noise_of(self.pair.measurement.x)
         return exact if self.pair.difference(exact) < SETTINGS.noise_only * noise else found
 
-    def _best(self, candidates: Sequence[Alignment], steps: Run | None = None) -> Alignment | None:
+    def _best(
+        self, candidates: Sequence[Alignment], steps: Run | Cycles | None = None
+    ) -> Alignment | None:
         """Return the candidate that leaves the least difference; None if all are apart."""
         judged = [(self.pair.difference(one, steps), one) for one in candidates]
         least, best = min(judged, key=lambda one: one[0], default=(math.inf, None))
         return best if math.isfinite(least) else None
 
     def best_near(
-        self, found: Alignment, reach: float, places: int, steps: Run | None = None
+        self, found: Alignment, reach: float, places: int, steps: Run | Cycles | None = None
     ) -> Alignment | None:
         """Return the best of some places within a reach (s) of an offset; None if all are bad."""
         shifts = np.linspace(-reach, reach, places).tolist()
         return self._best([replace(found, offset=found.offset + one) for one in shifts], steps)
-
-    def _by_start(self, start: Alignment) -> Alignment | None:
-        """Return the offset at which both begin to step; None unless both show the rest before.
-
-        Cycles look alike; only the rest before the first cycle identifies them.
-        """
-        steps, measured, pair = self.run_steps, self.measured_steps, self.pair
-        if steps is None or measured is None or len(steps.slips) != len(measured.slips):
-            return None
-        if pair.run.u is None:
-            return None
-        if measured.starts[0] < pair.measurement.t[0] + SETTINGS.rest * measured.period:
-            return None
-        if abs(measured.period / steps.period - 1.0) > SETTINGS.rest:
-            return None
-        about = replace(start, offset=float(measured.starts[0] - steps.starts[0]))
-        found = self.best_near(about, SETTINGS.reach * steps.period, SETTINGS.places)
-        if found is None or not steps.ringing_frequency > 0.0:
-            return found
-        # Places further apart than half a period of the ringing may miss its right swing.
-        return self.best_near(found, SETTINGS.swings / steps.ringing_frequency, SETTINGS.places)
 
     def _coarse(self, start: Alignment) -> Alignment:
         """Return the candidate of the cross-correlation that leaves the least difference."""

@@ -7,9 +7,10 @@ times of the measurement, with the noise of the measurement, by position alone, 
 the estimators is the same for both. Only if both motions include their actuators, each is analysed
 with its own.
 
-A value differs if the two are further apart than the tolerance: three times the standard
-uncertainty of the difference, and never less than what the fits themselves can resolve. The
-uncertainty comes from the scatter between settled cycles, for ringing from fits to parts of them.
+A value differs if the two are further apart than the tolerance: so many standard uncertainties of
+the difference that chance exceeds one of all metrics in 0.3 % of comparisons (Šidák, J. Am. Stat.
+Assoc. 62 (1967) 626), and never less than what the fits themselves can resolve. The uncertainty
+comes from the scatter between settled cycles, for ringing from fits to parts of them.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.alignment import align
+from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
-from stickslip_ros.traces.analysis import has_actuator, runs_of
+from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
-from stickslip_ros.traces.even_samples import noise_of
+from stickslip_ros.traces.even_samples import SlipGrid, noise_of, resample_evenly
+from stickslip_ros.traces.joint_fit import fit_steps
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 from stickslip_ros.traces.runs import Run, main_run
@@ -41,6 +44,8 @@ _PARTS, _CYCLES_OF_PART = 4, 3
 _VARIED, _AMPLITUDES = 0.1, 3
 #: Part of a period by which cycles are not the same.
 _UNLIKE = 0.1
+#: Part of a period by which slips of both may be apart and be the same.
+_MET = 0.25
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
 _ZERO_AMPLITUDE = "0-amplitude"
@@ -147,12 +152,13 @@ def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alig
         return align(motions, fits, None, None)
     main = main_run(measured)
     try:
-        if len(measured) == 1:
+        begun = align_starts(motions, measured) if fits.offset else None
+        if begun is None and len(measured) == 1:
             found = None if has_actuator(motions.run.u) else motions.found_in_run
             return align(motions, fits, main_run(runs_of(motions.run, found)), main)
-        rough = align(motions, fits, None, None)
-        part, cycles = _RunSteps(motions, rough).near(main)
-        return align(motions, fits, analyse_cycles(part.t, part.x, part.u, cycles), main)
+        part, cycles = _RunSteps(motions, begun or align(motions, fits, None, None)).near(main)
+        own = analyse_cycles(part.t, part.x, part.u, cycles)
+        return align(motions, fits, own, main, begun)
     except TraceError:
         return align(motions, fits, None, main)
 
@@ -171,6 +177,7 @@ def pair_runs(
     steps = _RunSteps(motions, alignment)
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     noise, seen = noise_of(measurement.x), run
+    limit = significant(len(_METRICS) * len(measured))
     if not exact:
         seen = Motion(run.source, pairs.t, pairs.run)
     found = []
@@ -180,18 +187,54 @@ def pair_runs(
             if exact:
                 own = analyse_cycles(part.t, part.x, part.u, cycles)
             else:  # by the samples about them, the ends of the cycles unknown
+                shared = _shared_slips(cycles, one, alignment)
+                if len(shared) < one.steps:
+                    slips = alignment.measurement_time(shared)
+                    one = _with_slips(measurement, measured, one, slips)
+                cycles = Cycles.even(shared, cycles.period, cycles.direction)
                 begin = cycles.slips[0] - _BEFORE * cycles.period
                 part = seen.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
                 if len(part.t) < 2 * len(cycles.slips):
                     raise TraceError("fewer than two samples a cycle are in common")
-                cycles = Cycles.even(cycles.slips, cycles.period, cycles.direction)
                 own = analyse_cycles(part.t, part.x, None, cycles, noise=noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
             found.append(RunPair(None, one, missing_metrics(missing), missing))
         else:
-            found.append(RunPair(own, one, step_metrics(motions, seen, own, one, alignment)))
+            found.append(RunPair(own, one, step_metrics(motions, seen, own, one, alignment, limit)))
     return found
+
+
+def _shared_slips(cycles: Cycles, measured: Run, alignment: Alignment) -> Array:
+    """Return the slips (s) of the run's cycles that a measured run has too, (slips,).
+
+    The search for steps may miss the first one, and count one after the last. All slips where the
+    periods differ, for these are no errors of the search. Raises TraceError where none is shared.
+    """
+    if abs(measured.period / cycles.period - 1.0) * measured.steps > _MET:
+        return cycles.slips
+    there = alignment.run_time(measured.slips)
+    apart = np.abs(np.subtract.outer(cycles.slips, there)).min(axis=1)
+    shared = cycles.slips[apart < _MET * cycles.period]
+    if not len(shared):
+        raise TraceError("its steps are at other times")
+    return shared
+
+
+def _with_slips(measurement: Motion, runs: Sequence[Run], run: Run, slips: Array) -> Run:
+    """Return a measured run with some of its slips (s) alone, as the search would have found it."""
+    grids = [
+        SlipGrid(float(at[0]), one.period, len(at), one.direction, abs(one.step_size), 0.0)
+        for one in runs
+        for at in (slips if one is run else one.slips,)
+    ]
+    even = resample_evenly(measurement.t, measurement.x, len(measurement.t))
+    estimates, _ = fit_steps(even, grids, [one.ringing for one in runs])
+    ((grid, estimate),) = (
+        both for one, *both in zip(runs, grids, estimates, strict=True) if one is run
+    )
+    part = measurement.between(grid.begin - 0.5 * run.period, grid.end + _AFTER * run.period)
+    return replace(analyse_grid(part.t, part.x, grid, estimate), doubts=run.doubts)
 
 
 class _RunSteps:
@@ -223,6 +266,15 @@ class _RunSteps:
         return replace(self._run.between(begin, end), u=None), best.cycles
 
 
+def significant(comparisons: int) -> float:
+    """Return the standard errors that one of so many differences exceeds by chance.
+
+    That is as rare as one difference beyond `COVERAGE`.
+    """
+    chance = 2.0 * scipy.special.ndtr(-COVERAGE)
+    return float(-scipy.special.ndtri(-0.5 * math.expm1(math.log1p(-chance) / comparisons)))
+
+
 def missing_metrics(why: str) -> list[ComparisonMetric]:
     """Return the metrics, without values, of a run that one of both motions does not show."""
     names = [*(row[:2] for row in _METRICS), (_ZERO_AMPLITUDE, "m")]
@@ -230,11 +282,11 @@ def missing_metrics(why: str) -> list[ComparisonMetric]:
 
 
 def step_metrics(
-    motions: MotionPair, seen: Motion, run: Run, measured: Run, alignment: Alignment
+    motions: MotionPair, seen: Motion, run: Run, measured: Run, alignment: Alignment, limit: float
 ) -> list[ComparisonMetric]:
     """Return the metrics of one run of steps, lengths and times of the measurement made comparable.
 
-    seen has the samples that the run is analysed at.
+    seen has the samples that the run is analysed at, limit is in standard errors.
     """
     metrics = []
     own, other = _estimates(seen, run), _estimates(motions.measurement, measured)
@@ -247,14 +299,14 @@ def step_metrics(
         first, second = own[name], other[name]
         scale = 1.0 / alignment.gain if length else 1.0
         error = math.hypot(first.error, scale * second.error)
-        tolerance = max(COVERAGE * error, floor(first.value))
+        tolerance = max(limit * error, floor(first.value))
         why = missing if not math.isfinite(first.value + second.value) else ""
         if not why and not math.isfinite(error):
             why = "too few cycles to tell its uncertainty"
         metrics.append(
             ComparisonMetric(name, unit, first.value, scale * second.value, tolerance, why)
         )
-    metrics.append(_zero_amplitude(motions.run, run, measured, alignment))
+    metrics.append(_zero_amplitude(motions.run, run, measured, alignment, limit))
     return metrics
 
 
@@ -301,7 +353,7 @@ def _ringing_in_parts(motion: Motion, steps: Run) -> list[Ringing]:
 
 
 def _zero_amplitude(
-    run: Motion, run_steps: Run, measured_steps: Run, alignment: Alignment
+    run: Motion, run_steps: Run, measured_steps: Run, alignment: Alignment, limit: float
 ) -> ComparisonMetric:
     """Return where lines through steps over amplitudes cross zero (Fig. 7), of both."""
 
@@ -326,7 +378,7 @@ def _zero_amplitude(
     )
     if not math.isfinite(own.value + other.value):
         return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
-    tolerance = max(COVERAGE * math.hypot(own.error, other.error), 1e-10)
+    tolerance = max(limit * math.hypot(own.error, other.error), 1e-10)
     return ComparisonMetric(_ZERO_AMPLITUDE, "m", own.value, other.value, tolerance)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.analysis import find_runs
+from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import cycle_of, detrend
 from stickslip_ros.traces.runs import Run
@@ -105,6 +106,11 @@ class MotionPair:
         """Whether the measurement is the coarser of the two: its samples are compared then."""
         return self.run.spacing <= 2.0 * self.measurement.spacing
 
+    @property
+    def unaligned(self) -> Alignment:
+        """The alignment of one clock for both."""
+        return Alignment(middle=0.5 * float(self.measurement.t[[0, -1]].sum()))
+
     def at(self, alignment: Alignment, every: int = 1) -> Pairs:
         """Return both where they overlap, at every n-th sample of the coarser motion.
 
@@ -148,7 +154,7 @@ class MotionPair:
         first, last = alignment.run_time(self.measurement.t[[0, -1]])
         return float(min(last, self.run.t[-1]) - max(first, self.run.t[0]))
 
-    def difference(self, alignment: Alignment, steps: Run | None = None) -> float:
+    def difference(self, alignment: Alignment, steps: Run | Cycles | None = None) -> float:
         """Return the root mean square difference (m) without mean and slope; inf without overlap.
 
         With steps, mean and slope are those of each cycle.
@@ -162,7 +168,7 @@ class MotionPair:
         return float(np.sqrt(np.mean(rest**2)))
 
 
-def without_slopes(t: Array, columns: list[Array], steps: Run | None) -> list[Array]:
+def without_slopes(t: Array, columns: list[Array], steps: Run | Cycles | None) -> list[Array]:
     """Return columns without mean and slope, of each cycle where there are steps."""
     cycle = cycle_of(t, steps.slips, steps.period) if steps else np.zeros(len(t), dtype=np.int64)
     return detrend(t, columns, cycle)

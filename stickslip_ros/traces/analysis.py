@@ -206,7 +206,7 @@ def find_steps(
     clipping, jumps = find_clipping(even), find_jumps(x)
     runs = []
     for part, grid, estimate, less in zip(parts, grids, estimates, shorter, strict=True):
-        run = _analyse_found(t[part], x[part], grid, estimate)
+        run = analyse_grid(t[part], x[part], grid, estimate)
         others = [one for one in grids if one is not grid]
         less = less and shorter_period(even, grid)  # the onset may have bettered its period
         given = period is not None
@@ -277,7 +277,7 @@ def _part(t: Array, even: EvenSamples, grid: SlipGrid, grids: list[SlipGrid]) ->
     return slice(*np.searchsorted(t, [grid.begin - _BEFORE * grid.period, after]))
 
 
-def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: MeasuredValue) -> Run:
+def analyse_grid(t: Array, x: Array, grid: SlipGrid, estimate: MeasuredValue) -> Run:
     """Analyse a run that was found; estimate (m) is its step as fitted to all samples."""
     run = analyse_cycles(t, x, None, Cycles.even(grid.slips, grid.period, grid.direction))
     step = run.mean_step
