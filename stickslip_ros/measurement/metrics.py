@@ -230,11 +230,10 @@ def _with_slips(measurement: Motion, runs: Sequence[Run], run: Run, slips: Array
     ]
     even = resample_evenly(measurement.t, measurement.x, len(measurement.t))
     estimates, _ = fit_steps(even, grids, [one.ringing for one in runs])
-    ((grid, estimate),) = (
-        both for one, *both in zip(runs, grids, estimates, strict=True) if one is run
-    )
+    k = next(k for k, one in enumerate(runs) if one is run)
+    grid = grids[k]
     part = measurement.between(grid.begin - 0.5 * run.period, grid.end + _AFTER * run.period)
-    return replace(analyse_grid(part.t, part.x, grid, estimate), doubts=run.doubts)
+    return replace(analyse_grid(part.t, part.x, grid, estimates[k]), doubts=run.doubts)
 
 
 class _RunSteps:
