@@ -187,11 +187,14 @@ def pair_runs(
             if exact:
                 own = analyse_cycles(part.t, part.x, part.u, cycles)
             else:  # by the samples about them, the ends of the cycles unknown
-                shared = _shared_slips(cycles, one, alignment)
-                if len(shared) < one.steps:
-                    slips = alignment.measurement_time(shared)
-                    one = _with_slips(measurement, measured, one, slips)
-                cycles = Cycles.even(shared, cycles.period, cycles.direction)
+                slips = cycles.slips
+                # Where the periods differ, slips apart are no errors of the search.
+                if abs(one.period / cycles.period - 1.0) * one.steps < _MET:
+                    slips = _shared_slips(cycles, one, alignment)
+                    if len(slips) < one.steps:
+                        there = alignment.measurement_time(slips)
+                        one = _with_slips(measurement, measured, one, there)
+                cycles = Cycles.even(slips, cycles.period, cycles.direction)
                 begin = cycles.slips[0] - _BEFORE * cycles.period
                 part = seen.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
                 if len(part.t) < 2 * len(cycles.slips):
@@ -208,17 +211,15 @@ def pair_runs(
 def _shared_slips(cycles: Cycles, measured: Run, alignment: Alignment) -> Array:
     """Return the slips (s) of the run's cycles that a measured run has too, (slips,).
 
-    The search for steps may miss the first one, and count one after the last. All slips where the
-    periods differ, for these are no errors of the search. Raises TraceError where none is shared.
+    The search for steps may miss the first one, and count one after the last. Raises TraceError
+    where none is shared.
     """
-    if abs(measured.period / cycles.period - 1.0) * measured.steps > _MET:
-        return cycles.slips
     there = alignment.run_time(measured.slips)
-    apart = np.abs(np.subtract.outer(cycles.slips, there)).min(axis=1)
-    shared = cycles.slips[apart < _MET * cycles.period]
+    nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), cycles.slips)
+    shared = cycles.slips[np.abs(there[nearest] - cycles.slips) < _MET * cycles.period]
     if not len(shared):
         raise TraceError("its steps are at other times")
-    return shared
+    return np.asarray(shared)
 
 
 def _with_slips(measurement: Motion, runs: Sequence[Run], run: Run, slips: Array) -> Run:
