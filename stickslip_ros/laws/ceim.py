@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from stickslip_ros.laws.contact import ELASTOPLASTIC, Contact
@@ -17,15 +18,7 @@ SIGMA_0SS = 1e7
 SIGMA_0SS_WITHOUT_MU = 5e7
 
 
-def _constants(c: FrictionParameters, f: Any) -> FrictionParameters:
-    return _with_limit(c, f, SIGMA_0SS)
-
-
-def _constants_without_mu(c: FrictionParameters, f: Any) -> FrictionParameters:
-    return _with_limit(c, f, SIGMA_0SS_WITHOUT_MU)
-
-
-def _with_limit(c: FrictionParameters, f: Any, sigma_0ss: float) -> FrictionParameters:
+def _constants(c: FrictionParameters, f: Any, sigma_0ss: float = SIGMA_0SS) -> FrictionParameters:
     """Return the constants in force at the normal force f (N); sigma_0ss (N/m) is the law's own."""
     z_ba = value_or(c.z_ba, c.z_ba_slope * f + c.z_ba_offset)  # Eq. 13
     # Eq. 14, constant above the normal force sigma_0_cap if set
@@ -73,5 +66,7 @@ CEIM = Law(
     ),
 )  # fmt: skip
 CEIM_WITHOUT_MU = CEIM._replace(
-    constants=_constants_without_mu, contact=_contact_without_mu, ranked=False
+    constants=partial(_constants, sigma_0ss=SIGMA_0SS_WITHOUT_MU),
+    contact=_contact_without_mu,
+    ranked=False,
 )

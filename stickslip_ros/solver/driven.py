@@ -10,6 +10,8 @@ its window is used for all remaining cycles.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +93,8 @@ class DrivenSimulation(Simulation):
         self._before = self._after = chain.rest()  # the chain where the window begins and ends
         self._origin, self._until = 0.0, math.inf  # of the window, s
         self._segments = _STANDING  # command of the window: durations (s) and rates (m/s)
-        self._slip = 0.0, -1, -1  # of the window: its shift (m), its slip's first and last piece
+        #: Of the window: its shift (m), its slip's first and last piece
+        self._slip: Sequence[Any] = (0.0, -1, -1)
         self._cycles = 0  # cycles in the window, 0 if the command rests
         self._rest_span = _FIRST_REST
         self._offset = 0.0  # deflection less that of the chain, m
@@ -264,8 +267,12 @@ class DrivenSimulation(Simulation):
         elif motion_left(self._chain, self._after) > STILL:
             self._open_window(np.array([[self._rest_span], [0.0]]), 0)
             self._rest_span *= 2.0
-        else:
-            self._open_endless()
+        else:  # an endless window, in which the actuator rests
+            self._before = self._after
+            self._origin, self._until = self._until, math.inf
+            self._segments, self._cycles = _STANDING, 0
+            self._s["start"], self._s["open_tau"] = self._origin, 0.0
+            self._s["count"] = self._s["done"] = 0
 
     def _check_speed(self) -> None:
         """Lay finer lines from now on if the runner got nearly as fast as it was taken to get.
@@ -277,14 +284,6 @@ class DrivenSimulation(Simulation):
         if fastest > _NEARLY_AS_FAST * self._chain.mean_only_rate:
             self._chain = self._chain._replace(mean_only_rate=fastest / _NEARLY_AS_FAST**2)
             self._segments = _STANDING  # the lines of no cycle serve any more
-
-    def _open_endless(self) -> None:
-        """Open an endless window, in which the actuator rests."""
-        self._before = self._after
-        self._origin, self._until = self._until, math.inf
-        self._segments, self._cycles = _STANDING, 0
-        self._s["start"], self._s["open_tau"] = self._origin, 0.0
-        self._s["count"] = self._s["done"] = 0
 
     def _open_window(self, segments: NDArray[np.float64], cycles: int) -> None:
         """Open a window of a command, for all remaining cycles if it begins as the last one did."""
@@ -300,30 +299,23 @@ class DrivenSimulation(Simulation):
         else:
             self._before, self._segments = self._after, segments
             self._after = self._before.copy()
-            self._slip = self._lay_pieces(segments, self._slips if cycles else _NO_SLIP)
+            offsets = self._offset, float(self._s["level"])  # the end of the previous pieces
+            pieces, *self._slip = lay_pieces(
+                self._chain, self._after, segments, offsets,
+                self._slips if cycles else _NO_SLIP, (self._nodes, self._spare),
+            )  # fmt: skip
+            if pieces < 0:
+                raise SolverError(
+                    f"a cycle takes more than {CAPACITY} pieces behind amplifier and actuator: "
+                    "raise actuator_damping or the frequency of the drive"
+                )
+            self._drive = self._spare[:, :pieces].copy()
         self._origin, self._cycles = self._until, cycles
         self._until = (
             self._end_of(self._done + cycles) if cycles else self._origin + segments[0].sum()
         )
         begin_window(self._axis, self._origin, max(cycles, 1), *self._slip)
         self._set_clear_range()
-
-    def _lay_pieces(
-        self, segments: NDArray[np.float64], slips: tuple[float, float]
-    ) -> tuple[float, int, int]:
-        """Make the kernel's drive of a command; return its shift (m) and the pieces of its slip."""
-        offsets = self._offset, float(self._s["level"])  # the end of the previous pieces
-        buffers = self._nodes, self._spare
-        pieces, shift, slip, slip_end = lay_pieces(
-            self._chain, self._after, segments, offsets, slips, buffers
-        )
-        if pieces < 0:
-            raise SolverError(
-                f"a cycle takes more than {CAPACITY} pieces behind amplifier and actuator: raise "
-                "actuator_damping or the frequency of the drive"
-            )
-        self._drive = self._spare[:, :pieces].copy()
-        return shift, slip, slip_end
 
     def _split_command(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return durations (s) and rates (m/s) of the window's command before and after t (s)."""

@@ -116,7 +116,7 @@ def _radau(
     stages (3, 2) is scratch: z and h w of each.
     """
     residual, slopes = np.empty(6), np.empty((3, 4))
-    matrix = np.empty((6, 6))
+    matrix, per_mass = np.empty((6, 6)), 1.0 / branch.mass
     for i in range(3):
         stages[i, 0], stages[i, 1] = start.z, h * start.w
     for _ in range(_ITERATIONS):
@@ -128,7 +128,17 @@ def _radau(
                 w_sum += _A[i, j] * slopes[j, 3]
             residual[i] = start.z + h * z_sum - stages[i, 0]
             residual[3 + i] = h * start.w + h * h * w_sum - stages[i, 1]
-        _fill_matrix(plant, branch, h, slopes, matrix)
+        for i in range(3):  # of Newton's method, for z and h w of the three stages
+            for j in range(3):
+                a, by_z, by_w = _A[i, j], slopes[j, 1], slopes[j, 2]
+                w_by_z = -(plant.sigma_0 + plant.sigma_1 * by_z) * per_mass
+                w_by_w = -(plant.sigma_1 * by_w + plant.sigma_2) * per_mass
+                one = 1.0 if i == j else 0.0
+                matrix[i, j] = one - h * a * by_z
+                matrix[i, 3 + j] = -a * by_w
+                matrix[3 + i, j] = -h * h * a * w_by_z
+                swing = h * h * branch.spring * per_mass * _A_A[i, j]
+                matrix[3 + i, 3 + j] = one - h * a * w_by_w + swing
         _solve(matrix, residual)
         largest = 0.0
         for i in range(3):
@@ -160,25 +170,6 @@ def _slopes(
         net = branch.pull - plant.sigma_0 * z - plant.sigma_1 * z_rate - plant.sigma_2 * w
         slopes[i, 0], slopes[i, 1], slopes[i, 2] = z_rate, by_z, by_w
         slopes[i, 3] = (net - branch.spring * x) / branch.mass
-
-
-@compiled
-def _fill_matrix(
-    plant: np.record, branch: Branch, h: float, slopes: NDArray, matrix: NDArray
-) -> None:
-    """Fill the matrix (6, 6) of Newton's method for z and h w of the three stages."""
-    per_mass = 1.0 / branch.mass
-    for i in range(3):
-        for j in range(3):
-            a, by_z, by_w = _A[i, j], slopes[j, 1], slopes[j, 2]
-            w_by_z = -(plant.sigma_0 + plant.sigma_1 * by_z) * per_mass
-            w_by_w = -(plant.sigma_1 * by_w + plant.sigma_2) * per_mass
-            one = 1.0 if i == j else 0.0
-            matrix[i, j] = one - h * a * by_z
-            matrix[i, 3 + j] = -a * by_w
-            matrix[3 + i, j] = -h * h * a * w_by_z
-            swing = h * h * branch.spring * per_mass * _A_A[i, j]
-            matrix[3 + i, 3 + j] = one - h * a * w_by_w + swing
 
 
 @compiled
