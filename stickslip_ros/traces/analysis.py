@@ -31,6 +31,7 @@ from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps, without_disturbances
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
+from stickslip_ros.traces.run_growth import count_falls
 from stickslip_ros.traces.run_search import (
     REPORTS,
     Report,
@@ -208,7 +209,7 @@ def find_steps(
     for part, grid, estimate, less in zip(parts, grids, estimates, shorter, strict=True):
         run = analyse_grid(t[part], x[part], grid, estimate)
         others = [one for one in grids if one is not grid]
-        less = less and shorter_period(even, grid)  # the onset may have bettered its period
+        less = less and _shorter(even, grid)  # the onset may have bettered its period
         given = period is not None
         doubts = doubts_of(still, grid, others, run.mean_step, less, run.ringing, given)
         runs.append(replace(run, doubts=(*clipping, *doubts, *(jumps if doubts else ()))))
@@ -229,13 +230,22 @@ def _search(
         apart = [abs(math.remainder(period / one.period, 1.0)) for one in without if one.explained]
         if apart and min(apart) > AS_GIVEN:
             seen = without
-    shorter = [shorter_period(even, one) for one in seen]
+    shorter = [_shorter(even, one) for one in seen]
     better = next((one for one in shorter if one is not None), None)
     if period is None and better is not None:
         again = search_runs(even, better, report)
         if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again):
-            seen, shorter = again, [shorter_period(even, one) for one in again]
+            seen, shorter = again, [_shorter(even, one) for one in again]
     return seen, shorter
+
+
+def _shorter(even: EvenSamples, run: SlipGrid) -> float | None:
+    """Return the shorter period (s) at which a run repeats better, or falls; None if none."""
+    shorter = shorter_period(even, run)
+    if shorter is None and fit_ringing_down(even, [run]) is None:  # which falls at even times, too
+        falls = count_falls(even, run)
+        shorter = run.period / falls if falls > 1 else None
+    return shorter
 
 
 def _explain(even: EvenSamples, seen: list[SlipGrid]) -> bool:

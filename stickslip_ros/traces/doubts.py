@@ -72,7 +72,7 @@ class DoubtSettings:
     jump: float = 4.0
     moving: float = 0.999
     alike: float = 0.1
-    swing: float = 0.03  #: part by which the period of the ringing, seen as a shorter one, is off
+    swings: float = 2.5  #: of the ringing, in a shorter period that is one of ringing, not of steps
     mains: float = 0.5  #: periods over a run by which its clock may be off that of the mains
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and not cut off
     looked_at: int = 64  #: cycles that are tested, from the middle
@@ -134,7 +134,7 @@ def doubts_of(
     own = _unlike(even, run)
     if own > SETTINGS.dissimilarity:
         found.append(f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle")
-    elif shorter is not None and abs(shorter * swings - 1.0) > SETTINGS.swing:
+    elif shorter is not None and not 0.0 < shorter * swings < SETTINGS.swings:
         found.append(f"the motion repeats better at {1.0 / shorter:.6g} Hz")
     return tuple(found)
 

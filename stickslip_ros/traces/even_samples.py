@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 #: A spike differs from the median of its neighbours by this many times the noise, and by this many
-#: times the difference of all but a hundredth of the samples.
-_SPIKE, _USUAL = 8.0, 3.0
+#: times the difference of all but a hundredth of the samples; and by this many times that of three
+#: quarters of those beside it.
+_SPIKE, _USUAL, _ALONE = 8.0, 3.0, 4.0
 _NEIGHBOURS = 5
 #: Samples from which noise is estimated; length of a gap in usual sample distances.
 _LOOKED_AT, _GAP = 2**20, 4.0
@@ -135,14 +136,21 @@ def _spread(x: Array) -> Array:
 
 
 def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
-    """Return which samples (m) with such noise (m) are no spikes, shape (samples,)."""
+    """Return which samples (m) with such noise (m) are no spikes, shape (samples,).
+
+    A spike is alone: beside the first swing after a slip, others are nearly as large.
+    """
     middle = scipy.ndimage.median_filter(x, size=_NEIGHBOURS, mode="nearest")
     away = np.abs(x - middle)
     sample = away[:: max(1, len(away) // _LOOKED_AT)]
     usual = max(
         _SPIKE * 1.4826 * float(np.median(sample)), _USUAL * float(np.quantile(sample, 0.99))
     )
-    return np.asarray(away <= max(usual, _SPIKE * noise))
+    far = np.flatnonzero(away > max(usual, _SPIKE * noise))
+    beside = np.delete(np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1), _NEIGHBOURS)
+    others = away[np.clip(far[:, None] + beside, 0, len(x) - 1)]
+    alone = away[far] > _ALONE * np.quantile(others, 0.75, axis=1)
+    return ~np.isin(np.arange(len(x)), far[alone])
 
 
 def resample_evenly(t: Array, x: Array, most: int, noise: float | None = None) -> EvenSamples:

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.traces.even_samples import (
@@ -56,10 +55,12 @@ class GrowthSettings:
     alike: float = 0.85  #: part of the neighbours that count, those most alike
     #: Power of all harmonics but the strongest as part of that one: a sine alone is no step.
     harmonics: float = 0.02
-    apart: int = 8  #: largest n for the test whether every n-th cycle is more similar than all
-    alternating: float = 0.3  #: part of the differences, and of the motion, between such groups
-    alternating_motion: float = 0.01
-    clear: float = 6.0  #: standard errors from which on a step, or a group, is no chance
+    apart: int = 8  #: largest n for the test whether only every n-th cycle falls at its slip
+    about: float = 0.15  #: phases about the slip that show its fall
+    none: float = 0.3  #: falls below this part of the others are none
+    coarsest: float = 6.0  #: samples of a cycle that show it, at least
+    turns: float = 3.0  #: standard errors from which on such a fall is no chance
+    clear: float = 6.0  #: standard errors from which on a step is no chance
     hum_seen: float = 5e-3  #: s, from which on hum is separated from the trends of the cycles
     least_step: float = 0.05  #: as part of the ripple within a cycle
 
@@ -259,7 +260,7 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
         return None
     if not is_no_sine(ripple[phases < 0.0], error) and not _has_rest(even, grid, ripple, step):
         return None
-    if not given and do_alternate(about, phases[within]):
+    if not given and not falls_at_all(later, phases):
         return None
     power = float(np.var(ripple))
     dissimilarity = beyond / power
@@ -284,25 +285,55 @@ def fit_hum(rows: Array, times: Array, phases: Array) -> Array:
     return np.asarray((design @ found).reshape(rows.shape))
 
 
-def do_alternate(rows: Array, phases: Array) -> bool:
-    """Return whether every second, third, ... row is more like one another than all are."""
-    inner = (phases > -0.95) & (phases < -0.04)  # a slip lies between samples now so, now so
-    about = rows[:, inner]
-    width = about.shape[1] // 20  # ringing too fast for the phases is sampled by chance
-    if width > 1:
-        about = np.asarray(scipy.ndimage.uniform_filter1d(about, width, axis=1))
-    about = without_trend(about, phases[inner])
-    total = float(np.sum((about - about.mean(axis=0)) ** 2))
-    motion = SETTINGS.alternating_motion * float(np.sum(about**2))
-    least = max(SETTINGS.alternating * total, motion)
+def falls_by_turns(rows: Array, phases: Array, apart: int) -> tuple[Array, float]:
+    """Return how far (m) the runner falls at every so-manyth slip from the first, the second, ...
+
+    on, beyond its rise, shape (apart,), least first; and the standard error of one of them.
+    """
+    before = (phases > -SETTINGS.about) & (phases < 0.0)
+    after = (phases > 0.0) & (phases < SETTINGS.about)
+    rise = (phases > SETTINGS.about - 1.0) & (phases < -SETTINGS.about)
+    slope = float(np.polyfit(phases[rise], mean_cycle(rows)[rise], 1)[0])
+    falls = row_means(rows[:, before]) - row_means(rows[:, after]) + SETTINGS.about * slope
+    falls = falls[np.isfinite(falls)]
+    groups = [falls[k::apart] for k in range(apart)]
+    within = sum(float(np.sum((group - group.mean()) ** 2)) for group in groups)
+    chance = math.sqrt(within * apart / (len(falls) - apart) / len(falls))
+    return np.sort([group.mean() for group in groups]), chance
+
+
+def falls_at_all(rows: Array, phases: Array) -> bool:
+    """Return whether rows fall at their slips, and not only every second, third, ... of them.
+
+    That rows differ by turns is not enough: few samples a cycle lie by turns in swings.
+    """
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if not falls_by_turns(rows, phases, 1)[0][0] > 0.0:
+        return False
     for apart in range(2, min(SETTINGS.apart, len(rows) // 2) + 1):
-        groups = [about[k::apart] for k in range(apart)]
-        within = sum(float(np.sum((group - group.mean(axis=0)) ** 2)) for group in groups)
-        between = (total - within) / (apart - 1)
-        chance = within / (len(rows) - apart)
-        if total - within > least and between > SETTINGS.clear * chance:
-            return True
-    return False
+        (*_, second, first), chance = falls_by_turns(rows, phases, apart)
+        if second < SETTINGS.none * first and first - second > SETTINGS.turns * chance:
+            return False
+    return True
+
+
+def count_falls(even: EvenSamples, run: SlipGrid) -> int:
+    """Return how many times in a cycle the runner falls at even times, nearly as far each time."""
+    for falls in range(SETTINGS.apart, 1, -1):
+        period = run.period / falls
+        if period < SETTINGS.coarsest * even.tick:
+            continue
+        phases = phases_of(even, period)
+        number = np.arange(falls * (min(run.count, ROWS) - 1) + 1, dtype=np.float64)
+        slips = run.first + period * number
+        rows = run.direction * cycles_on_grid(even, slips, period, phases)
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if len(rows) < 2 * falls:
+            continue
+        (least, *_, most), chance = falls_by_turns(rows, phases, falls)
+        if least > max(SETTINGS.none * most, SETTINGS.turns * chance):
+            return falls
+    return 1
 
 
 def _has_rest(even: EvenSamples, grid: SlipGrid, ripple: Array, step: float) -> bool:

@@ -18,12 +18,14 @@ FOUND = [
     ("no rest before", 51), ("3 to 6 samples a swing", 51), ("spikes", 51), ("creep", 52),
     ("tiny steps", 52), ("3 to 5 cycles", 62), ("jitter", 62), ("gaps", 62), ("hum", 62),
     ("part of a last cycle", 62), ("polynomial drift", 62), ("plain", 63), ("nothing", 51),
-    ("part of a last cycle", 441), ("part of a last cycle", 444),
+    ("part of a last cycle", 441), ("part of a last cycle", 444), ("10 to 14 samples a cycle", 446),
+    ("1.5 to 3 samples a swing", 62), ("1.5 to 3 samples a swing", 441), ("slow", 442),
+    ("white noise", 447),
 ]  # fmt: skip
 #: Traces that hold too little, or that something hides: they have to be doubted.
 HIDDEN = [
     ("no rest", 51), ("3 to 5 samples a cycle", 51), ("5 to 9 samples a cycle", 51),
-    ("1.5 to 3 samples a swing", 62), ("strong hum", 51), ("fringe jumps", 62),
+    ("strong hum", 51), ("fringe jumps", 62),
     ("1 to 2 cycles", 63), ("part of a last cycle", 92),
 ]  # fmt: skip
 #: Traces that are found and take seconds.
