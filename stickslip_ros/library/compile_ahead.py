@@ -22,6 +22,7 @@ _DRIVES: tuple[Mapping[str, object], ...] = (
     {"spring": 1e6, "inclination": 0.1},
     {"sigma_1": 2000.0},
     {"creep": 0.01, "dwell_growth": 0.02, "surface_spread": 0.1},
+    {"actuator_resonance": 8e5},
 )
 _SEVERAL = {"contacts": 2, "contact_spread": 0.1}
 
@@ -51,7 +52,7 @@ def warm_up() -> None:
         for metric in METRICS:
             Sweep(Parameters(), (ListedAxis("preload", (0.4,)),), (metric,), 12).evaluate(0, 1)
         trace_steps(_SEVERAL, 2)  # last, for few have several contacts
-        for chain in ({}, {"creep": 0.01, "actuator_resonance": 8e5}):
+        for chain in ({}, {"creep": 0.01, "actuator_resonance": 8e5, "surface_spread": 0.1}):
             axis = Axis({**_SEVERAL, **chain})
             axis.compile_ahead()
             regime_now(axis.simulation)

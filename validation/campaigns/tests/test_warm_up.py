@@ -11,6 +11,8 @@ from child import python
 #: What a first user does; each in a process of its own.
 LATER = (
     "simulate --steps 5 --set model=lugre",
+    "simulate --steps 5 --set actuator_resonance=8e5",
+    "simulate --steps 5 --config edeler_2011_everything",
     "simulate --steps 5 --frequency 10000 --trace run.csv",
     "sweep --vary preload=0.3:6:3 --metric blocking_preload --metric generated_force",
     "elongate --set frequency=10000",
