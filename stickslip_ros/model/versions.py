@@ -169,6 +169,15 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: bool(p.value("sensor_bandwidth")),
         "0.3 nm of a reading",
     ),
+    ModelChange(
+        12,
+        "pieces of an amplifier or actuator that are far shorter than the runner's ringing lose no "
+        "digits",
+        lambda p: any(
+            p.value(one) for one in ("amplifier_bandwidth", "actuator_resonance", "creep")
+        ),
+        "1 nm a cycle, where one is a million times quicker than the runner",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

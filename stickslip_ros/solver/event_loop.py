@@ -53,6 +53,10 @@ _FEW = 8
 #: Eight times what a straight line in place of a bent piece may be beside it, m; and for a contact
 #: that slides all the time, which loses some deflection at each return of the line
 _CHORD, _CHORD_OF_SLIDE = 4e-12, 4e-14
+#: A bent piece shorter than this, in units of the ringing, is run as a straight line, which ends in
+#: the same state: its acceleration would hold the contact at a deflection so large that differences
+#: from it, and the heat that follows from these, are lost to rounding
+_BRIEF = 1e-5
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
 CARRIED = 10.0
 
@@ -87,7 +91,8 @@ def solve_cycles(
             s.unfinished = 1
             break
         if not arc.holds:
-            _next_arc(plant, s, kernel, contacts, outlook)
+            brief = drive[0, s.segment] < _BRIEF * plant.inv_omega
+            _next_arc(plant, s, kernel, contacts, outlook, brief)
         s.rate, lined, s.bend = arc.rate, s.bend != arc.bend, arc.bend
         arc.holds = 0
         if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` raises an error
@@ -141,10 +146,11 @@ def _take_elastic_pieces(
         return
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
     longest, z_ba, left = half_period(o), plant.z_ba, (s.t_end - s.start) - s.done * period
+    shortest = _BRIEF * plant.inv_omega
     while s.segment < drive.shape[1] - 1 and s.segment != s.slip and s.spent + 1 < s.allowance:
         h, rate, bend = drive[0, s.segment], drive[1, s.segment], drive[2, s.segment]
         w, a = s.v - rate, (plant.force - plant.mass * bend) / plant.sigma_0
-        if not (h <= left - s.since and h < longest and abs(s.z) < z_ba):
+        if not (h <= left - s.since and shortest <= h < longest and abs(s.z) < z_ba):
             return
         y, w_end = propagate(s.z - a, w, h, o)
         z = a + y
@@ -169,13 +175,14 @@ def _next_arc(
     kernel: np.record,
     contacts: NDArray | None,
     outlook: ArcLimits,
+    brief: bool,
 ) -> None:
-    """Fill kernel.arc with the way from the anchor to the next event."""
+    """Fill kernel.arc with the way from the anchor to the next event; brief: see `_BRIEF`."""
     arc, limit, rate, bend = kernel.arc, outlook.limit, s.rate, s.bend
     arc.trial = s.trial
     arc.hit = 0
     near = not s.near_low <= s.x <= s.near_high
-    if bend != 0.0 and (plant.spring != 0.0 or (near and s.v == 0.0)):
+    if bend != 0.0 and (plant.spring != 0.0 or brief or (near and s.v == 0.0)):
         # With a spring or at a stop a straight line takes the place of a part of a bent piece.
         slides_on = plant.kind == ALWAYS_PLASTIC or plant.slides != 0
         chord = _CHORD_OF_SLIDE if slides_on else _CHORD

@@ -481,3 +481,19 @@ def test_pieces_lie_within_three_times_their_error_of_the_curve(name: str) -> No
         simulation.start(command_of(p), 1)
         drives.append(simulation.sample(np.linspace(0.0, 2e-4, 2001)).u)
     assert np.abs(drives[0] - drives[1]).max() < 3.0 * Chain.of(p).error
+
+
+@pytest.mark.parametrize("sigma_0", [0.0, 1.0, 1e4])
+def test_behind_an_actuator_of_20_ghz_the_runner_moves_as_behind_a_rigid_one(
+    sigma_0: float,
+) -> None:
+    """Its pieces are so short that the runner's load -m u'' bends a soft contact by kilometres."""
+    found = []
+    for resonance in (0.0, 2e10):
+        p = table_1(sigma_0=sigma_0, actuator_resonance=resonance)
+        simulation = simulation_of(p, Plant.of(p))
+        simulation.start(command_of(p), 3)
+        found.append(simulation.run_cycles(3))
+    rigid, driven = found
+    assert driven.position == pytest.approx(rigid.position, abs=3e-12)
+    assert driven.lost == pytest.approx(rigid.lost, rel=1e-4)
