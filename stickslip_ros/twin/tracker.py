@@ -41,8 +41,9 @@ WALKING = ("preload", "gain")
 _RECENTRE, FARTHEST = 0.04, math.log(3.0)
 #: Places of the logarithms and of the rate in the state, between position and ringing
 THETA, RATE = slice(1, -2), -2
-#: What the rate of the preload may be after a change, 1/s of stepping; its change in the root of a
-#: second as a share of itself; how well its slope holds on a way over which it drifts, as a share
+#: What the rate of the preload may be at the start and after a change, 1/s of stepping; its change
+#: in the root of a second as a share of itself; how well its slope holds on a way over which it
+#: drifts, as a share
 _RATE, _RATE_WALK, _RATE_SLOPE = 0.03, 0.1, 0.25
 #: Times that readings after a change are gone through
 _REFITS = 2
@@ -171,6 +172,7 @@ class Tracker(ReadingFilter):
             prior[:n, :n] = np.array(ensemble.correlations) * np.outer(deviations, deviations)
         self.prior = np.sqrt(np.diag(prior))
         self.covariance[THETA, THETA] = prior
+        self.covariance[RATE, RATE] = _RATE**2
         self.sensor_gain = 1.0  #: by which the readings are too large
         self._walks = np.array([name in WALKING for name in self.names], dtype=np.float64)
 
@@ -222,6 +224,14 @@ class Tracker(ReadingFilter):
         variances[[1 + self._drifts, RATE]] = deviation**2, _RATE**2
         self.covariance = self.covariance + np.diag(variances)
         self.prior = self.deviations
+
+    def hold_rate(self) -> None:
+        """Take the rate for 0, and all else for what it then is."""
+        if (known := self.covariance[RATE])[RATE] > 0.0:
+            gain = known / known[RATE]
+            self.state = self.state - gain * self.state[RATE]
+            self.covariance = self.covariance - np.outer(gain, known)
+            self.forget(RATE, -1)
 
     def motion(self, parts: Parts) -> ModelledWay:
         """Return what the model says of pieces of drive cycles."""

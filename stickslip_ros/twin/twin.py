@@ -149,7 +149,7 @@ class Twin:
         #: Each with what was known before it
         self._seen: deque[tuple[Seen, Tracker]] = deque(maxlen=_KEPT)
         self._judge_at = 0  # readings since the last change at which it is judged, 0: never
-        self._since = 0
+        self._since = 0  # readings since the last change, of steps before the first
         self._excess = 0.0  # of the squares of deviations after it over what they should be
         self._before = self.tracker  # the last change
         self._drive: OperatingPoint | None = None  # of the last cycles
@@ -251,7 +251,10 @@ class Twin:
         seen = Seen(t, reading, parts, motion)
         expected, deviation, z = tracker.take(seen, duration)
         self._seen.append((seen, before))
-        self._since += 1
+        self._since += bool(self.changes or motion.direction)
+        judged = self._since == self.settings.judged_from and not self._drifts
+        if (judged or tracker.jumped or t <= self._doubtful) and not self.changes:
+            tracker.hold_rate()  # it was open, as the axis may have come with one
         self.t = t
         self.timeline.forget(t)
         self._excess += z**2 - 1.0

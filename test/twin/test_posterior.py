@@ -24,16 +24,16 @@ def test_the_posterior_of_an_ensemble_of_axes_is_the_same() -> None:
     axis, random = Axis(P.replace(preload=0.38)), np.random.default_rng(7)
     held = TwinSettings(gain_deviation=1e-9, drift_hour=1e-9, drift_metre=1e-9)  # one unknown
     twin = Twin(P, held)
-    twin.command(TwinCommand(0.0, "steps", 150.0))
-    axis.command_steps(150)
+    twin.command(TwinCommand(0.0, "steps", 250.0))
+    axis.command_steps(250)
     readings = []
-    for k in range(1, 150):
+    for k in range(1, 250):
         axis.advance(0.01 * k + 0.004 + 0.003 * random.random())  # where the ringing is small
         readings.append(axis.state.x + 2e-9 * random.standard_normal())
         twin.measure(axis.state.t, readings[-1])
     seen = [one for one, _ in twin._seen]
     drive = seen[-1].parts[-1][0].drive
-    assert drive and not twin.changes and len(seen) == 148
+    assert drive and not twin.changes and len(seen) == 248
     solved, thetas = np.linspace(-0.25, 0.25, 11), np.linspace(-0.25, 0.25, 401)
     curves = [CycleCurve.of(P.replace(preload=0.4 * math.exp(one)), drive) for one in solved]
     (piece, *_), times = seen[0].parts[0], [twin._anchored, *(one.t for one in seen)]

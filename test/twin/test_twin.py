@@ -349,17 +349,23 @@ def test_settings_out_of_range_are_refused() -> None:
         TwinSettings(certainty=2.0)
 
 
-def test_a_change_that_goes_on_drifts_and_forecasts_go_with_it() -> None:
-    """The preload falls by 3 % a second, at 80 V: a move of a second ends 2 % beyond."""
-    p, random = P.replace(amplitude=80.0), _random()
+@pytest.mark.parametrize("begins", [0.0, 3.0])
+def test_a_drift_is_told_and_forecasts_go_with_it(begins: float) -> None:
+    """The preload falls by 3 % a second, at 80 V: a move of a second ends 2 % beyond.
+
+    From the start it is a drift at once; later it is first a change, which goes on.
+    """
+    p, random, steps = P.replace(amplitude=80.0), _random(), round(500 + 100 * begins)
     twin, axis = Twin(p), Axis(p)
-    twin.command(TwinCommand(0.0, "steps", 500.0))
-    axis.command_steps(500)
-    for k in range(1, 520):
+    twin.command(TwinCommand(0.0, "steps", steps))
+    axis.command_steps(steps)
+    for k in range(1, steps + 20):
         axis.advance(0.01 * k + 0.003 * random.random())
-        axis.set_parameters({"preload": 0.4 * math.exp(-0.03 * min(axis.state.t, 5.0))})
+        drifts = min(max(axis.state.t - begins, 0.0), 5.0)
+        axis.set_parameters({"preload": 0.4 * math.exp(-0.03 * drifts)})
         twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
-    assert twin.level[0] == DRIFTING and twin.changes[-1].goes_on
+    assert twin.level[0] == DRIFTING
+    assert [one.goes_on for one in twin.changes] == [True] * bool(begins)
     found, begin = twin.predict_steps(100), axis.state.t
     axis.command_steps(100)
     while axis.state.t < begin + 1.1:
