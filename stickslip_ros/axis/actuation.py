@@ -55,6 +55,7 @@ class Actuation:
         # The cycle after which changes that wait take effect, and when it ends (s). Kept, because
         # the solver may round a time just before that end to it and be in the next cycle already.
         self._change: tuple[int, float] | None = None
+        self._shortened = False  # the cycles end then
         self._x_start = 0.0  # where the present run began, m
         self._x_end = 0.0  # where the last run ended, before the runner rang down, m
         self._done_before = 0  # cycles of the present run before its drive cycle last changed
@@ -172,6 +173,11 @@ class Actuation:
                 (done + 1, self.sim.end_of_cycle) if self.sim.cycles_left else self._last_cycle()
             )
 
+    def shorten(self) -> None:
+        """End the cycles with the running one."""
+        self._shortened = True
+        self.change_later()
+
     def take_parameters(self) -> None:
         """Use plant and actuator of the present settings from now on."""
         self._plant = self.config.plant()
@@ -239,8 +245,9 @@ class Actuation:
 
     def go_on(self) -> str:
         """Apply waiting changes and run the rest of the cycles; return ARRIVED or LIMIT."""
-        left = self.sim.cycles_left
-        self._account_for_cycles()
+        left = 0 if self._shortened else self.sim.cycles_left
+        if left:
+            self._account_for_cycles()
         self.take_parameters()
         if not left:
             return ARRIVED
@@ -254,6 +261,7 @@ class Actuation:
         self._x_end = self.sim.position_of_cycle
         self.kind = REST
         self.hertz = self._change = None
+        self._shortened = False
         if left:
             self.sim.start(self.sim.drive_cycle, 0)
 

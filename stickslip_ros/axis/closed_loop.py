@@ -30,7 +30,9 @@ _CAUTION = 0.9
 #: Longest train as a multiple of the way to the target, if none of the stroke is lost
 _FARTHEST = 2.0
 #: Step size at least assumed, of the stroke: trains end although hardly a step was seen
-_SMALLEST = 0.05
+_SMALLEST = 0.01
+#: Share of what a mean is off by, by which its drift from one reading to the next is corrected
+_DRIFTS = 0.005
 #: Strokes beyond those of the steps since the last check from which on something else has moved the
 #: runner: a step takes it a stroke at most
 _CARRIED = 10.0
@@ -112,7 +114,8 @@ class ClosedLoop:
         self._coming: deque[LoopReading] = deque()  # readings that have not arrived
         # the last reading, or the mean of those since
         self._seen = LoopReading(0, math.nan, 0.0, 0, 0.0, False)
-        self._averaged = 0  # of how many
+        self._averaged, self._drift = 0, 0.0  # of how many; m that it drifts in a reading
+        self._positions: deque[float] = deque(maxlen=_AVERAGED)  # as they were read, m
         self._reference = self._seen  # the one since which steps show their size
         self._take, self._k = 0, 0  # numbers of the next reading, and of that at which one arrives
         self._steps, self._strokes = 0, 0.0  # of all trains that have ended, as of a reading
@@ -164,6 +167,8 @@ class ClosedLoop:
         (looked, before), self._looked = self._looked, (t, distance)
         steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
         far = steps * config.stroke(config.amplitude)
+        if t < self._rests_at:
+            self._nearer_at += t - looked
         self._moves_away = distance - before > far and (self._moves_away or not self._carried)
         if t < self.trajectory.end or self.there:
             self._nearest, self._nearer_at, self._carried = math.inf, t, False
@@ -177,7 +182,8 @@ class ClosedLoop:
             return f"{where} steps take it farther: change the load, the preload or the frequency"
         stays = self._inside_since is not None
         if p.target_timeout is not None and not stays and t - self._nearer_at > p.target_timeout:
-            what = "come no closer" if distance > p.target_tolerance else "not stayed so near"
+            near = min(distance, self._nearest) <= p.target_tolerance
+            what = "not stayed so near" if near else "come no closer"
             return (
                 f"{where} has {what} for {p.target_timeout:g} s: raise the amplitude, "
                 "free the runner or raise target_timeout"
@@ -238,7 +244,10 @@ class ClosedLoop:
         self._take = max(k, sensor.number_at(self._rests_at) if self._rests_at > t else k) + 1
         if actuation.kind == CYCLES:
             end = actuation.due
-            self._take = max(k, sensor.number_at(0.5 * (t + end))) + 1
+            # Before the goal, even if no step loses anything from now on: a load may go.
+            soon = abs(self.trajectory.goal - self._seen.base) / abs(self._stroke or 1.0)
+            soon = t + (soon + _FIRST_STEPS) / (actuation.hertz or actuation.config.frequency)
+            self._take = max(k, sensor.number_at(min(0.5 * (t + end), soon))) + 1
             if sensor.time_of(self._take) > end:
                 self._take = _NEVER
         # With a latency that has become shorter, some should have arrived before.
@@ -252,16 +261,22 @@ class ClosedLoop:
         if math.isnan(reading.base):
             return "the sensor gives no reading: see to the sensor, then reset"
         low, high = _range(actuation)
-        off = reading.base - seen.base
+        base = seen.base + self._drift * (reading.k - seen.k)
+        off = reading.base - base
         if self._averaged and reading.steps == seen.steps and abs(off) < _MOVED * (high - low):
+            if self._averaged == _AVERAGED:
+                self._drift += _DRIFTS * off / (reading.k - seen.k)
             self._averaged = min(self._averaged + 1, _AVERAGED)
-            base = seen.base + off / self._averaged
-            self._seen = reading._replace(base=base)
+            self._seen = reading._replace(base=base + off / self._averaged)
         else:
-            self._seen, self._averaged = reading, int(reading.rests)
+            self._seen, self._averaged, self._drift = reading, int(reading.rests), 0.0
+            self._positions.clear()
             self._learn()
         if reading.rests:
             self._reference = self._seen
+            self._positions.append(reading.base + reading.deflected)
+        if self._stroke and t >= self.trajectory.end:
+            self._shorten(actuation, low, high)
         if self._stroke or t < self.trajectory.begin:
             return ""
         if t < self.trajectory.end:
@@ -306,12 +321,15 @@ class ClosedLoop:
             self._inside_since, self.there = None, False
         elif self._inside_since is None:
             self._inside_since = actuation.config.sensor.time_of(self._seen.k)
+        # The mean follows a runner that moves late; what was read tells where it was.
+        read = math.fsum(self._positions) / len(self._positions)
         if (
             self._inside_since is not None
             and t - self._inside_since >= p.hold_time
-            and self._averaged >= _AVERAGED
+            and len(self._positions) >= _AVERAGED
+            and abs(self.trajectory.goal - read) <= p.target_tolerance
         ):
-            self.there, self._x = True, x
+            self.there, self._x = True, read
             if not self._finished:
                 self._finished = True
                 if not self.waits:
@@ -352,6 +370,7 @@ class ClosedLoop:
             return
         if reachable:
             self._level = level
+            self._wait(actuation, abs(level - now), speed)
             actuation.scan_to(level)
             return
         # The scan may take what the runner rings: a landing is known no better than that.
@@ -359,6 +378,31 @@ class ClosedLoop:
         way = level - min(max(0.0, low + room), high - room)
         if self._seen.steps == self._steps or (1 if way > 0.0 else -1) in self._sizes.measured:
             self._step(actuation, way)
+
+    def _wait(self, actuation: Actuation, way: float, speed: float) -> None:
+        """Let what a scan by a way (m) makes the runner ring fall to half of the tolerance.
+
+        It rings by no more than the way, nor than kinks of that speed (m/s) make it; `settle_time`
+        is the time in which what a step leaves, a stroke at most, falls so far.
+        """
+        config, p = actuation.config, actuation.config.parameters.closed_loop
+        omega = 2.0 * math.pi * config.plant().ringing_frequency
+        kinks = 2.0 * speed / omega if omega else math.inf
+        rings = min(way, kinks) / (0.5 * p.target_tolerance)
+        most = config.stroke(config.amplitude) / (0.5 * p.target_tolerance)
+        if rings > 1.0:
+            share = min(math.log(rings) / math.log(most), 1.0) if most > rings else 1.0
+            rests = actuation.t + way / speed + share * p.settle_time
+            self._rests_at = max(self._rests_at, rests)
+
+    def _shorten(self, actuation: Actuation, low: float, high: float) -> None:
+        """End a train that would take the base farther than a scan (m, both) brings it back."""
+        sign = 1 if self._stroke > 0.0 else -1
+        ahead = abs(self._steps + actuation.steps_done + actuation.steps_left - self._seen.steps)
+        size = self._sizes.of(abs(self._stroke), sign)
+        end = sign * (self._seen.base + sign * ahead * size - self.trajectory.goal)
+        if end > (-low if sign > 0 else high):
+            actuation.shorten()
 
     def _step(self, actuation: Actuation, way: float) -> None:
         """Step by about a way (m), in a train of equal steps."""
@@ -369,8 +413,7 @@ class ClosedLoop:
         size, way = self._sizes.of(stroke, sign), abs(way)
         count = math.ceil(way / size)
         if count > _FIRST_STEPS:
-            # steps lost to a load that has gone may not throw the runner far beyond
-            count = int(min(_CAUTION * count, _FIRST_STEPS + _FARTHEST * way / stroke))
+            count = int(_CAUTION * count)
             if sign not in self._sizes.measured:  # so many that a reading sees them
                 seen = math.ceil(config.frequency * (sensor.delay + 2) / sensor.rate)
                 count = min(count, max(_FIRST_STEPS, seen))

@@ -178,6 +178,21 @@ CHANGES: tuple[ModelChange, ...] = (
         ),
         "1 nm a cycle, where one is a million times quicker than the runner",
     ),
+    ModelChange(
+        13,
+        "the closed loop says reached by what was read, waits where a scan makes the runner ring, "
+        "and steps without a cap on its trains",
+        lambda p: True,
+        "the way to its target, and 25 nm once there",
+        frozenset(("position", "trajectory", "joint_command")),
+    ),
+    ModelChange(
+        13,
+        "a change in the last cycle of a move counts its steps once",
+        lambda p: True,
+        "the count and the mean of these steps",
+        frozenset(("parameters", "amplitude", "frequency")),
+    ),
 )
 
 #: Recordings that name no version were made with this one.

@@ -386,3 +386,16 @@ def test_a_command_a_hair_before_the_end_of_a_move_is_carried_out(count: int) ->
         axis.advance(time_of(steps + 3.5))
         assert axis.status.steps_done == -2, axis.parameters
         assert not axis.moving, axis.parameters
+
+
+def test_a_change_in_the_last_step_counts_no_step_twice() -> None:
+    """Three steps were told as six, each half as long."""
+    axis, same = Axis({"frequency": 1000.0}), Axis({"frequency": 1000.0})
+    for one in (axis, same):
+        one.command_steps(3)
+        one.advance(2.5e-3)
+    axis.set_parameters({"hold_time": 0.1})
+    for one in (axis, same):
+        one.advance(0.01)
+    assert axis.status.step_count == 3
+    assert axis.status.mean_step == same.status.mean_step

@@ -6,6 +6,7 @@ import random
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pytest
 from table_1 import TABLE_1
 
@@ -140,6 +141,78 @@ def test_reached_means_within_the_tolerance_for_the_hold_time() -> None:
     assert axis.status.state == "targeting"
     axis.advance(there + 0.5)
     assert axis.status.state == "holding"
+
+
+HEAVY = {"model": "lugre", "preload": 1.579, "mu": 0.0595, "mu_s": 0.4715, "mu_k": 0.4619}
+HEAVY |= {"v_stribeck": 0.01647, "sigma_1": 64.52, "mass": 0.6835, "force": -3.1e-3}
+HEAVY |= {"frequency": 4833.0, "amplitude": 39.8, "slewrate": 50.36, "scan_rate": 8.9e5}
+HEAVY |= {"sensor_rate": 190.77, "sensor_latency": 1.75e-3, "sensor_noise": 3.3e-10}
+HEAVY |= {"settle_time": 0.0647, "target_timeout": 0.67}
+LIGHT = {"preload": 0.1787063771854706, "mu": 0.055405317260152194}
+LIGHT |= {"sigma_1": 0.6001564100050489, "mass": 0.008533674967965402, "force": -3.7032e-4}
+LIGHT |= {"scan_rate": 108370.82710929145, "slewrate": 70.26025607972892}
+LIGHT |= {"frequency": 71.2451550467466, "amplitude": 33.220574606289574}
+LIGHT |= {"sensor_rate": 4592.212200993373, "sensor_noise": 1.0176319796487352e-11}
+LIGHT |= {"sensor_latency": 0.0001576492354598874, "settle_time": 0.08174724666985114}
+
+
+@pytest.mark.parametrize(
+    ("values", "target"),
+    [
+        # A fast scan makes a heavy runner ring, nearly at the rate of the readings.
+        (HEAVY, 3.0104e-8),
+        # Corrections made it ring, at a beat with the readings that the corrections followed.
+        (LIGHT, -9.99432168324378e-7),
+    ],
+)
+def test_reached_is_what_was_read(values: dict[str, Any], target: float) -> None:
+    """Each was said to be reached while 5 nm off and more."""
+    axis = Axis(values)
+    axis.command_position(target)
+    while not axis.status.target_reached and axis.state.t < 5.0:
+        axis.advance(axis.state.t + ROUND)
+    x = axis.simulation.sample(axis.state.t + np.linspace(0.0, 0.02, 100)).x
+    assert np.mean(x) == pytest.approx(target, abs=2e-9)
+    assert axis.status.target_reached
+
+
+def test_a_runner_that_slides_away_is_not_said_to_be_there() -> None:
+    """The mean of the readings followed it late, and said so 25 nm away."""
+    values = {"model": "epm_fix", "preload": 2.011, "mu": 0.2796, "mu_s": 0.1872, "mu_k": 0.08843}
+    values |= {"v_stribeck": 1.78e-4, "sigma_1": 1.848, "dwell_growth": 3.36e-6, "mass": 4.406e-3}
+    values |= {"dwell_start": 0.3738, "rate_growth": 0.4222, "rate_start": 6.6e-12}
+    values |= {"wear_rate": 1.2, "force": -0.074, "slewrate": 51.25, "amplitude": 111.78}
+    values |= {"frequency": 7603.9, "waveform": "triangle", "scan_rate": 2.66e5}
+    values |= {"sensor_rate": 490.52, "sensor_noise": 1.16e-9, "sensor_latency": 2.31e-3}
+    values |= {"target_tolerance": 6.66e-9, "settle_time": 0.0195, "target_timeout": 0.32}
+    axis = Axis(values)
+    axis.command_position(-1.2637e-7)
+    while not axis.fault and axis.state.t < 3.0:
+        axis.advance(axis.state.t + ROUND)
+        if axis.status.target_reached:
+            assert axis.state.x == pytest.approx(-1.2637e-7, abs=1e-8)
+    assert axis.status.target_reached or "come no closer" in axis.fault
+
+
+def test_a_train_ends_where_its_steps_get_longer() -> None:
+    """They grow in the middle of a train of thousands."""
+    axis = Axis({**TABLE_1, **FAST, "preload": 6.0})
+    axis.command_position(2e-6)
+    axis.advance(0.5)
+    assert 0.0 < axis.state.x < 1.5e-6
+    axis.set_parameters({"preload": 0.4})
+    farthest = 0.0
+    while not axis.status.target_reached and axis.state.t < 2.0:
+        axis.advance(axis.state.t + ROUND)
+        farthest = max(farthest, axis.state.x)
+    assert axis.status.target_reached
+    assert farthest < 4e-6
+
+
+def test_the_timeout_does_not_run_while_the_runner_settles() -> None:
+    """With a longer rest after steps than the timeout, each target with steps was a fault."""
+    axis = Axis({**TABLE_1, **FAST, "settle_time": 0.5, "target_timeout": 0.2})
+    assert _approach(axis, 3e-6).error < 5e-9
 
 
 def test_it_holds_against_a_load_that_grows() -> None:

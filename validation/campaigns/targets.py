@@ -57,8 +57,8 @@ WAITED = 4.0
 LATELY = 0.2
 #: Standard deviations of a reading by which a runner may be off that was said to be there
 SIGMAS = 5.0
-#: Steps by which the speed is measured; share of the stroke that they make at least
-STEPS, MOVING = 40, 0.05
+#: Steps by which the speed is measured, at least and at most; share of the stroke that they make
+STEPS, MOST_STEPS, MOVING = 40, 5000, 0.01
 #: m, that a runner may ring by; s, most that the ideal waits for that
 STILL, LONGEST_RINGING = 1e-9, 10.0
 #: How an outcome that is no finding begins; what faults are counted by
@@ -109,12 +109,19 @@ def ringing(axis: Axis, amplitude: float) -> float:
 
 def ideal(p: Parameters, target: float) -> float:
     """Return the ideal time (s) to a target (m), nan where steps hardly move the runner."""
-    axis = Axis(p)
-    axis.command_steps(STEPS if target > 0.0 else -STEPS)
-    axis.advance((STEPS + 0.5) / p.drive.frequency)
-    step, stroke = abs(axis.status.mean_step), axis.status.stroke
-    if not (axis.status.mean_step * target > 0.0 and step > MOVING * stroke):
-        return math.nan
+    axis, steps, begun = Axis(p), STEPS, time.process_time()
+    axis.command_steps(MOST_STEPS if target > 0.0 else -MOST_STEPS)
+    stroke = axis.status.stroke
+    while True:
+        axis.advance((steps + 0.5) / p.drive.frequency)
+        step = axis.status.mean_step * math.copysign(1.0, target)
+        if not step > MOVING * stroke:
+            return math.nan
+        # As far as the target: the first steps under a load are often longer than later ones.
+        dear = time.process_time() - begun > 0.2 * PATIENCE
+        if steps * step >= abs(target) or steps == MOST_STEPS or dear:
+            break
+        steps = min(2 * steps, MOST_STEPS)
     cycles = abs(target) / step + 1.0
     late = axis.config.sensor.delay / p.sensor.sensor_rate
     return cycles / p.drive.frequency + min(ringing(axis, stroke - step), LONGEST_RINGING) + late
