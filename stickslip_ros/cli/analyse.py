@@ -16,15 +16,8 @@ from stickslip_ros.cli.measurement_options import (
     say_doubts,
     steps_in,
 )
-from stickslip_ros.cli.options import (
-    add_outputs,
-    check_outputs,
-    flag,
-    option,
-    print_result,
-    quantity,
-    write_outputs,
-)
+from stickslip_ros.cli.options import flag, option, quantity
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
 from stickslip_ros.errors import UsageError
 
 if TYPE_CHECKING:
@@ -55,7 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--start", "S", "time of the first cycle (default: found)", quantity("s"))
     text = "0-amplitude, measured separately, for Eq. 9"
     option(parser, "--zero-amplitude", "M", text, quantity("m"))
-    add_outputs(parser, "the runs, step by step", "the runs with plots", "the runs")
+    add_outputs(parser, "the runs, step by step", "the runs")
     add_measurement_options(parser)
 
 
@@ -65,13 +58,15 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
+    from stickslip_ros.pages.measured import measurement_page
     from stickslip_ros.pages.texts import analysis_text
     from stickslip_ros.traces import TraceError
 
     check_outputs(args)
     try:
         motion, seen, found = _analysed(measurement_of(args, args.trace), args)
-        _write(args, motion, seen)
+        if wants_files(args) and not seen.runs:
+            raise TraceError("no run of steps is seen that a picture or a table could show")
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
     content = {
@@ -81,7 +76,11 @@ def run(args: argparse.Namespace) -> int:
         "runs": [run.as_json() for run in seen.runs],
         "disturbances": seen.disturbances.as_json(),
     }
-    print_result(args, content, lambda: analysis_text(seen.runs, found))
+    rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(content["runs"], 1)]
+    put_out(
+        args, content, lambda: analysis_text(seen.runs, found), motion.source,
+        (["run", *_COLUMNS.values()], rows), page=lambda: measurement_page(motion, seen),
+    )  # fmt: skip
     return 0 if _as_given(args, seen) and say_doubts(args.trace, seen.runs) else 1
 
 
@@ -96,20 +95,6 @@ def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
         file=sys.stderr,
     )
     return False
-
-
-def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
-    if not (args.plot or args.report or args.table):
-        return
-    from stickslip_ros.pages.measured import measurement_page
-    from stickslip_ros.traces import TraceError
-
-    if not seen.runs:
-        raise TraceError("no run of steps is seen that a picture or a table could show")
-    found = [run.as_json() for run in seen.runs]
-    rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(found, 1)]
-    heading = ["run", *_COLUMNS.values()]
-    write_outputs(args, motion.source, heading, rows, measurement_page, motion, seen)
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:

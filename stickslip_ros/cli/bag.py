@@ -13,16 +13,14 @@ from typing import Any
 
 from stickslip_ros.cli.command_line import add_commands
 from stickslip_ros.cli.options import (
-    add_outputs,
-    check_outputs,
     flag,
     option,
-    print_result,
     progress_bar,
     quantity,
     repeated,
     require_ros,
 )
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import parse_assignment
 
@@ -56,7 +54,7 @@ def _add_bag(parser: argparse.ArgumentParser) -> None:
 def info_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     _add_bag(parser)
-    add_outputs(parser, "the position over time")
+    add_outputs(parser, "the position over time", "the topics")
 
 
 def run_info(args: argparse.Namespace) -> int:
@@ -64,14 +62,18 @@ def run_info(args: argparse.Namespace) -> int:
     from stickslip_ros.recordings import describe, open_bag
 
     check_outputs(args)
-    if args.plot:
-        from stickslip_ros.measurement.load_motion import load_motion
-        from stickslip_ros.reporting.picture import draw_picture
-
-        draw_picture(args.plot, load_motion(args.bag).motion.plot)
     with open_bag(args.bag) as bag:
         found = describe(bag)
-    print_result(args, found, lambda: "\n".join(_description(found)))
+    draw = None
+    if args.plot or args.report:
+        from stickslip_ros.measurement.load_motion import load_motion
+
+        draw = load_motion(args.bag).motion.plot
+    names = ("name", "type", "messages")
+    table = names, [[topic[name] for name in names] for topic in found["topics"]]
+    put_out(
+        args, found, lambda: "\n".join(_description(found)), f"Recording {args.bag}", table, draw
+    )
     return 0
 
 
@@ -211,7 +213,7 @@ def resimulate_arguments(parser: argparse.ArgumentParser) -> None:
     _add_bag(parser)
     repeated(parser, "--set", "NAME=VALUE", "change a parameter")
     option(parser, "--out", "DIR", "write the computed run as a new bag", Path)
-    add_outputs(parser)
+    add_outputs(parser, table="the differences")
 
 
 def run_resimulate(args: argparse.Namespace) -> int:
@@ -220,6 +222,7 @@ def run_resimulate(args: argparse.Namespace) -> int:
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.recordings import open_bag, recorded_runs, resimulate
 
+    check_outputs(args)
     changes = dict(parse_assignment(text) for text in args.set)
     with open_bag(args.bag) as bag, report_compilation():
         states = sum(
@@ -234,7 +237,11 @@ def run_resimulate(args: argparse.Namespace) -> int:
     texts = [_differences(report, bool(changes)) for report in reports]
     texts += [f"written to {args.out}"] if args.out else []
     content = {"bag": str(args.bag), "changes": changes, "runs": reports}
-    print_result(args, content, lambda: "\n\n".join(texts))
+    names = ("largest", "unit", "at", "unequal", "values")
+    rows = [[one["axis"], name, *(d[key] for key in names)]
+            for one in reports for name, d in one["differences"].items()]  # fmt: skip
+    table = ("axis", "quantity", *names), rows
+    put_out(args, content, lambda: "\n\n".join(texts), f"Run of {args.bag} again", table)
     return 0 if changes or all(one.bit_for_bit for one in runs) else _DIFFERENT
 
 
@@ -290,12 +297,13 @@ def run_recover(args: argparse.Namespace) -> int:
     """Make a good bag out of one whose recorder was killed."""
     from stickslip_ros.recordings import bytes_of, recover
 
+    check_outputs(args)
     with progress_bar(bytes_of(args.bag), "recovering bytes") as bar:
         done = recover(args.bag, args.out, bar.update)
     found = asdict(done)
     kept = f"{done.messages} messages kept, {done.dropped_bytes} bytes dropped"
     content = {"bag": str(found.pop("folder")), **found}
-    print_result(args, content, lambda: f"{done.folder}: {kept}")
+    put_out(args, content, lambda: f"{done.folder}: {kept}", f"Recovered from {args.bag}")
     if not args.json:
         for finding in done.findings:
             print(f"stickslip bag recover: {finding}", file=sys.stderr)

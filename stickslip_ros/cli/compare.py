@@ -16,17 +16,8 @@ from stickslip_ros.cli.measurement_options import (
     say_doubts,
     steps_in,
 )
-from stickslip_ros.cli.options import (
-    Renamed,
-    add_assignments,
-    add_outputs,
-    check_outputs,
-    option,
-    parameters_from,
-    print_result,
-    quantity,
-    write_outputs,
-)
+from stickslip_ros.cli.options import add_assignments, option, parameters_from, quantity
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import UsageError
 from stickslip_ros.measurement.verdict import LIMITS
 from stickslip_ros.reporting import format_si
@@ -47,8 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "the run: a parameter file (.yaml) to simulate, a trace (.csv) or a bag"
     option(parser, "simulation", "RUN", text, Path)
     option(parser, "measurement", "MEASUREMENT", "a table or a bag", Path)
-    add_outputs(parser, "run, measurement and difference", "the same with plots", "the metrics")
-    parser.add_argument("--png", action=Renamed, dest="plot", now="--plot FILE.png", type=Path)
+    add_outputs(parser, "run, measurement and difference", "the metrics")
     simulation = parser.add_argument_group("a run that is simulated")
     add_assignments(simulation)
     text = "steps to simulate, the sign is the direction (default: as measured)"
@@ -90,8 +80,10 @@ def run(args: argparse.Namespace) -> int:
     names = ("name", *heading[1:])
     rows = [[getattr(metric, name) for name in names] for metric in found.metrics]
     shown = found, judgements, simulation
-    write_outputs(args, title, heading, rows, comparison_page, *shown)
-    print_result(args, _content(*shown), lambda: comparison_text(found, judgements))
+    put_out(
+        args, _content(*shown), lambda: comparison_text(found, judgements), title,
+        (heading, rows), page=lambda: comparison_page(*shown),
+    )  # fmt: skip
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
         who = style_text("stickslip compare:", "bold red", sys.stderr)

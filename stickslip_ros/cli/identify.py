@@ -13,16 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import (
-    add_outputs,
-    check_outputs,
     flag,
     option,
-    print_result,
     progress_bar,
     repeated,
     report_left_out,
-    write_outputs,
 )
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.files import write_text
 from stickslip_ros.library.left_out import OF_A_FIT, left_out
@@ -68,7 +65,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "write the parameters of the first run with the values found"
     option(parser, "--out", "FILE.yaml", text, Path)
     text = "data and fit, residuals, profiles, correlations, starts"
-    add_outputs(parser, text, text, "values and intervals")
+    add_outputs(parser, text, "values and intervals")
     add_measurement_options(parser)
 
 
@@ -117,8 +114,10 @@ def run(args: argparse.Namespace) -> int:
         write_text(args.out, fit_remarks(found) + yaml_text(found.base, given))
     heading = ("parameter", "unit", "value", "low 95 %", "high 95 %")
     rows = [(name, p.unit, p.value, p.low, p.high) for name, p in found.parameters.items()]
-    write_outputs(args, ", ".join(fit_sources(found)), heading, rows, fit_page, found)
-    print_result(args, found.as_json(), found.report)
+    put_out(
+        args, found.as_json(), found.report, ", ".join(fit_sources(found)), (heading, rows),
+        page=lambda: fit_page(found),
+    )  # fmt: skip
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
         return INTERRUPTED

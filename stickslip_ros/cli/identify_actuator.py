@@ -6,25 +6,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
-from stickslip_ros.cli.options import (
-    add_outputs,
-    add_parameters,
-    option,
-    parameters_from,
-    print_result,
-    yaml_lines,
-)
+from stickslip_ros.cli.options import add_parameters, option, parameters_from, yaml_lines
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import UsageError
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Value
-from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.shared_files import sample_file
-
-if TYPE_CHECKING:
-    from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
 
 _MOST_OPERATORS = 100
 
@@ -39,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--operators", "N", "number of play operators (default: 16)", int, default=16)
     add_reading_options(parser, "voltage,deflection")
     add_parameters(parser)
-    add_outputs(parser)
+    add_outputs(parser, "the loop, measured and fitted")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -48,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             f"--operators is {args.operators}; it has to be 1 or more, at most {_MOST_OPERATORS}"
         )
+    check_outputs(args, args.out)
     from stickslip_ros.measurement.actuator_identification import identify_hysteresis
     from stickslip_ros.measurement.reading import read_loop
     from stickslip_ros.model.actuator import hysteresis_text
@@ -73,30 +63,13 @@ def run(args: argparse.Namespace) -> int:
     }
     if found.creep is not None:
         wanted |= {"creep": found.creep, "creep_start": known.creep_start}
-    print_result(args, _content(found, wanted), lambda: f"{_table(found)}\n\n{yaml_lines(wanted)}")
-    return 0
-
-
-def _content(found: IdentifiedActuator, wanted: dict[str, Value]) -> dict[str, Any]:
     names = ("width", "error", "rms_error", "span", "loops", "drift", "creep")
-    return {name: getattr(found, name) for name in names} | {
-        "elastic": found.actuator.elastic,
-        "thresholds": found.actuator.thresholds,
-        "weights": found.actuator.weights,
-        "parameters": wanted,
-    }
-
-
-def _table(found: IdentifiedActuator) -> str:
-    rows = [
-        ("loops", str(found.loops)),
-        ("stroke", f"{1e9 * found.span:.3f} nm, as measured"),
-        ("loop width", f"{100 * found.width:.2f} % of the stroke"),
-        ("error left", f"{100 * found.error:.2f} % of the stroke at most"),
-        ("", f"{100 * found.rms_error:.2f} % of the stroke, root mean square"),
-    ]
-    if found.drift is not None:
-        rows.append(("drift", f"{1e9 * found.drift:.3g} nm/s, taken out"))
-    if found.creep is not None:
-        rows.append(("creep", f"{100 * found.creep:.2f} % in a decade of time"))
-    return format_rows(rows)
+    of_actuator = ("elastic", "thresholds", "weights")
+    content = {name: getattr(found, name) for name in names}
+    content |= {name: getattr(found.actuator, name) for name in of_actuator}
+    put_out(
+        args, {**content, "parameters": wanted},
+        lambda: f"{found.report()}\n\n{yaml_lines(wanted)}",
+        f"Actuator of {args.loop.name}", draw=found.plot,
+    )  # fmt: skip
+    return 0

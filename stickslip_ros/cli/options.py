@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by subcommands: options, parameters, output files, progress, errors."""
+"""Shared by subcommands: options, parameters, progress, errors."""
 
 from __future__ import annotations
 
 import argparse
-import json
-import shlex
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
@@ -15,24 +12,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import UsageError
-from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.parameters.row import read_quantity
-from stickslip_ros.reporting import to_json
-from stickslip_ros.reporting.tables import Cell, check_table, write_table
 from stickslip_ros.reporting.terminal import announce_if_slow
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
     from stickslip_ros.library.ensemble import Ensemble
-    from stickslip_ros.reporting.page import ResultPage
 
 #: Draws of an ensemble by default, and at most.
 _DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
-#: Kinds of pictures, by the end of the file's name.
-PICTURES = (".svg", ".pdf", ".png")
 _Adds = argparse.ArgumentParser | argparse._ArgumentGroup
 
 
@@ -63,82 +54,6 @@ def quantity(unit: str) -> Callable[[str], float]:
             raise argparse.ArgumentTypeError(str(error)) from None
 
     return read
-
-
-class Renamed(argparse.Action):
-    """An old option that works as the new one, with a warning, until version 1.0.0."""
-
-    def __init__(self, option_strings: Sequence[str], dest: str, now: str, **more: Any) -> None:
-        super().__init__(option_strings, dest, help=argparse.SUPPRESS, **more)
-        self._now = now
-
-    def __call__(
-        self, parser: argparse.ArgumentParser, space: argparse.Namespace, value: Any, name: Any = ""
-    ) -> None:
-        """Keep the value."""
-        print(f"{parser.prog}: {name} is {self._now} now; it goes with 1.0.0", file=sys.stderr)
-        setattr(space, self.dest, value)
-
-
-def add_outputs(
-    parser: argparse.ArgumentParser, plot: str = "", report: str = "", table: str = ""
-) -> None:
-    """Add --json; add --plot, --report and --table if they have a text."""
-    if plot:
-        option(parser, "--plot", "FILE.svg|pdf|png", f"write a picture: {plot}", Path)
-        flag(parser, "--show", "open that picture")
-    if report:
-        option(parser, "--report", "FILE.html", f"write a page: {report}", Path)
-    if table:
-        option(parser, "--table", "FILE.csv|tex", f"write {table}, SI units", Path)
-    flag(parser, "--json", "print one JSON object, SI units")
-
-
-def check_outputs(args: argparse.Namespace, *others: Path | None) -> None:
-    """Raise UsageError, TableError or WriteError for a file that could not be written at the end.
-
-    others are files of other options.
-    """
-    if getattr(args, "show", False) and not args.plot:
-        args.plot = Path(tempfile.mkdtemp(prefix="stickslip-")) / "picture.png"
-    plot, table = getattr(args, "plot", None), getattr(args, "table", None)
-    if plot and plot.suffix.lower() not in PICTURES:
-        raise UsageError(f"--plot is {plot}; its name has to end with {', '.join(PICTURES)}")
-    if table:
-        check_table(table)
-    for path in (plot, getattr(args, "report", None), *others):
-        if path:
-            check_folder(path)
-
-
-def write_outputs(
-    args: argparse.Namespace,
-    title: str,
-    heading: Sequence[str],
-    rows: Sequence[Sequence[Cell]],
-    page_of: Callable[..., ResultPage],
-    *shown: Any,
-) -> None:
-    """Write what --table, --plot (under a title) and --report ask for, all of it or nothing.
-
-    page_of makes the page of what is shown, with the plots of the picture, if one is asked for.
-    """
-    if args.table:
-        write_table(args.table, heading, rows)
-    if args.plot or args.report:
-        found = page_of(*shown)
-        if args.plot:
-            from stickslip_ros.reporting.picture import write_picture
-
-            write_picture(args.plot, [plot.figure for plot in found.plots], title)
-        if args.report:
-            command = shlex.join(["stickslip", *sys.argv[1:]])
-            write_text(args.report, found.html(command))
-
-
-def print_result(args: argparse.Namespace, content: Any, text: Callable[[], str]) -> None:
-    """Print a result: with --json its content as one object, nan as null; else as a text."""
-    print(json.dumps(to_json(content), allow_nan=False) if args.json else text())
 
 
 def add_drive(parser: argparse.ArgumentParser) -> None:

@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import check_outputs, flag, option, progress_bar
+from stickslip_ros.cli.options import option, progress_bar
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import UsageError
-from stickslip_ros.reporting.tables import Cell, write_table
+from stickslip_ros.reporting.tables import Cell
 from stickslip_ros.reporting.terminal import announce_if_slow
 
 if TYPE_CHECKING:
-    from stickslip_ros.paper import Claim
+    from stickslip_ros.paper import Claim, Result
     from stickslip_ros.paper.report import ClaimOutcome
 
 _HEADING = ("claim", "quantity", "unit", "simulated", "joint set", "paper", "verdict")
@@ -27,16 +28,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "The page index.html compares the simulation with the paper, with verdicts that follow "
         "from the numbers; beside it stand the pictures and the data behind them as CSV. Takes "
-        "about a minute. Exit code 1 if a claim could not be computed."
+        "about a minute. --plot and --report are for one ITEM, and then no folder is written. Exit "
+        "code 1 if a claim could not be computed."
     )
     text = "figures, tables and claims to simulate, such as fig09 (default: all)"
     option(parser, "items", "ITEM", text, nargs="*")
     text = "folder to write; one of an earlier run is replaced (default: paper)"
     option(parser, "--out", "DIR", text, Path, default=Path("paper"))
-    option(parser, "--table", "FILE.csv|FILE.tex", "write all numbers, SI units", Path)
-    text = "write the picture of one ITEM, and no folder"
-    option(parser, "--plot", "FILE.svg|pdf|png", text, Path)
-    flag(parser, "--show", "open that picture")
+    add_outputs(parser, "that of one ITEM", "all numbers")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -50,20 +49,24 @@ def run(args: argparse.Namespace) -> int:
 
     check_outputs(args)
     claims = _chosen(CLAIMS, args.items)
-    if not args.plot:
+    alone = bool(args.plot or args.report)
+    if alone and len(claims) != 1:
+        raise UsageError("--plot and --report are for one ITEM: name it, such as fig09")
+    if not alone:
         refuse_foreign(args.out)
     with report_compilation():
         run_steps(Parameters(), 1)
-    if args.plot:
-        return _write_plot(args.plot, claims)
+    if alone:
+        return _show_alone(args, claims[0])
     with (
         threads(os.cpu_count() or 1) as executor,
         progress_bar(len(claims), "computing claims") as bar,
     ):
 
         def say(line: str) -> None:
-            bar.write(line)
-            sys.stdout.flush()  # a pipe, too, sees each claim when it is computed
+            if not args.json:
+                bar.write(line)
+                sys.stdout.flush()  # a pipe, too, sees each claim when it is computed
 
         def show(outcome: ClaimOutcome) -> None:
             say(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
@@ -72,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
         if not args.items:
             say(f"{len(claims)} claims; all take about a minute")
         outcomes = report(args.out, claims, executor, show)
-    if args.table:
-        write_table(args.table, _HEADING, _rows(outcomes))
-    print(f"report: {args.out / PAGE}")
+    rows = [row for one in outcomes if one.result for row in _rows(one.claim, one.result)]
+    content = {"numbers": [dict(zip(_HEADING, row, strict=True)) for row in rows]}
+    put_out(args, content, lambda: f"report: {args.out / PAGE}", table=(_HEADING, rows))
     failed = [outcome for outcome in outcomes if outcome.fault]
     for outcome in failed:
         print(
@@ -93,29 +96,30 @@ def _chosen(claims: Sequence[Claim], names: Sequence[str]) -> Sequence[Claim]:
     return [known[name] for name in dict.fromkeys(names)] or claims
 
 
-def _write_plot(path: Path, claims: Sequence[Claim]) -> int:
-    """Write the picture of the only claim. Raises UsageError."""
+def _show_alone(args: argparse.Namespace, claim: Claim) -> int:
+    """Write the picture or the page of one claim. Raises UsageError."""
     from stickslip_ros.paper.report import draw_result
-    from stickslip_ros.reporting.picture import save_picture
 
-    if len(claims) != 1:
-        raise UsageError("--plot writes the picture of one ITEM: name it, such as fig09")
-    with announce_if_slow(f"simulating {claims[0].name}", in_pipes=True):
-        result = claims[0].compute()
-    if result.draw is None:
-        raise UsageError(f"{claims[0].name} has no picture; --table writes its numbers")
-    save_picture(path, draw_result(result))
+    with announce_if_slow(f"simulating {claim.name}", in_pipes=True):
+        result = claim.compute()
+    if args.plot and result.draw is None:
+        raise UsageError(f"{claim.name} has no picture; --table writes its numbers")
+    rows = _rows(claim, result)
+    content = {"numbers": [dict(zip(_HEADING, row, strict=True)) for row in rows]}
+    lines = [f"{check.what}: {check.text}" for check in result.checks]
+    put_out(
+        args, content, lambda: "\n".join(lines), claim.title, (_HEADING, rows),
+        picture=(lambda: draw_result(result)) if result.draw else None,
+    )  # fmt: skip
     return 0
 
 
-def _rows(outcomes: Sequence[ClaimOutcome]) -> list[list[Cell]]:
+def _rows(claim: Claim, result: Result) -> list[list[Cell]]:
     """Return a row for each number; one that nothing in the paper judges has no verdict."""
     return [
         [
-            outcome.claim.name, check.what, check.unit, check.value, check.joint, check.paper,
+            claim.name, check.what, check.unit, check.value, check.joint, check.paper,
             ("holds" if check.holds else "does not hold") if check.judged else "",
         ]
-        for outcome in outcomes
-        if outcome.result
-        for check in outcome.result.checks
+        for check in result.checks
     ]  # fmt: skip

@@ -4,29 +4,28 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import (
-    add_outputs,
     add_parameters,
-    check_outputs,
     option,
     parameters_from,
-    print_result,
     report_left_out,
     yaml_lines,
 )
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Parameters, yaml_text
-from stickslip_ros.reporting.terminal import announce_if_slow, micro_prefix
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines
+from stickslip_ros.reporting.terminal import announce_if_slow
 
 if TYPE_CHECKING:
-    from stickslip_ros.library.waveform_search import ElongatedStep, ShapedSlip
+    from matplotlib.axes import Axes
 
-_Found = tuple["ShapedSlip | ElongatedStep", Mapping[str, Any], Sequence[tuple[str, str, str]]]
+    from stickslip_ros.library.waveform_search import ElongatedStep, ShapedSlip
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,27 +37,43 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_parameters(parser)
     text = "write the parameters, for --config and ROS"
-    option(parser, "--yaml", "FILE.yaml", text, Path)
-    add_outputs(parser)
+    option(parser, "--out", "FILE.yaml", text, Path)
+    option(parser, "--yaml", "FILE.yaml", argparse.SUPPRESS, Path, dest="out")  # its old name
+    add_outputs(parser, "the runner before and with what was found, in its third cycle from rest")
 
 
 def run(args: argparse.Namespace) -> int:
     """Search, write and print the waveform."""
-    check_outputs(args, args.yaml)
+    check_outputs(args, args.out)
     p = parameters_from(args)
-    found, wanted, rows = (_shape if args.command == "shape" else _elongate)(p)
+    found, wanted = (_shape if args.command == "shape" else _elongate)(p)
     report_left_out(args.command, found.left_out)
     whole = p.replace(**wanted)
-    if args.yaml:
-        write_text(args.yaml, yaml_text(whole))
-    lines = [f"{name:<14}{before:<16}{after}".rstrip() for name, before, after in rows]
+    if args.out:
+        write_text(args.out, yaml_text(whole))
     content = {**asdict(found), "parameters": whole.flat()}
-    print_result(args, content, lambda: "\n".join([*lines, "", yaml_lines(wanted)]))
+    put_out(
+        args, content, lambda: f"{found.report()}\n\n{yaml_lines(wanted)}",
+        "Slip in two parts" if args.command == "shape" else "Hold times around the slip",
+        draw=lambda axes: _draw(p, whole, axes),
+    )  # fmt: skip
     return 0
 
 
-def _shape(p: Parameters) -> _Found:
-    """Return the slip, the parameters to change, and the table for people."""
+def _draw(before: Parameters, after: Parameters, axes: Axes) -> None:
+    from stickslip_ros.library.run import simulate
+
+    lines = []
+    for p, colour, name in ((before, MEASURED, "as given"), (after, SIMULATED, "as found")):
+        trace = simulate(p, steps=3).trace
+        shown = trace.t >= 2.0 / p.drive.frequency
+        t, x = trace.t[shown], trace.x[shown]
+        lines.append((t - t[0], x - x[0], "-", colour, name))
+    draw_lines(axes, lines, "time in the cycle (s)", "runner (m)")
+
+
+def _shape(p: Parameters) -> tuple[ShapedSlip, Mapping[str, Any]]:
+    """Return the slip, and the parameters to change."""
     from stickslip_ros.library.waveform_search import shape_slip
 
     with announce_if_slow("searching the slip that leaves the least ringing", in_pipes=True):
@@ -66,42 +81,15 @@ def _shape(p: Parameters) -> _Found:
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     if p.drive.waveform == "sawtooth":
         wanted |= {"hold_before": 0.0, "hold_after": 0.0}
-    return (
-        found,
-        wanted,
-        [
-            ("", "single slip", "shaped slip"),
-            (
-                "ringing",
-                f"{1e9 * found.ringing_before:.3f} nm",
-                f"{1e9 * found.ringing_after:.3f} nm",
-            ),
-            ("step size", f"{1e9 * found.step_before:.3f} nm", f"{1e9 * found.step_after:.3f} nm"),
-            ("split", "", f"{100 * found.split:.2f} %"),
-            ("latency", "", f"{1e6 * found.latency:.3f} {micro_prefix()}s"),
-            ("", "", f"{found.latency / found.ringing_period:.3f} ringing periods"),
-        ],
-    )
+    return found, wanted
 
 
-def _elongate(p: Parameters) -> _Found:
-    """Return the hold times, the parameters to change, and the table for people."""
+def _elongate(p: Parameters) -> tuple[ElongatedStep, Mapping[str, Any]]:
+    """Return the hold times, and the parameters to change."""
     from stickslip_ros.library.waveform_search import elongate_step
 
     with announce_if_slow("searching the hold times of the largest step", in_pipes=True):
         found = elongate_step(p)
-    wanted = {
-        "waveform": "shaped" if p.drive.waveform == "shaped" else "hold",
-        "hold_before": found.hold_before,
-        "hold_after": found.hold_after,
-    }
-    return (
-        found,
-        wanted,
-        [
-            ("", "without holds", "with holds"),
-            ("step size", f"{1e9 * found.step_before:.3f} nm", f"{1e9 * found.step_after:.3f} nm"),
-            ("hold before", "", f"{100 * found.hold_before:.2f} % of the period"),
-            ("hold after", "", f"{100 * found.hold_after:.2f} % of the period"),
-        ],
-    )
+    waveform = "shaped" if p.drive.waveform == "shaped" else "hold"
+    holds = {"hold_before": found.hold_before, "hold_after": found.hold_after}
+    return found, {"waveform": waveform, **holds}

@@ -12,20 +12,17 @@ from typing import TYPE_CHECKING
 from stickslip_ros.cli.options import (
     add_drive,
     add_ensemble,
-    add_outputs,
-    check_outputs,
     ensemble_of,
     flag,
     option,
     parameters_from,
-    print_result,
     progress_bar,
     quantity,
 )
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import UsageError
 from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
@@ -45,7 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--steps", "N", "the sign is the direction (default: 30)", int, default=30)
     add_drive(parser)
     add_ensemble(parser, "also the band in which 95 %% of its draws lie")
-    add_outputs(parser, "runner and actuator over time")
+    add_outputs(parser, "runner and actuator over time", "the steps")
     text = "write runner, actuator and contact over time"
     option(parser, "--trace", "FILE.csv", text, Path)
     text = "write the trace at even times instead, so many a second, each value exact"
@@ -67,7 +64,11 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.traces import run_steps, save_csv
     from stickslip_ros.traces.motion import save_readings
 
-    check_steps(args.steps, bool((args.trace and not args.trace_rate) or args.plot), "--steps")
+    check_steps(
+        args.steps,
+        bool((args.trace and not args.trace_rate) or args.plot or args.report),
+        "--steps",
+    )
     check_outputs(args)
     ensemble = ensemble_of(args)
     p = parameters_from(args)
@@ -83,17 +84,18 @@ def run(args: argparse.Namespace) -> int:
     elif args.trace:
         even = args.trace_rate is not None
         save_csv(result.trace_at(args.trace_rate) if even else result.trace, args.trace)
-    if args.plot:
-        from stickslip_ros.reporting.picture import draw_picture
-
-        draw_picture(args.plot, result.plot)
     band = None
     if ensemble:
         from stickslip_ros.library.ensemble import Band
 
         with report_compilation():
             band = Band.of(p, ensemble, args.steps, args.draws)
-    print_result(args, _content(result, zero, band), lambda: _text(result, band))
+    text = result.report() + (f"\n{band.report()}" if band else "")
+    rows = list(zip(*result.table.values(), strict=True))
+    put_out(
+        args, _content(result, zero, band), lambda: text, result.title,
+        (list(result.table), rows), draw=result.plot,
+    )  # fmt: skip
     if unknown:
         print(f"stickslip simulate: no 0-amplitude: {unknown}", file=sys.stderr)
     return 0
@@ -109,30 +111,4 @@ def _content(run: SimulatedRun, zero: float | None, band: Band | None) -> dict[s
         "zero_amplitude": zero,
         "parameters": run.parameters.flat(),
     }
-    if band:
-        ends = {
-            "step_size": band.step_size,
-            "backstep": band.backstep,
-            "position": (band.low, band.high),
-        }
-        content["ensemble"] = {
-            "draws": band.draws,
-            "impossible": band.impossible,
-            **{name: {"low": low, "high": high} for name, (low, high) in ends.items()},
-        }
-    return content
-
-
-def _text(run: SimulatedRun, band: Band | None) -> str:
-    if not band:
-        return run.report()
-    rows = [("95 % of", f"{band.draws} draws of the ensemble lie within:")]
-    rows += [
-        (name, f"{1e9 * low:.3f} to {1e9 * high:.3f} nm")
-        for name, (low, high) in (
-            ("step size", band.step_size),
-            ("backstep", band.backstep),
-            ("position", (band.low[-1], band.high[-1])),
-        )
-    ]
-    return f"{run.report()}\n{format_rows(rows)}"
+    return content | ({"ensemble": band.as_json()} if band else {})

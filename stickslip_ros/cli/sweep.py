@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
     add_ensemble,
-    add_outputs,
     add_parameters,
-    check_outputs,
     ensemble_of,
     flag,
     option,
@@ -22,10 +20,10 @@ from stickslip_ros.cli.options import (
     repeated,
     report_left_out,
 )
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
 from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.library.left_out import left_out
 from stickslip_ros.library.sweep_metrics import METRICS
-from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
     from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
@@ -50,7 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--jobs", "N", "number of threads (default: one per processor)", int)
     flag(parser, "--resume", "continue an unfinished FILE.csv")
     add_ensemble(parser, "each metric with the band in which 95 %% of its draws lie")
-    add_outputs(parser, "a line over one parameter, a map over two", "", "the points")
+    add_outputs(parser, "a line over one parameter, a map over two", "the points")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -83,10 +81,10 @@ def run(args: argparse.Namespace) -> int:
     )
     sweep.refuse_if_impossible()
     report_left_out("sweep", left_out(sweep.base))
-    keep = bool(args.plot or args.table) or args.json
+    keep = wants_files(args) or args.json
     if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
         raise UsageError(
-            f"{sweep.points} points are too many for --json, --table or a picture, which take "
+            f"{sweep.points} points are too many for --json, a table, page or picture, which take "
             f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
         )
     found = SweepSummary(sweep, keep=keep)
@@ -96,20 +94,24 @@ def run(args: argparse.Namespace) -> int:
     finally:
         if table:
             table.close()
-    kept = None if found.kept is None else SweepResult.of(sweep, found.kept)
-    if args.plot and found.kept is not None:
-        from stickslip_ros.library.sweep_plot import plot_sweep
-
-        plot_sweep(args.plot, sweep, found.kept)
+    values = found.kept
+    if values is not None:
+        from stickslip_ros.library.sweep_plot import picture_of_sweep
+        from stickslip_ros.reporting.picture import save_picture
     if not whole:
+        if args.plot and values is not None:
+            save_picture(args.plot, picture_of_sweep(sweep, values))
         _print_resume_hint(table, found, args.plot)
         return INTERRUPTED
-    if args.table and kept:
+    if values is not None:
+        kept = SweepResult.of(sweep, values)
         heading, columns = kept.table()
-        write_table(args.table, heading, np.transpose(columns).tolist())
-    if args.json and kept:
-        print(kept.json())
-    elif args.out or args.table or args.plot:
+        put_out(
+            args, kept.as_json(), found.summary, "Sweep",
+            (heading, np.transpose(columns).tolist()),
+            picture=lambda: picture_of_sweep(sweep, values),
+        )  # fmt: skip
+    elif args.out:
         print(found.summary())
     if found.empty and not args.json:
         print(f"stickslip sweep: {found.complaint()}", file=sys.stderr)
@@ -125,7 +127,7 @@ def _carry_out(
     from stickslip_ros.library.sweep_plan import results, threads
 
     workers = args.jobs or os.cpu_count() or 1
-    to_stdout = not (args.out or args.plot or args.table or args.json)
+    to_stdout = not (args.out or args.json or wants_files(args))
     try:
         if table:
             for first, values in table.rows():

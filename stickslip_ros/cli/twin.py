@@ -10,18 +10,15 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.cli.explore import add_page_server, serve
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
-    add_outputs,
     add_parameters,
-    check_outputs,
     flag,
     option,
     parameters_from,
-    print_result,
     progress_bar,
     quantity,
     require_ros,
-    write_outputs,
 )
+from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.twin.settings import ASKED, TwinSettings
@@ -50,7 +47,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--predict-steps", "N", "say where N steps would end", int)
     option(parser, "--predict-position", "M", "say which steps would lead there", quantity("m"))
     text = "readings and what was expected"
-    add_outputs(parser, "residual, step size and parameters", "the same", text)
+    add_outputs(parser, "residual, step size and parameters", text)
     add_reading_options(parser)
 
 
@@ -88,8 +85,10 @@ def run(args: argparse.Namespace) -> int:
     heading, name = ("time", "measured", "expected", "deviation"), args.recording.name
     rows = [update[:4] for update in updates]
     story = TwinStory.of(twin, updates, name)
-    write_outputs(args, name, heading, rows, twin_page, story)
-    print_result(args, _content(twin, forecasts), lambda: "\n".join(_lines(twin, forecasts)))
+    put_out(
+        args, _content(twin, forecasts), lambda: "\n".join(_lines(twin, forecasts)), name,
+        (heading, rows), page=lambda: twin_page(story),
+    )  # fmt: skip
     if args.page:
         from stickslip_ros.workbench.server import TwinPanel
 

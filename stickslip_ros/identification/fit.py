@@ -264,12 +264,12 @@ class Fit:
         """Draw each measured run and its fit over time into axes of Matplotlib, or new ones."""
         lines = []
         for run in self.runs:
-            t = 1e3 * (run.t - run.t[0])
+            t = run.t - run.t[0]
             lines += [
-                (t, 1e9 * run.measured, ".", MEASURED, run.source),
-                (t, 1e9 * (run.measured - run.left), "-", SIMULATED, "fit"),
+                (t, run.measured, ".", MEASURED, run.source),
+                (t, run.measured - run.left, "-", SIMULATED, "fit"),
             ]
-        return draw_lines(axes, lines, "time (ms)", "position (nm)")
+        return draw_lines(axes, lines, "time (s)", "position (m)")
 
     def _repr_html_(self) -> str:
         rows = [

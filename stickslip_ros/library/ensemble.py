@@ -12,6 +12,7 @@ import math
 import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,8 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
-from stickslip_ros.reporting import CONFIDENCE
+from stickslip_ros.reporting import CONFIDENCE, format_si
+from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.traces.steps import settled_mean
 
 Array = NDArray[np.float64]
@@ -138,6 +140,26 @@ class Band:
             int(possible.sum()), int((~possible).sum()), ends(sizes), ends(settled_mean(backstep)),
             low, high,
         )  # fmt: skip
+
+    @property
+    def spans(self) -> dict[str, tuple[float, float]]:
+        """Between which values 95 % of the draws lie, m: step size, backstep, last position."""
+        last = float(self.low[-1]), float(self.high[-1])
+        return {"step size": self.step_size, "backstep": self.backstep, "position": last}
+
+    def report(self) -> str:
+        """Return one line for each span."""
+        rows = [("95 % of", f"{self.draws} draws of the ensemble lie within:")]
+        for name, (low, high) in self.spans.items():
+            rows.append((name, f"{format_si(low, 'm', 6)} to {format_si(high, 'm', 6)}"))
+        return format_rows(rows)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the spans for JSON, SI units; the position after each cycle."""
+        spans = {**self.spans, "position": (self.low, self.high)}
+        named = {name.replace(" ", "_"): dict(zip(("low", "high"), pair, strict=True))
+                 for name, pair in spans.items()}  # fmt: skip
+        return {"draws": self.draws, "impossible": self.impossible, **named}
 
 
 def ends(values: Array) -> tuple[float, float]:

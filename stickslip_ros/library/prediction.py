@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -38,12 +38,18 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.model.waveforms import drive_of, drives_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, ParameterSource
-from stickslip_ros.reporting import format_si
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
+from stickslip_ros.reporting.terminal import format_rows
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
 #: Steps along a path; swings that are followed
 _STEPS, _SWINGS = 200, 40
+#: Amplitudes of a picture
+_POINTS = 80
 #: Halvings for the steady z, to the last bit; lifetimes after which nothing is missing of it
 _HALVINGS, _LIFETIMES = 52, 25.0
 
@@ -69,7 +75,10 @@ RANGES = {
     "tau": Range(0.0, 0.7, "time of the slip, in radians of the ringing", "raise the slewrate"),
     "s": Range(1.1, 4.0, "z_ss over z_ba", "change z_ss"),
     "left": Range(
-        0.0, 0.3, "ringing left when the next slip begins, over z_ba", "lower the frequency"
+        0.0,
+        0.3,
+        "what the contact still rings when the next slip begins, over z_ba",
+        "lower the frequency",
     ),
 }
 
@@ -85,6 +94,22 @@ class Prediction:
     amplitude: float  #: V
     #: Effects of the parameters that the form is without; the error does not count them
     left_out: tuple[str, ...] = ()
+
+    def report(self) -> str:
+        """Return one line for each of amplitude, stroke, a0 and step."""
+        return format_rows(self._rows())
+
+    def _repr_html_(self) -> str:
+        return html_table("Predicted step", self._rows())
+
+    def _rows(self) -> list[tuple[str, str]]:
+        step = f"{format_si(self.step, 'm', 5)}, within {format_si(self.error, 'm', 2)}"
+        return [
+            ("amplitude", f"{self.amplitude:.5g} V"),
+            ("stroke", format_si(self.stroke, "m", 5)),
+            ("a0", format_si(self.zero_offset, "m", 4)),
+            ("step", step),
+        ]
 
 
 class Numbers(NamedTuple):
@@ -220,6 +245,21 @@ def steps_over(p: Parameters, volts: Array) -> tuple[Array, Array]:
     return step, error
 
 
+def plot_steps(p: Parameters, found: Prediction, axes: Axes | None = None) -> Axes:
+    """Draw the steps of all amplitudes that the form holds for, with their error, and the found."""
+    volts = np.linspace(0.0, p.actuator.max_voltage, _POINTS + 1)[1:]
+    step, error = steps_over(p, volts)
+    lines = [
+        (volts, step, "-", SIMULATED, "prediction"),
+        (np.array([found.amplitude]), np.array([found.step]), "o", MEASURED, "asked for"),
+    ]
+    axes = draw_lines(axes, lines, "amplitude (V)", "step (m)")
+    factor = axes.lines[-1].get_ydata()[0] / found.step  # of the prefix that suits
+    low, high = factor * (step - error), factor * (step + error)
+    axes.fill_between(volts, low, high, color=SIMULATED, alpha=0.2, linewidth=0)
+    return axes
+
+
 def _amplitude_for(p: Parameters, step: float) -> float:
     """Return the amplitude (V) that makes a step (m). Raises PredictionError."""
     lowest = 1e-6 * p.actuator.max_voltage
@@ -287,8 +327,8 @@ def _check(numbers: Numbers, left: float) -> None:
         if not allowed.low <= value <= allowed.high:
             size = f"{value:.3g}" if math.isfinite(value) else "above 1"
             raise PredictionError(
-                f"the closed form is not for this axis: {allowed.what} is {size}, allowed are "
-                f"{allowed.low:g} to {allowed.high:g}; {allowed.cure}"
+                f"the closed form is not for this axis: {allowed.what}, is {size}; it has to "
+                f"lie between {allowed.low:g} and {allowed.high:g}: {allowed.cure}"
             )
 
 

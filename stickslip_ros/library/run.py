@@ -191,13 +191,22 @@ class SimulatedRun:
         >>> table.index.tolist()
         [1, 2, 3]
         """
+        return frame(self.table, "step")
+
+    @property
+    def table(self) -> dict[str, NDArray[np.float64]]:
+        """Time, position and step after each drive cycle, each of shape (steps,), by their names.
+
+        >>> import stickslip_ros as ss
+        >>> list(ss.simulate(steps=3).table)
+        ['time (s)', 'position (m)', 'step (m)']
+        """
         period = 1.0 / self.parameters.drive.frequency
-        columns = {
-            "time (s)": period * np.arange(1, len(self.position) + 1),
+        return {
+            "time (s)": period * np.arange(1.0, len(self.position) + 1.0),
             "position (m)": self.position,
             "step (m)": self.steps,
         }
-        return frame(columns, "step")
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw runner and actuator over time into axes of Matplotlib, or new ones; return them.
@@ -208,22 +217,23 @@ class SimulatedRun:
         >>> ss.simulate(steps=3).plot().get_xlabel()
         'time (ms)'
         """
-        t = 1e3 * self.trace.t
+        t = self.trace.t
         lines = [
-            (t, 1e9 * self.trace.u, "-", ACTUATOR, "actuator u"),
-            (t, 1e9 * self.trace.x, "-", SIMULATED, "runner x"),
+            (t, self.trace.u, "-", ACTUATOR, "actuator u"),
+            (t, self.trace.x, "-", SIMULATED, "runner x"),
         ]
-        return draw_lines(axes, lines, "time (ms)", "displacement (nm)", self._title)
+        return draw_lines(axes, lines, "time (s)", "displacement (m)", self.title)
 
     @property
-    def _title(self) -> str:
+    def title(self) -> str:
+        """Steps, friction law and preload, in a line."""
         friction = self.parameters.friction
         return f"{self.count} steps, {friction.model}, preload {friction.preload:g} N"
 
     def __repr__(self) -> str:
         """Say the run in one line."""
         sizes = f"{1e9 * self.step_size:.1f} nm a step, backstep {1e9 * self.backstep:.1f} nm"
-        return f"SimulatedRun({self._title}: {sizes})"
+        return f"SimulatedRun({self.title}: {sizes})"
 
     def report(self) -> str:
         """Return what `stickslip simulate` prints: one line for each name and value."""
@@ -261,4 +271,4 @@ class SimulatedRun:
             ("backstep", format_si(self.backstep, "m")),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
         ]
-        return html_table(self._title, rows)
+        return html_table(self.title, rows)

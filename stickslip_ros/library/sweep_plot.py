@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from stickslip_ros.library.grid import SweepAxis
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_plan import Sweep
-from stickslip_ros.reporting.picture import COLUMN, LOOKS, save_picture
+from stickslip_ros.reporting.picture import COLUMN, LOOKS
 
 #: Units as they are read easily: factor and name.
 _READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "µm/s"), "kg": (1e3, "g")}
@@ -29,8 +28,8 @@ def readable(unit: str) -> tuple[float, str]:
     return _READABLE.get(unit, (1.0, unit))
 
 
-def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
-    """Write a picture with a panel for each metric; values has shape (points, metrics)."""
+def picture_of_sweep(sweep: Sweep, values: NDArray[np.float64]) -> Figure:
+    """Return a picture with a panel for each metric; values has shape (points, metrics)."""
     count = len(sweep.metrics)
     width = len(sweep.outputs) // count
     with rc_context(LOOKS):
@@ -41,7 +40,7 @@ def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
             if width > 1:
                 _band(axes, sweep, name, values[:, k * width + 1 : (k + 1) * width])
         figure.suptitle(_title(sweep), fontsize=LOOKS["font.size"])
-        save_picture(path, figure)
+    return figure
 
 
 def draw_metric(axes: Axes, sweep: Sweep, name: str, values: NDArray[np.float64]) -> None:

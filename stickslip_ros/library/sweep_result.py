@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -163,22 +162,19 @@ class SweepResult:
         columns = self.plan.coordinates(0, self.plan.points)
         return heading(self.plan), columns + [values.ravel() for values in self.metrics.values()]
 
-    def json(self) -> str:
-        """Return one JSON object; a metric has the shape of the grid, null for no value."""
+    def as_json(self) -> dict[str, Any]:
+        """Return what JSON can hold; a metric has the shape of the grid, None for no value."""
         whole = np.all([np.isfinite(values).ravel() for values in self.metrics.values()], axis=0)
         empty = np.flatnonzero(~whole)
-        return json.dumps(
-            to_json(
-                {
-                    "vary": self.values,
-                    "metrics": self.metrics,
-                    "steps": self.plan.steps,
-                    "empty": len(empty),
-                    "why_empty": self.plan.why_empty(int(empty[0])) if len(empty) else None,
-                    "parameters": self.plan.base.flat(),
-                }
-            )
-        )
+        found = {
+            "vary": self.values,
+            "metrics": self.metrics,
+            "steps": self.plan.steps,
+            "empty": len(empty),
+            "why_empty": self.plan.why_empty(int(empty[0])) if len(empty) else None,
+            "parameters": self.plan.base.flat(),
+        }
+        return dict(to_json(found))
 
     def plot(self, metric: str | None = None, axes: Axes | None = None) -> Axes:
         """Draw a metric (the first): a line over one parameter, a map over two.

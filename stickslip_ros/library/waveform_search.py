@@ -13,6 +13,7 @@ steps are judged once they have settled.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +26,7 @@ from stickslip_ros.library.left_out import OF_ONE_CONTACT, left_out
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
+from stickslip_ros.reporting import format_si
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
@@ -47,6 +49,14 @@ _FINER, _SEARCHES = 5, 4
 _GAIN = 1e-13
 
 
+def _nano(length: float) -> str:
+    return f"{1e9 * length:.3f} nm"
+
+
+def _columns(rows: Sequence[tuple[str, str, str]]) -> str:
+    return "\n".join(f"{name:<14}{before:<16}{after}".rstrip() for name, before, after in rows)
+
+
 @dataclass(frozen=True)
 class ShapedSlip:
     """A shaped slip next to the single slip of the same amplitude; lengths in m."""
@@ -59,6 +69,18 @@ class ShapedSlip:
     step_before: float  #: step size with the single slip
     step_after: float  #: step size with the shaped slip
     left_out: tuple[str, ...] = ()  #: effects of the parameters that the search is without
+
+    def report(self) -> str:
+        """Return a table of ringing and step, before and after, and the two numbers found."""
+        latency = format_si(self.latency, "s", 5)
+        rows = [
+            ("", "single slip", "shaped slip"),
+            ("ringing", _nano(self.ringing_before), _nano(self.ringing_after)),
+            ("step size", _nano(self.step_before), _nano(self.step_after)),
+            ("split", "", f"{100 * self.split:.2f} %"),
+            ("latency", "", f"{latency}, {self.latency / self.ringing_period:.3f} ringing periods"),
+        ]
+        return _columns(rows)
 
 
 def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSlip:
@@ -197,6 +219,16 @@ class ElongatedStep:
     step_before: float  #: settled step size of the same slip without holds
     step_after: float  #: settled step size with the holds
     left_out: tuple[str, ...] = ()  #: effects of the parameters that the search is without
+
+    def report(self) -> str:
+        """Return a table of the step, without and with the holds, and the holds."""
+        rows = [
+            ("", "without holds", "with holds"),
+            ("step size", _nano(self.step_before), _nano(self.step_after)),
+            ("hold before", "", f"{100 * self.hold_before:.2f} % of the period"),
+            ("hold after", "", f"{100 * self.hold_after:.2f} % of the period"),
+        ]
+        return _columns(rows)
 
 
 def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> ElongatedStep:

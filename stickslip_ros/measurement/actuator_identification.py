@@ -14,8 +14,9 @@ falls, and the state of a play operator follows from its state at the first one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -24,7 +25,12 @@ from numpy.typing import NDArray
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines
+from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.traces.even_samples import noise_of, without_spikes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -198,6 +204,32 @@ class IdentifiedActuator:
     loops: int = 1  #: whole loops that it comes from
     drift: float | None = None  #: m/s; None where the time is not known
     creep: float | None = None  #: growth in a decade of time, as a share; None if there is none
+    #: voltage (V), deflection as measured and as fitted, both without drift (m); (3, means)
+    curves: Array = field(default_factory=lambda: np.empty((3, 0)), repr=False, compare=False)
+
+    def report(self) -> str:
+        """Return one line for each of loops, stroke, width and errors, drift and creep."""
+        rows = [
+            ("loops", str(self.loops)),
+            ("stroke", f"{1e9 * self.span:.3f} nm, as measured"),
+            ("loop width", f"{100 * self.width:.2f} % of the stroke"),
+            ("error left", f"{100 * self.error:.2f} % of the stroke at most"),
+            ("", f"{100 * self.rms_error:.2f} % of the stroke, root mean square"),
+        ]
+        if self.drift is not None:
+            rows.append(("drift", f"{1e9 * self.drift:.3g} nm/s, taken out"))
+        if self.creep is not None:
+            rows.append(("creep", f"{100 * self.creep:.2f} % in a decade of time"))
+        return format_rows(rows)
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw deflection over voltage, measured and fitted, into axes, or new ones."""
+        volts, measured, fitted = self.curves
+        lines = [
+            (volts, measured, ".", MEASURED, "measured"),
+            (volts, fitted, "-", SIMULATED, "fitted"),
+        ]
+        return draw_lines(axes, lines, "voltage (V)", "deflection (m)")
 
 
 @dataclass(frozen=True)
@@ -273,7 +305,9 @@ def identify_hysteresis(
         loops=seen.loops,
         drift=None if times is None else best.drift,
         creep=best.creep,
-    )
+        curves=best.span * np.stack([seen.volts[seen.first :] / best.span, best.clean,
+                                     best.clean - best.deviation]),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -284,6 +318,7 @@ class _Fit:
     creep: float | None
     left: float  #: root mean square
     deviation: Array  #: (used,)
+    clean: Array  #: measured, without drift, (used,)
     drift: float  #: m/s
     span: float  #: m
     lead: float  #: area by which the loops lead the voltage, share of range and full scale
@@ -321,6 +356,7 @@ def _fit(
         creep=creep or None,
         left=left,
         deviation=(rest - others @ shares) / span,
+        clean=clean / span,
         drift=float(shares[1]) * scale / float(since[-1]) if drifts else 0.0,
         span=span * scale,
         lead=area / (seen.range * span * seen.loops),

@@ -183,12 +183,11 @@ class Comparison:
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw run and measurement over time into axes of Matplotlib, or new ones; return them."""
-        t = 1e3 * self.t
         lines = [
-            (t, 1e9 * self.measured, ".", MEASURED, "measured"),
-            (t, 1e9 * self.x, "-", SIMULATED, "run"),
+            (self.t, self.measured, ".", MEASURED, "measured"),
+            (self.t, self.x, "-", SIMULATED, "run"),
         ]
-        return draw_lines(axes, lines, "time (ms)", "position (nm)")
+        return draw_lines(axes, lines, "time (s)", "position (m)")
 
     def __repr__(self) -> str:
         """Say the result in one line."""

@@ -48,7 +48,7 @@ def _plots(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
     """Return the plots with their descriptions, without empty plots."""
     plots = (
         PlotPlace("overview", "Whole measurement",
-              f"Position over {format_si(motion.duration, 's')}; {len(runs)} runs are marked.",
+              f"Position over {format_si(motion.duration, 's')}. Runs of steps are marked.",
               _overview(motion, runs)),
         PlotPlace("steps", "Step by step",
               "Each step and each backstep, which is estimated from its own cycle alone. Lines are "

@@ -104,17 +104,37 @@ def draw_lines(
 ) -> Axes:
     """Draw lines (x, y, marker of Matplotlib, colour, name) into axes, or new ones.
 
-    x, y are the names of the axes. Returns the axes.
+    x, y are the names of the axes with the SI units of the values, such as "time (s)". They are
+    shown with the prefix that suits, or with that of what has been drawn there before. Returns the
+    axes.
     """
-    drawn = axes_or_new(axes)
+    drawn, lines = axes_or_new(axes), list(lines)
+    (by_x, x), (by_y, y) = (
+        _scale_for(label, before, [line[k] for line in lines])
+        for k, (label, before) in enumerate(((x, drawn.get_xlabel()), (y, drawn.get_ylabel())))
+    )
     for at, values, marker, colour, name in lines:
         size = 5 if marker == "o" else 2  # one point, or many
-        drawn.plot(at, values, marker, color=colour, linewidth=1, markersize=size, label=name)
+        shown = by_x * at, by_y * values
+        drawn.plot(*shown, marker, color=colour, linewidth=1, markersize=size, label=name)
     drawn.set(xlabel=x, ylabel=y, title=title)
     drawn.grid(alpha=0.3)
     if len(drawn.lines) > 1:
         drawn.legend()
     return drawn
+
+
+def _scale_for(label: str, before: str, values: Sequence[Any]) -> tuple[float, str]:
+    """Return the factor of values in the SI unit of a label, and the label with its prefix."""
+    name, _, unit = label.rstrip(")").partition(" (")
+    if not unit:
+        return 1.0, label
+    for size, prefix in _STEPS:
+        if before.endswith(f" ({prefix}{unit})"):
+            return 1.0 / size, f"{name} ({prefix}{unit})"
+    sizes = (abs(float(one)) for line in values if len(line) for one in (line.min(), line.max()))
+    factor, prefixed = scale_of(max((one for one in sizes if one == one), default=0.0), unit)
+    return factor, f"{name} ({prefixed})"
 
 
 def to_json(value: Any) -> Any:

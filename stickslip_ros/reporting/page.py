@@ -21,6 +21,9 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.version import __version__
 
+#: Rows that the table of a page has at most.
+_ROWS = 400
+
 
 class PageError(StickslipError):
     """A page needs a library that is not installed; the text names it."""
@@ -44,9 +47,26 @@ class ResultPage(NamedTuple):
 
     def html(self, command: str) -> str:
         """Return the page; command made the result. Raises PageError without plotly."""
-        drawn = plot_parts({plot.name: plot.figure for plot in self.plots})
+        drawn = plot_parts({p.name: p.figure for p in self.plots}) if self.plots else {}
         parts = {"versions": versions(), "command": command, **self.parts, **drawn}
         return page(self.template, plots=self.plots, **parts)
+
+
+def result_page(
+    title: str,
+    text: str,
+    picture: bytes | None,
+    heading: Sequence[str],
+    rows: Sequence[Sequence[Any]],
+) -> ResultPage:
+    """Return the page of a result that has a text, a table, and a picture (SVG) or none."""
+    shown = [["" if cell is None else cell for cell in row] for row in rows[:_ROWS]]
+    parts = {
+        "title": title, "text": text, "heading": heading, "rows": shown,
+        "left_out": len(rows) - len(shown),
+        "picture": picture and f"data:image/svg+xml;base64,{base64.b64encode(picture).decode()}",
+    }  # fmt: skip
+    return ResultPage("result.html", [], parts)
 
 
 def versions() -> dict[str, str]:

@@ -6,6 +6,7 @@ Text stays text, with its fonts in the file, so that journals take it and progra
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
 from matplotlib.figure import SubFigure
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import AutoLocator
 
 from stickslip_ros.files import whole_file
 from stickslip_ros.reporting.plots import Figure
@@ -34,20 +36,36 @@ _FONTS: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
 
 def save_picture(path: Path, picture: Picture) -> None:
     """Write a picture in the form that its name ends with, all of it or nothing; or WriteError."""
-    with matplotlib.rc_context(_FONTS), whole_file(path) as part:
-        picture.savefig(part, dpi=_DOTS, format=path.suffix[1:].lower())
+    with whole_file(path) as part:
+        _save(picture, part, path.suffix[1:].lower())
 
 
-def draw_picture(path: Path, draw: Callable[[Axes], object]) -> None:
-    """Write a picture of one plot, which ``draw`` draws into its axes. WriteError."""
+def svg_of(picture: Picture) -> bytes:
+    """Return a picture as SVG."""
+    file = io.BytesIO()
+    _save(picture, file, "svg")
+    return file.getvalue()
+
+
+def _save(picture: Picture, to: Path | io.BytesIO, form: str) -> None:
+    for axes in picture.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if type(axis.get_major_locator()) is AutoLocator:
+                axis.get_major_locator().set_params(steps=[1, 2, 5, 10])
+    with matplotlib.rc_context({**LOOKS, **_FONTS}):
+        picture.savefig(to, dpi=_DOTS, format=form)
+
+
+def picture_of(draw: Callable[[Axes], object]) -> Picture:
+    """Return a picture of one plot, which ``draw`` draws into its axes."""
     with matplotlib.rc_context(LOOKS):
         picture = Picture(figsize=(COLUMN, 0.8 * COLUMN), layout="constrained")
         draw(picture.add_subplot())
-        save_picture(path, picture)
+    return picture
 
 
-def write_picture(path: Path, figures: Collection[Figure], title: str) -> None:
-    """Write plots below each other; figures are plain data for plotly.js. WriteError."""
+def picture_of_plots(figures: Collection[Figure], title: str) -> Picture:
+    """Return a picture of plots below each other; figures are plain data for plotly.js."""
     heights = [_PIXEL * figure["layout"]["height"] for figure in figures]
     with matplotlib.rc_context(LOOKS):
         picture = Picture(figsize=(TWO_COLUMNS, sum(heights) + 0.3))
@@ -56,7 +74,7 @@ def write_picture(path: Path, figures: Collection[Figure], title: str) -> None:
         parts = picture.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)
         for part, height, figure in zip(parts[1:, 0], heights, figures, strict=True):
             _draw(part, height, figure)
-    save_picture(path, picture)
+    return picture
 
 
 def _draw(part: SubFigure, height: float, figure: Figure) -> None:

@@ -84,8 +84,8 @@ class Motion:
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw the position over time into axes of Matplotlib, or new ones; return them."""
-        lines = [(1e3 * self.t, 1e9 * self.x, "-", SIMULATED, "position")]
-        return draw_lines(axes, lines, "time (ms)", "position (nm)", self.source)
+        lines = [(self.t, self.x, "-", SIMULATED, "position")]
+        return draw_lines(axes, lines, "time (s)", "position (m)", self.source)
 
     def __repr__(self) -> str:
         """Say the motion in one line."""

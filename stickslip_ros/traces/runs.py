@@ -235,13 +235,13 @@ class Run:
         """Draw steps and backsteps, cycle by cycle, into axes of Matplotlib, or new ones."""
         cycle = np.arange(1, self.steps + 1)
         lines = [
-            (cycle[: len(sizes)], 1e9 * sizes, "o-", colour, name)
+            (cycle[: len(sizes)], sizes, "o-", colour, name)
             for sizes, colour, name in (
                 (self.step_sizes, SIMULATED, "step"),
                 (self.backsteps, MEASURED, "backstep"),
             )
         ]
-        return draw_lines(axes, lines, "cycle", "size (nm)")
+        return draw_lines(axes, lines, "cycle", "size (m)")
 
     def _repr_html_(self) -> str:
         rows = [

@@ -17,7 +17,7 @@ import pytest
 from child import PATIENCE, REPOSITORY, environment, python
 
 from stickslip_ros.cli.bag import ACTIONS
-from stickslip_ros.cli.command_line import SUBCOMMANDS, parser_for
+from stickslip_ros.cli.command_line import SUBCOMMANDS
 from stickslip_ros.cli.main import main
 from stickslip_ros.version import __version__
 
@@ -271,12 +271,6 @@ def test_every_subcommand_in_a_module_is_listed() -> None:
         for own in re.findall(r"^def (\w+_)?arguments\(", file.read_text("utf-8"), re.MULTILINE):
             found.add((own.removesuffix("_") or file.stem).replace("_", "-"))
     assert found == {*SUBCOMMANDS, *ACTIONS}
-
-
-def test_an_option_of_old_works_and_says_its_new_name(capsys: pytest.CaptureFixture[str]) -> None:
-    given = ["compare", "run.csv", "axis.csv", "--png", "a.png"]
-    assert parser_for(given).parse_args(given).plot == Path("a.png")
-    assert "--png is --plot FILE.png now; it goes with 1.0.0" in capsys.readouterr().err
 
 
 def test_a_quantity_takes_its_unit_wherever_one_is_typed(

@@ -35,10 +35,10 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "sweep.csv": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
     "loop.yaml": ("identify-actuator", f"{ROOT}/examples/samples/actuator_loop.csv", "--out"),
     "recovered": ("bag", "recover", "BAG", "--out"),
-    "elongated.yaml": ("elongate", "--yaml"),
+    "elongated.yaml": ("elongate", "--out"),
 }
 SLOW = {
-    "shaped.yaml": ("shape", "--yaml"),
+    "shaped.yaml": ("shape", "--out"),
     "sweep.png": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--plot"),
     "compared.html": ("compare", *MEASURED, "--report"),
     "identified.yaml": ("identify", "--run", *MEASURED, "--fit", "sigma_1", "--out"),

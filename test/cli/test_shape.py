@@ -25,7 +25,7 @@ def test_json_table_and_file_say_the_same(
     arguments: list[str], waveform: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     file = tmp_path / "found.yaml"
-    assert main([*arguments, "--json", "--yaml", str(file)]) == 0
+    assert main([*arguments, "--json", "--out", str(file)]) == 0
     output = capsys.readouterr()
     assert output.err == ""
     found = json.loads(output.out, parse_constant=pytest.fail)

@@ -152,7 +152,10 @@ def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"frequency": 5000.0}, "ringing left when the next slip begins.*lower the frequency"),
+        (
+            {"frequency": 5000.0},
+            "what the contact still rings when the next slip begins.*lower the frequency",
+        ),
         ({"slewrate": 1.0, "frequency": 10.0}, "time of the slip.*raise the slewrate"),
         ({"sigma_1": 300.0}, "damping ratio.*0.2"),
         ({"z_ss": 19e-9}, "z_ss over z_ba is 1.06"),

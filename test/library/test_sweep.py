@@ -25,10 +25,11 @@ from stickslip_ros.library.operating_points import (
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_output import SweepSummary, SweepTable, write_header, write_rows
 from stickslip_ros.library.sweep_plan import Sweep, part_size, results
-from stickslip_ros.library.sweep_plot import plot_sweep
+from stickslip_ros.library.sweep_plot import picture_of_sweep
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.reporting.picture import save_picture
 from stickslip_ros.traces import run_steps
 from stickslip_ros.traces.steps import MEASURABLE
 
@@ -458,7 +459,7 @@ def test_lines_and_maps_are_drawn(tmp_path: Path) -> None:
         sweep = sweep_of(*ranges, metrics=("step_size", "mean_speed"))
         values = sweep.evaluate(0, sweep.points)
         values[0] = math.nan
-        plot_sweep(tmp_path / "sweep.png", sweep, values)
+        save_picture(tmp_path / "sweep.png", picture_of_sweep(sweep, values))
         assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.files import WriteError
-from stickslip_ros.reporting.picture import draw_picture, write_picture
+from stickslip_ros.reporting.picture import picture_of, picture_of_plots, save_picture
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 
 X = np.linspace(0.0, 1.0, 20)
@@ -43,7 +43,7 @@ def figure() -> Figure:
 
 def test_text_stays_text_and_fonts_are_embedded(tmp_path: Path) -> None:
     for name in ("a.svg", "a.pdf", "a.png"):
-        write_picture(tmp_path / name, [figure(), figure()], "a title")
+        save_picture(tmp_path / name, picture_of_plots([figure(), figure()], "a title"))
     svg = (tmp_path / "a.svg").read_text(encoding="utf-8")
     for text in (
         "a title",
@@ -63,8 +63,8 @@ def test_text_stays_text_and_fonts_are_embedded(tmp_path: Path) -> None:
 
 def test_pictures_are_one_or_two_columns_wide(tmp_path: Path) -> None:
     """85 and 170 mm, in points of an SVG."""
-    draw_picture(tmp_path / "a.svg", lambda axes: axes.plot(X, X))
-    write_picture(tmp_path / "b.svg", [figure()], "a title")
+    save_picture(tmp_path / "a.svg", picture_of(lambda axes: axes.plot(X, X)))
+    save_picture(tmp_path / "b.svg", picture_of_plots([figure()], "a title"))
     for name, width in (("a.svg", 85.0), ("b.svg", 170.0)):
         text = (tmp_path / name).read_text(encoding="utf-8")
         found = float(text.partition('width="')[2].partition("pt")[0])
@@ -73,7 +73,7 @@ def test_pictures_are_one_or_two_columns_wide(tmp_path: Path) -> None:
 
 def test_nothing_is_left_where_a_picture_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(WriteError, match="nowhere"):
-        write_picture(tmp_path / "nowhere" / "a.svg", [figure()], "a title")
+        save_picture(tmp_path / "nowhere" / "a.svg", picture_of_plots([figure()], "a title"))
     assert list(tmp_path.iterdir()) == []
 
 
