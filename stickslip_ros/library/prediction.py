@@ -254,7 +254,7 @@ def plot_steps(p: Parameters, found: Prediction, axes: Axes | None = None) -> Ax
         (np.array([found.amplitude]), np.array([found.step]), "o", MEASURED, "asked for"),
     ]
     axes = draw_lines(axes, lines, "amplitude (V)", "step (m)")
-    factor = axes.lines[-1].get_ydata()[0] / found.step  # of the prefix that suits
+    factor = np.ravel(axes.lines[-1].get_ydata())[0] / found.step  # of the prefix that suits
     low, high = factor * (step - error), factor * (step + error)
     axes.fill_between(volts, low, high, color=SIMULATED, alpha=0.2, linewidth=0)
     return axes

@@ -32,7 +32,7 @@ def scale_of(largest: float, unit: str) -> tuple[float, str]:
     factor, prefix = fitting[-1]
     if unit == "m" and factor == 1e-6 and abs(largest) < 1e-5:
         factor, prefix = _STEPS[0]  # steps of a drive are nanometres
-    return 1.0 / factor, prefix + unit
+    return round(1.0 / factor, 0), prefix + unit
 
 
 def format_si(
@@ -131,7 +131,7 @@ def _scale_for(label: str, before: str, values: Sequence[Any]) -> tuple[float, s
         return 1.0, label
     for size, prefix in _STEPS:
         if before.endswith(f" ({prefix}{unit})"):
-            return 1.0 / size, f"{name} ({prefix}{unit})"
+            return round(1.0 / size, 0), f"{name} ({prefix}{unit})"
     sizes = (abs(float(one)) for line in values if len(line) for one in (line.min(), line.max()))
     factor, prefixed = scale_of(max((one for one in sizes if one == one), default=0.0), unit)
     return factor, f"{name} ({prefixed})"

@@ -50,8 +50,9 @@ def svg_of(picture: Picture) -> bytes:
 def _save(picture: Picture, to: Path | io.BytesIO, form: str) -> None:
     for axes in picture.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            if type(axis.get_major_locator()) is AutoLocator:
-                axis.get_major_locator().set_params(steps=[1, 2, 5, 10])
+            locator = axis.get_major_locator()
+            if isinstance(locator, AutoLocator):
+                locator.set_params(steps=[1, 2, 5, 10])
     with matplotlib.rc_context({**LOOKS, **_FONTS}):
         picture.savefig(to, dpi=_DOTS, format=form)
 

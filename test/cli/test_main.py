@@ -261,6 +261,7 @@ def test_a_subcommand_loads_no_other() -> None:
         "command_line",
         "main",
         "options",
+        "outputs",
         "predict",
     ]
 
