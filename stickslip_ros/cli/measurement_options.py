@@ -133,7 +133,7 @@ def steps_in(
     for run in found.runs:
         if not run.explained:
             say(
-                f"the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s are a guess, no "
+                f"the {run.steps} steps from {run.span} are a guess, no "
                 "run of equal steps explains the motion there; give the frequency of the drive, or "
                 "the part in which it steps evenly with --from and --to"
             )
@@ -156,7 +156,7 @@ def say_doubts(source: Path | str, runs: Iterable[Run]) -> bool:
     doubtful = [run for run in runs if run.doubts]
     for run in doubtful:
         print(
-            f"{source}: the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s are not "
+            f"{source}: the {run.steps} steps from {run.span} are not "
             f"determined: {'; '.join(run.doubts)}",
             file=sys.stderr,
         )

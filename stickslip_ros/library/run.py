@@ -254,7 +254,7 @@ class SimulatedRun:
             ("model", f"{law}, preload {p.friction.preload:g} N, mass {mass}"),
             ("drive", drive),
             ("steps", f"{self.count}"),
-            ("position", f"{1e9 * self.position[-1]:.3f} nm"),
+            ("position", format_si(float(self.position[-1]), "m", 7)),
             ("step size", f"{1e9 * self.step_size:.3f} nm"),
             ("backstep", f"{1e9 * self.backstep:.3f} nm"),
             ("0-amplitude", found),

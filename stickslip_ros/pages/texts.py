@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from stickslip_ros.reporting.terminal import style_text
+from stickslip_ros.reporting.terminal import nanometres, style_text
 
 if TYPE_CHECKING:  # a command loads what its own result needs
     from stickslip_ros.identification import Fit
@@ -26,18 +26,17 @@ def comparison_text(found: Comparison, judgements: Sequence[Judgement]) -> str:
 
 def analysis_text(runs: Sequence[Run], found: Run) -> str:
     """Return a line for each run, and the report of one, which is named if there are more."""
-    named = [f"of the {found.steps} steps from {found.start:.6g} s on:"] if len(runs) > 1 else []
+    named = [f"of the {found.steps} steps from {found.span}:"] if len(runs) > 1 else []
     return "\n".join([*map(_run_line, runs), *named, found.report()])
 
 
 def _run_line(run: Run) -> str:
     way = "forward" if run.direction > 0 else "backward"
     doubt = "" if run.determined else ", not determined"
+    size = nanometres(run.step_size, run.step_size_error)
     return (
-        f"{run.steps} steps {way} at {run.frequency:.6g} Hz, {run.start:.9g} s to {run.end:.9g} s"
-        f"{doubt}: {1e9 * run.step_size:.3f} nm a step, "
-        f"standard error {1e9 * run.step_size_error:.3f} nm, "
-        f"from cycles {run.first_cycle + 1} to {run.steps}"
+        f"{run.steps} steps {way} at {run.frequency:.5g} Hz, {run.span}{doubt}: "
+        f"a step is {size}, from cycles {run.first_cycle + 1} to {run.steps}"
     )
 
 

@@ -8,6 +8,7 @@ values in the same column; a library for tables would move them with every longe
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 import threading
@@ -46,6 +47,16 @@ def micro_prefix(stream: TextIO | None = None) -> str:
     except UnicodeEncodeError:
         return "u"
     return "µ"
+
+
+def nanometres(length: float, error: float = 0.0) -> str:
+    """Return a length (m) in nm; a standard error of a picometre or more sets its decimals."""
+    if math.isnan(length):
+        return "not measurable"
+    if not error >= 1e-12:
+        return f"{1e9 * length:.3f} nm"
+    places = max(0, 1 - math.floor(math.log10(1e9 * error)))
+    return f"{1e9 * length:.{places}f} nm, standard error {1e9 * error:.{places}f} nm"
 
 
 def format_rows(rows: Iterable[tuple[str, str]], width: int = 12) -> str:

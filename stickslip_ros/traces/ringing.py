@@ -99,7 +99,7 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     last = period + max(_GONE / max(first.decay, 1e-9), 4.0 * period)
     found = _fit_from([_cut(window, period, last) for window in windows], first) or first
     later = _fit_from([_cut(window, 2.0 * period, last) for window in windows], found)
-    interval = max(float(np.median(np.diff(t))) for t, _ in windows)
+    interval = max(float(np.median(np.diff(t))) for t, _ in windows if len(t) > 1)
     if later is None or found.frequency * interval * _DETERMINING > 1.0:
         return replace(found, decay_error=math.inf)
     return replace(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import format_rows, micro_prefix
+from stickslip_ros.reporting.terminal import format_rows, micro_prefix, nanometres
 from stickslip_ros.traces.backstep import ARC, SAMPLES, Backstep
 from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.ringing import Ringing
@@ -112,6 +112,13 @@ class Run:
         return float(self.cycles.ends[-1])
 
     @property
+    def span(self) -> str:
+        """Begin and end as text, to a hundredth of a cycle: ``0.02 s to 0.12 s``."""
+        places = 2 - math.floor(math.log10(self.period))
+        begin, end = (f"{round(at, places):.15g} s" for at in (self.start, self.end))
+        return f"{begin} to {end}"
+
+    @property
     def steps(self) -> int:
         """Number of cycles."""
         return len(self.cycles.slips)
@@ -189,9 +196,9 @@ class Run:
         rings = not math.isnan(self.ringing_frequency)
         damps = f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical"
         rows = [
-            ("cycles", f"{len(self.starts)} of {self.period:g} s, from {self.starts[0]:g} s"),
-            ("step size", _nano(self.step_size, self.step_size_error)),
-            ("backstep", f"{_nano(self.backstep, self.backstep_error)}{self._backstep_from}"),
+            ("cycles", f"{self.steps} of {format_si(self.period, 's')}, from {self.span}"),
+            ("step size", nanometres(self.step_size, self.step_size_error)),
+            ("backstep", f"{nanometres(self.backstep, self.backstep_error)}{self._backstep_from}"),
             ("ringing", f"{self.ringing_frequency:.1f} Hz" if rings else "none visible"),
             ("decay", (damps if self._damps else "not determined") if rings else "-"),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro_prefix()}m/s"),
@@ -200,11 +207,11 @@ class Run:
             rows.append(("Eq. 9", "needs the deflection of the actuator, which is not known"))
             return format_rows(rows)
         rows += [
-            ("excitation", _nano(balance.excitation)),
-            ("regained", _nano(balance.regained)),
-            ("left (Eq. 9)", _nano(balance.left)),
-            ("0-amplitude", _nano(balance.zero_amplitude)),
-            ("remainder", _nano(balance.remainder)),
+            ("excitation", nanometres(balance.excitation)),
+            ("regained", nanometres(balance.regained)),
+            ("left (Eq. 9)", nanometres(balance.left)),
+            ("0-amplitude", nanometres(balance.zero_amplitude)),
+            ("remainder", nanometres(balance.remainder)),
         ]
         return format_rows(rows)
 
@@ -251,7 +258,7 @@ class Run:
             ("ringing", format_si(self.ringing_frequency, "Hz")),
             *(("not determined", doubt) for doubt in self.doubts),
         ]
-        return html_table(f"Steps from {self.start:.6g} s to {self.end:.6g} s", rows)
+        return html_table(f"Steps from {self.span}", rows)
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
@@ -287,14 +294,6 @@ class Run:
             "backstep", "ringing_frequency", "decay", "damping_ratio", "mean_speed", "points",
         )  # fmt: skip
         return {**{name: getattr(self, name) for name in names}, "balance": asdict(self.balance)}
-
-
-def _nano(length: float, error: float = math.nan) -> str:
-    """Return a length (m) in nanometres, with its standard error where there is one."""
-    if math.isnan(length):
-        return "not measurable"
-    more = "" if math.isnan(error) else f", standard error {1e9 * error:.3f} nm"
-    return f"{1e9 * length:.3f} nm{more}"
 
 
 def main_run(runs: Sequence[Run]) -> Run:

@@ -58,6 +58,17 @@ def test_json_and_picture_hold_what_was_found(
     assert (found["balance"]["remainder"] is None) is bool(options)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_trace_that_ends_with_its_last_slip_warns_of_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.csv"
+    save_csv(trace_steps(table_1(), 10), path)
+    assert main(["analyse", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("10 steps forward at 100 Hz, 0 s to 0.1 s: a step is 133.827 nm, from")
+
+
 def test_the_table_names_what_is_not_there(trace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["analyse", str(trace), "--runner-only"]) == 1
     printed, said = capsys.readouterr()

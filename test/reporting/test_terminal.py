@@ -2,6 +2,7 @@
 """Colours, the micro sign and what goes on: on a terminal that shows them, nowhere else."""
 
 import io
+import math
 import os
 import pty
 import threading
@@ -11,7 +12,7 @@ import pytest
 from live import wait_until
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.reporting.terminal import announce_if_slow, micro_prefix, style_text
+from stickslip_ros.reporting.terminal import announce_if_slow, micro_prefix, nanometres, style_text
 
 RED = "\x1b[31mwrong\x1b[0m"
 
@@ -31,6 +32,17 @@ def terminal() -> Iterator[io.TextIOWrapper]:
     with open(slave, "w", encoding="utf-8") as stream:
         yield stream
     os.close(master)
+
+
+def test_an_error_sets_the_decimals() -> None:
+    said = [nanometres(133.7664e-9, error) for error in (0.139e-9, 12e-9, 9.96e-11, 3e-18)]
+    assert said == [
+        "133.77 nm, standard error 0.14 nm",
+        "134 nm, standard error 12 nm",
+        "133.766 nm, standard error 0.100 nm",
+        "133.766 nm",
+    ]
+    assert nanometres(math.nan, math.nan) == "not measurable"
 
 
 def test_a_terminal_gets_colours_and_a_pipe_none(terminal: io.TextIOWrapper) -> None:
