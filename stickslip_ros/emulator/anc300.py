@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.state_machine import FAULT
+from stickslip_ros.axis.state_machine import FAULT, STOPPED
 from stickslip_ros.emulator.controller import (
     Controller,
     Dialogue,
@@ -25,7 +25,9 @@ from stickslip_ros.emulator.controller import (
 from stickslip_ros.version import __version__
 
 PASSWORD = b"123456"
-MODES = ("gnd", "inp", "cap", "stp", "off")
+MODES = ("gnd", "inp", "ext", "cap", "stp", "off", "stp+", "stp-")
+#: Modes in which the actuator stands at the offset voltage, with its sign.
+_OFFSET = {"off": 1.0, "stp+": 1.0, "stp-": -1.0}
 MOST_VOLTS, LEAST_HERTZ, MOST_HERTZ = 150.0, 1, 10000
 #: What PyMeasure's recorded dialogues read (999 and 1020 nF); no parameter of the model sets it.
 CAPACITANCE_NF = 1000.0
@@ -86,11 +88,11 @@ class Module:
             raise Refused(f"Wrong mode, there are {' '.join(MODES)}")
         if self.axis.mode == FAULT:
             self.axis.reset()
-        self.mode = mode
-        if mode == "off":
-            self.axis.command_scan(self._offset)
+        if mode in _OFFSET:
+            self.axis.command_scan(_OFFSET[mode] * self._offset)
         elif mode != "stp":
             self._ground()
+        self.mode = mode
         if mode == "cap":
             self._measured_at = self.axis.state.t + _MEASURING_S
 
@@ -100,11 +102,11 @@ class Module:
         return self._offset
 
     def set_offset(self, volts: float) -> None:
-        """Set the offset voltage (V), which the axis gets in mode off."""
+        """Set the offset voltage (V), which the axis gets in modes off, stp+ and stp-."""
         _check_range(volts, 0.0, MOST_VOLTS)
+        if self.mode in _OFFSET:
+            self.axis.command_scan(_OFFSET[self.mode] * volts)
         self._offset = volts
-        if self.mode == "off":
-            self.axis.command_scan(volts)
 
     # -- motion
 
@@ -114,7 +116,7 @@ class Module:
         number = 0 if endless else _whole(count)
         if number < 0:
             raise Refused("Value out of range")
-        if self.mode != "stp":
+        if not self.mode.startswith("stp"):
             raise Refused("Axis in wrong mode")
         if self._silent == self.axis.status.amplitude:
             return
@@ -126,7 +128,7 @@ class Module:
     @property
     def output(self) -> float:
         """Voltage at the actuator, V; its amount, as the console knows no sign."""
-        if self.mode not in ("stp", "off"):
+        if self.mode != "stp" and self.mode not in _OFFSET:
             return 0.0
         return abs(self.axis.state.u) / self.axis.parameters.actuator.gain_in_force
 
@@ -136,9 +138,12 @@ class Module:
         return self.mode == "cap" and self.axis.state.t < self._measured_at
 
     def tick(self) -> None:
-        """Ground the axis once its capacitance has been measured."""
+        """Ground the axis once its capacitance is measured; after steps, set the offset again."""
         if self.mode == "cap" and not self.measuring:
             self.mode = "gnd"
+        wanted = _OFFSET.get(self.mode, 0.0) * self._offset
+        if wanted and self.axis.mode == STOPPED and not self.axis.status.scan_level:
+            self.axis.command_scan(wanted)
 
     def _ground(self) -> None:
         if self.axis.status.scan_level:

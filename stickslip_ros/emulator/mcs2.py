@@ -3,7 +3,8 @@
 
 Commands, state bits and errors: the EPICS driver motorSmarAct (smarActMCS2MotorDriver.cpp) and the
 Tango server of the CNR (SmarActController.py). Positions in pm, amplitudes in 65535 levels of
-100 V. Nothing but questions is answered; what was wrong waits in the queue of errors.
+100 V. Nothing but questions is answered, wrong ones with their error, so that no client waits in
+vain; what was wrong also waits in the queue of errors.
 """
 
 from __future__ import annotations
@@ -48,17 +49,19 @@ _MNEMONICS = (
     "CHANnel", "REFerence", "CALibration", "MMODe", "FREQuency", "AMPLitude", "AMPLifier",
     "POSition", "TARGet", "CURRent", "RLIMit", "MINimum", "MAXimum", "STATe", "PTYPe", "FERRor",
     "ERRor", "TEMPerature", "VELocity", "ACCeleration", "OPTion", "SDIRection", "SENSor",
-    "DEVice", "SNUMber", "NOCHannels", "NOBModules", "SYSTem", "COUNt",
+    "DEVice", "SNUMber", "NOCHannels", "NOBModules", "SYSTem", "COUNt", "CALibrate", "MODule",
+    "TUNing", "RESolution", "MTYPe", "RTYPe", "ACTuator", "ENABled",
 )  # fmt: skip
 _SHORT = {name.upper(): "".join(filter(str.isupper, name)) for name in _MNEMONICS}
 _LONG = re.compile("|".join(sorted(_SHORT, key=len, reverse=True)))
-_CHANNEL = re.compile(r"(CHAN(?=\d+:)|MOVE|STOP|REF|CAL)(\d{1,4})(?=$|:|\?)")
+_CHANNEL = re.compile(r"(CHAN(?=\d+:)|MOD(?=\d+:)|MOVE|STOP|REF|CAL)(\d{1,4})(?=$|:|\?)")
 #: Settings that are stored and reported, without an effect on the motion
 _KEPT = {
     **dict.fromkeys(
-        ("VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "SENS:MODE"), 0
+        ("VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "ACT:MODE"), 0
     ),
     "PTYP": 300,
+    "SENS:MODE": 1,
 }
 
 
@@ -138,13 +141,14 @@ class Mcs2Dialogue(Dialogue):
                     answers.append(self._answer(text.strip()))
                 except Refused as refused:
                     self._note(refused.reason)
+                    if text.split()[0].endswith("?"):
+                        answers.append(error_text(refused.reason))
         said = [str(answer) for answer in answers if answer is not None]
         return (";".join(said) + "\r\n").encode() if said else b""
 
     def next_error(self) -> str:
         """Take the oldest error off the queue and return it with its text."""
-        code = self.errors.popleft() if self.errors else 0
-        return f'{code},"{ERRORS[code]}"'
+        return error_text(self.errors.popleft() if self.errors else 0)
 
     def reset(self) -> None:
         """Stop all channels, switch them on, forget the errors."""
@@ -168,7 +172,8 @@ class Mcs2Dialogue(Dialogue):
         table, place = OF_CONTROLLER, _CHANNEL.match(header)
         whose: Any = self
         if place:
-            table, whose = OF_CHANNEL, self.channel(int(place[2]))
+            table = OF_CHANNEL
+            whose = self.channel(int(place[2]) * (_OF_MODULE if place[1] == "MOD" else 1))
             header = header.replace(place[0], place[1], 1).removeprefix("CHAN:")
         return self.carry_out(table.get(header), whose, [found[2]] if found[2] else [])
 
@@ -187,6 +192,11 @@ class Mcs2(Controller):
 
     channel = Mcs2Channel
     dialogue = Mcs2Dialogue
+
+
+def error_text(code: int) -> str:
+    """Return an error as it is answered."""
+    return f'{code},"{ERRORS[code]}"'
 
 
 def _check(condition: bool) -> None:
@@ -241,6 +251,8 @@ OF_CHANNEL: dict[str, Request] = {
     **_attribute("HOLD", "hold_ms", -1, 0xFFFFFFFF),
     "AMPL": Request(lambda c, value: c.switch(value), 1),
     "AMPL?": Request(lambda c: c.amplifier),
+    "AMPL:ENAB": Request(lambda c, value: c.switch(value), 1),
+    "AMPL:ENAB?": Request(lambda c: c.amplifier),
     "POS": Request(lambda c, value: c.set_position(_PM * value), 1),
     "POS?": Request(lambda c: round(c.position / _PM)),
     "POS:CURR?": Request(lambda c: round(c.position / _PM)),
@@ -253,6 +265,12 @@ OF_CHANNEL: dict[str, Request] = {
     "FERR?": Request(lambda c: round((c.target - c.position) / _PM)),
     "ERR?": Request(lambda c: LOCKED if c.locked else 0),
     "TEMP?": Request(lambda c: 25),
+    "TUN:MTYP?": Request(lambda c: 0),  # linear
+    "TUN:RTYP?": Request(lambda c: 0),  # no reference mark
+    "TUN:BASE:UNIT?": Request(lambda c: 2),  # m
+    "TUN:BASE:RES?": Request(lambda c: -12),
+    "MOD:STAT?": Request(lambda c: 0),  # of the bus module of a channel
+    "MOD:TEMP?": Request(lambda c: 25),
 }
 for _header in _KEPT:
     OF_CHANNEL |= _kept(_header)

@@ -10,6 +10,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -240,7 +241,7 @@ def test_three_wrong_passwords_end_it(emulate: Callable[..., Any]) -> None:
         ("setf 1 10001", "Value out of range"),
         ("setf 1 10000", "Value out of range: "),  # the slip of this drive takes too long
         ("setm 1 fly", "Wrong mode"),
-        ("setm 1 stp+", "Wrong mode"),
+        ("seta 1 30\r\nsetm 1 stp-", "OK\r\nValue out of range: scan level: -30 V"),
         ("stepu 1 5", "Axis in wrong mode"),
         ("stepu 1 1.5", "Whole number expected"),
         ("stepu 1 1e99", "Value out of range"),
@@ -293,6 +294,24 @@ def test_the_offset_is_a_level_of_the_actuator(emulate: Callable[..., Any]) -> N
         client.ask("setm 1 gnd", b"OK\r\n")
         client.ask("stepw 1", b"OK\r\n")
         assert emulated.look(lambda: axis.status.scan_level) == 0.0
+
+
+def test_the_offset_is_added_or_taken_away_between_steps(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("anc300", {"frequency": 1000.0, "min_voltage": -60.0})
+    axis = emulated.axes[0]
+    with logged_in(emulated) as client:
+        client.ask("setm 1 ext", b"OK\r\n")
+        client.ask("seta 1 30", b"OK\r\n")
+        for mode, level in (("stp+", 30.0), ("stp-", -30.0)):
+            client.ask(f"setm 1 {mode}", b"OK\r\n")
+            assert mode in client.ask("getm 1", b"OK\r\n")
+            steps = emulated.look(lambda: axis.status.step_count)
+            client.ask("stepu 1 5", b"OK\r\n")
+            client.ask("stepw 1", b"OK\r\n")
+            assert emulated.look(lambda: axis.status.step_count) == steps + 5
+            wait_until(partial(emulated.look, lambda: axis.status.scan_level))
+            client.ask("stepw 1", b"OK\r\n")
+            assert emulated.look(lambda: axis.status.scan_level) == pytest.approx(level)
 
 
 def test_a_fault_is_left_by_choosing_a_mode(emulate: Callable[..., Any]) -> None:

@@ -232,6 +232,33 @@ def test_mcs2_takes_long_and_short_names_in_any_case(emulate: Callable[..., Any]
         assert mcs2.ask(":SYSTem:ERRor?") == '0,"No error"'
 
 
+#: What the EPICS driver and the Tango server send beyond the sessions here, by what answers.
+TOLD = (
+    ":CAL0", ":CALIBRATE0", ":CHAN0:AMPL:ENAB 1", ":CHAN0:REF:OPT 0", ":CHAN0:CAL:OPT 1",
+    ":CHAN0:ACT:MODE 0", ":CHAN0:MCLF 100", ":CHAN0:MCLF:CURR 5000", ":CHAN0:PTYP 300",
+    ":CHAN0:RLIM:MAX 1000000000", ":CHAN0:RLIM:MIN -1000000000", ":CHAN0:SENS:MODE 1",
+    ":CHAN0:HOLD 4294967295", ":CHAN0:VEL 1.5", ":CHAN0:ACC 1.5", ":STOP0",
+)  # fmt: skip
+ASKED = (
+    "PTYP", "STAT", "VEL", "ACC", "MCLF", "FERR", "ERR", "TEMP", "POS", "POS:TARG", "AMPL",
+    "MMOD", "STEP:AMPL", "STEP:FREQ", "HOLD", "TUN:MTYP", "RLIM:MAX", "RLIM:MIN", "CAL:OPT",
+    "SENS:MODE", "ACT:MODE", "REF:OPT", "TUN:RTYP", "TUN:BASE:RES", "TUN:BASE:UNIT",
+)  # fmt: skip
+
+
+def test_mcs2_answers_everything_that_public_drivers_send(emulate: Callable[..., Any]) -> None:
+    """Two drivers waited for module states, tuning and actuator modes until they gave up."""
+    with emulate("mcs2", MCS, MCS).client() as client:
+        mcs2 = Mcs2Driver(client)
+        for command in TOLD:
+            mcs2.write(command)
+        for name in (*(f":CHAN1:{one}?" for one in ASKED), ":MOD0:STAT?", ":MOD0:TEMP?"):
+            int(mcs2.ask(name))
+        assert mcs2.ask(":CHAN0:PTYP:NAME?").startswith('"')
+        assert mcs2.ask(":MOD1:STAT?") == '34,"Invalid channel index"'
+        assert mcs2.ask(":SYST:ERR:COUN?") == "1"
+
+
 def test_mcs2_moves_as_simulate_does(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs2", MCS, MCS)
     with emulated.client() as client:
@@ -302,7 +329,10 @@ def test_mcs2_keeps_errors_until_they_are_asked_for(
     emulate: Callable[..., Any], line: str, error: int
 ) -> None:
     with emulate("mcs2", {**MCS, "soft_low": -1e-3, "soft_high": 1e-3}).client() as client:
-        client.send(line.encode() + b"\r\n")
+        if line.endswith("?"):
+            assert client.ask(line, b"\r\n").startswith(f'{error},"')
+        else:
+            client.send(line.encode() + b"\r\n")
         assert client.ask(":SYST:ERR:COUN?", b"\r\n") == "1"
         assert client.ask(":SYST:ERR?", b"\r\n").startswith(f'{error},"')
         assert client.ask(":SYST:ERR?", b"\r\n") == '0,"No error"'
