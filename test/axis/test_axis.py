@@ -172,6 +172,8 @@ def test_what_a_move_achieved_stays_when_parameters_change_afterwards() -> None:
     """Set just after the end, while the runner rings by tens of nanometres."""
     axis = Axis(TABLE_1)
     axis.command_steps(10)
+    axis.advance(4.5 * T)
+    assert axis.status.mean_step == pytest.approx(run_steps(table_1(), 4).position[-1] / 4)
     axis.advance(10 * T + 1e-4)
     before = axis.status
     axis.set_parameters({"mass": 0.005})

@@ -38,6 +38,13 @@ def test_a_streamed_ramp_is_followed_and_its_end_held() -> None:
     assert axis.state.x == pytest.approx(ramp[-1], abs=4e-9)
 
 
+def test_a_set_point_that_is_repeated_on_the_way_asks_for_nothing_new() -> None:
+    axis = Axis(FAST)
+    _stream(axis, "position", [2e-5] * 5)
+    assert axis.moving
+    assert [event.name for event in _applied(axis)] == ["start", "joint_command"]
+
+
 def test_a_new_set_point_waits_for_the_hold_time_of_its_own() -> None:
     """The runner is within the tolerance when the way there ends, and was so at the old one."""
     axis = Axis({**FAST, "hold_time": 0.4, "target_tolerance": 1e-7})
