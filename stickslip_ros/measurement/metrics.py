@@ -10,7 +10,7 @@ with its own.
 A value differs if the two are further apart than the tolerance: so many standard uncertainties of
 the difference that chance exceeds one of all metrics in 0.3 % of comparisons (Šidák, J. Am. Stat.
 Assoc. 62 (1967) 626), and never less than what the fits themselves can resolve. The uncertainty
-comes from the scatter between settled cycles, for ringing from fits to parts of them.
+comes from the scatter between settled cycles, for ringing from its fit, or from fits to parts.
 """
 
 from __future__ import annotations
@@ -312,25 +312,27 @@ def step_metrics(
 
 def _estimates(motion: Motion, run: Run) -> dict[str, MeasuredValue]:
     """Return the values of one motion by the name of the metric."""
-    parts = _ringing_in_parts(motion, run)
+    rings = run.ringing or Ringing(math.nan, math.nan)
+    error, of_ratio = rings.frequency_error, rings.damping_ratio_error
+    if math.isinf(of_ratio):  # by the method, which is the same for both: chance remains
+        parts = _ringing_in_parts(motion, run)
+        of_ratio = _error_of([part.damping_ratio for part in parts])
     return {
         # The first and the last slip give the period, each to about two samples.
         "period": MeasuredValue(run.period, 2.0 * motion.spacing / max(1, run.steps - 1)),
         "step size": run.mean_step,
         "backstep": run.mean_backstep,
-        "ringing frequency": MeasuredValue(
-            run.ringing_frequency, _error_of([part.frequency for part in parts])
-        ),
-        "damping ratio": MeasuredValue(
-            run.damping_ratio, _error_of([part.damping_ratio for part in parts])
-        ),
+        "ringing frequency": MeasuredValue(run.ringing_frequency, error),
+        "damping ratio": MeasuredValue(run.damping_ratio, of_ratio),
     }
 
 
 def _error_of(values: list[float]) -> float:
+    """Return the error of the mean of few values, widened as that of `estimate_settled_mean`."""
     if len(values) < 2:
         return 0.0  # too short to cut: the floor decides
-    return float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    student = scipy.special.stdtrit(len(values) - 1, scipy.special.ndtr(COVERAGE)) / COVERAGE
+    return float(student * np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
 def _ringing_in_parts(motion: Motion, steps: Run) -> list[Ringing]:

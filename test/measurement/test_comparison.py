@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Comparison: the clock is found, what differs is named, what agrees is not."""
 
+import math
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -198,6 +199,16 @@ def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
     assert metric(found, "step size").tolerance == pytest.approx(limit, rel=1e-6)
     assert metric(found, "step size").measured == other.step_size
     assert limit > 1e-10  # or the least tolerance would be looked at
+
+
+def test_the_error_of_the_ringing_is_that_of_its_fit() -> None:
+    """It was the scatter of four parts, which is small by chance one time in some dozens."""
+    found = compared()
+    own, other = found.run_steps, found.measured_steps
+    assert own is not None and other is not None and own.ringing and other.ringing
+    errors = [one.ringing.damping_ratio_error for one in (own, other) if one.ringing]
+    limit = max(significant(5) * math.hypot(*errors), 2e-2 * own.damping_ratio)
+    assert metric(found, "damping ratio").tolerance == pytest.approx(limit)
 
 
 def test_the_rest_before_the_steps_tells_where_they_begin() -> None:
