@@ -24,8 +24,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the subcommand."""
     parser.epilog = "The page can be reached from this machine only. Ctrl-C ends it."
     add_parameters(parser)
-    text = "the same as --config, such as the file that identify wrote"
-    option(parser, "--params-file", "FILE.yaml", text, Path, dest="config")
     option(parser, "--measurement", "FILE", "a table or a bag to lay over the step", Path)
     add_page_server(parser)
     add_measurement_options(parser)

@@ -185,7 +185,7 @@ def test_one_file_is_taken_at_a_time(server: WorkbenchServer) -> None:
 
 @pytest.mark.slow
 def test_the_command_tells_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> None:
-    arguments = "explore --no-browser --params-file table1_typical.yaml"
+    arguments = "explore --no-browser --config table1_typical.yaml"
     command = [sys.executable, "-m", "stickslip_ros", *arguments.split()]
     command += ["--measurement", "steps_100hz.csv"]
     with subprocess.Popen(
