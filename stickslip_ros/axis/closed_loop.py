@@ -167,8 +167,6 @@ class ClosedLoop:
         (looked, before), self._looked = self._looked, (t, distance)
         steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
         far = steps * config.stroke(config.amplitude)
-        if t < self._rests_at:
-            self._nearer_at += t - looked
         self._moves_away = distance - before > far and (self._moves_away or not self._carried)
         if t < self.trajectory.end or self.there:
             self._nearest, self._nearer_at, self._carried = math.inf, t, False
@@ -181,7 +179,8 @@ class ClosedLoop:
         if distance > self._nearest + _LOST * far:
             return f"{where} steps take it farther: change the load, the preload or the frequency"
         stays = self._inside_since is not None
-        if p.target_timeout is not None and not stays and t - self._nearer_at > p.target_timeout:
+        waited = t - self._nearer_at - p.settle_time  # after steps it rests first
+        if p.target_timeout is not None and not stays and waited > p.target_timeout:
             near = min(distance, self._nearest) <= p.target_tolerance
             what = "not stayed so near" if near else "come no closer"
             return (
