@@ -75,10 +75,9 @@ def solve_cycles(
     s is the state to advance; rows (cycles, row) take the results of cycles. Returns how many
     ended. With s.cut, t_end becomes an event. While kernel.arc ``holds``, it is not found again.
     """
-    arc, period = kernel.arc, period_of(drive)
+    arc, period, ended = kernel.arc, period_of(drive), 0
     # The contact holds back a sticking runner; a runner that never sticks keeps the error.
     arc.weight = max(plant.inv_omega, CARRIED * period if plant.slides != 0 else 0.0)
-    ended = 0
     while True:
         if drive.shape[1] > _FEW:
             _take_elastic_pieces(plant, s, kernel, contacts, drive, period)

@@ -336,7 +336,6 @@ def _fit_part(
     chance = max(part.chance, float(np.std(left))) * math.sqrt(1.0 - shared**2)
     white, whitened = (one[1:] - shared * one[:-1] for one in (design, wanted))
     found, _, errors = _ridge(white, whitened, chance)
-    left = wanted - design @ found
     answers, errors = (found * np.array(widths))[others:], (errors * np.array(widths))[others:]
     rise_of, fall_of = half + answers[: len(rises)], answers[len(rises) :]
     return _PartFit(rise_of, fall_of, left, errors.reshape(2, -1))
