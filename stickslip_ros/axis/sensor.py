@@ -172,8 +172,8 @@ class LowPass:
         return np.asarray(y.real + self._zero)
 
 
-#: Value and derivatives at the start of the cubic between two samples, by value
-#: and rate at its start and value and rate at its end; time in samples.
+#: Value and derivatives at the start of the cubic between two samples, by value and rate at its
+#: start and value and rate at its end; time in samples
 _HERMITE = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
 )
@@ -185,7 +185,7 @@ def _numerator(
     end: NDArray[np.float64],
     poles: NDArray[np.complex128],
 ) -> NDArray[np.float64]:
-    """Return the numerator, (order + 1,), from an input to the first state of
+    """Return the numerator, (order + 1,), of the filter from an input u to its first state.
 
     y[k + 1] = a y[k] + start u[k] + end u[k + 1],  a: (order, order), start and end: (order,).
     """

@@ -21,6 +21,7 @@ from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants
 from stickslip_ros.errors import UsageError
 
 if TYPE_CHECKING:
+    from stickslip_ros.reporting.page import ResultPage
     from stickslip_ros.traces.analysis import Findings
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
@@ -58,7 +59,6 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
-    from stickslip_ros.pages.measured import measurement_page
     from stickslip_ros.pages.texts import analysis_text
     from stickslip_ros.traces import TraceError
 
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(content["runs"], 1)]
     put_out(
         args, content, lambda: analysis_text(seen.runs, found), motion.source,
-        (["run", *_COLUMNS.values()], rows), page=lambda: measurement_page(motion, seen),
+        (["run", *_COLUMNS.values()], rows), page=lambda: _page(motion, seen),
     )  # fmt: skip
     return 0 if _as_given(args, seen) and say_doubts(args.trace, seen.runs) else 1
 
@@ -95,6 +95,12 @@ def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
         file=sys.stderr,
     )
     return False
+
+
+def _page(motion: Motion, seen: Findings) -> ResultPage:
+    from stickslip_ros.pages.measured import measurement_page  # for a page or a picture only
+
+    return measurement_page(motion, seen)
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:

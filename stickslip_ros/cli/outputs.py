@@ -81,10 +81,12 @@ def put_out(
     what ``draw`` draws, or ``picture`` returns, or the plots of the page. The page, if none is
     given, has the text, that picture and the table.
     """
-    heading, rows = table or (("name", "value"), list(_named(content)))
+    plot = getattr(args, "plot", None)
+    heading, rows = table or (("name", "value"), [])
+    if not table and (args.table or args.report):
+        rows = list(_named(content))
     if args.table:
         write_table(args.table, heading, rows)
-    plot = getattr(args, "plot", None)
     if plot or args.report:
         from stickslip_ros.reporting.page import result_page
         from stickslip_ros.reporting.picture import (
