@@ -23,11 +23,8 @@ class MissingLibrary(StickslipError, ModuleNotFoundError):
     """A library that this needs is not installed; the message says how to install it."""
 
 
-#: How to get what pip knows under another name than Python.
-_CURES = {
-    "mcap_ros2": "pip install mcap-ros2-support",
-    "rclpy": "source a ROS, or pip install 'stickslip_ros[ros]'",
-}
+#: Ends of the names of modules that come with a ROS
+_OF_ROS = ("rclpy", "_interfaces", "_msgs", "_srvs")
 
 
 @contextmanager
@@ -39,7 +36,9 @@ def libraries_for(what: str) -> Iterator[None]:
         module = (error.name or "").partition(".")[0]
         if module in ("", "stickslip_ros") or isinstance(error, MissingLibrary):
             raise
-        cure = _CURES.get(module, f"pip install {module}")
+        cure = f"pip install {'mcap-ros2-support' if module == 'mcap_ros2' else module}"
+        if module.endswith(_OF_ROS):
+            cure = "source a ROS, or pip install 'stickslip_ros[ros]'"
         raise MissingLibrary(f"{what} needs {module}: {cure}", name=module) from error
 
 

@@ -168,7 +168,7 @@ def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
     found = run(
         "import sys\n"
         "others = 'mcap mcap_ros2 zstandard lz4 matplotlib jinja2 plotly rich shtab tqdm rclpy'\n"
-        "sys.modules.update(dict.fromkeys(others.split()))\n"
+        "sys.modules.update(dict.fromkeys([*others.split(), 'rcl_interfaces']))\n"
         "import stickslip_ros as ss\n"
         "from stickslip_ros.cli.main import main\n"
         "run = ss.simulate(steps=2)\n"
@@ -183,7 +183,8 @@ def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
         "a plot needs matplotlib: pip install matplotlib",
         "stickslip_ros.open_bag needs mcap: pip install mcap",
         "stickslip_ros.identify needs tqdm: pip install tqdm",
-        "stickslip_ros.AxisClient needs rclpy: source a ROS, or pip install 'stickslip_ros[ros]'",
+        "stickslip_ros.AxisClient needs rcl_interfaces: "
+        "source a ROS, or pip install 'stickslip_ros[ros]'",
     ]
     assert found.stdout.splitlines() == [*asked, "2 2"], found.stderr
     assert found.stderr.splitlines() == [

@@ -102,7 +102,10 @@ class Axis(Device):
     def compile_ahead(self) -> None:
         """Have everything compiled that commands may call later, when it would cost deadlines."""
         # Without a bandwidth: cycles may take hours, and all of them would be sampled.
-        spare = Axis(self.parameters.replace(fault=None, sensor_bandwidth=None))
+        p = self.parameters.replace(fault=None, sensor_bandwidth=None)
+        with suppress(ParameterError):  # nor would the supervisor look a hundred times a second
+            p = p.replace(frequency=max(p.drive.frequency, 1.0))
+        spare = Axis(p)
         cycle = 1.0 / spare.status.frequency
         with suppress(CommandRefused):  # one that cannot move has nothing more to compile
             spare.command_steps(3)

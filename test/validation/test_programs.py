@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 import setuptools
 
+pytest.importorskip("rclpy")
+
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.gym import TASKS
 from stickslip_ros.parameters import Parameters
