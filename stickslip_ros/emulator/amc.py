@@ -15,7 +15,6 @@ from typing import Any, ClassVar
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.emulator.controller import (
-    LONGEST_LINE,
     Channel,
     Controller,
     Dialogue,
@@ -23,6 +22,8 @@ from stickslip_ros.emulator.controller import (
     Reasons,
     Refused,
     Request,
+    require,
+    stored,
 )
 from stickslip_ros.version import __version__
 
@@ -52,7 +53,7 @@ class Objects(Lines):
 
     def __init__(self) -> None:
         """Limit objects to the length of a line."""
-        super().__init__(LONGEST_LINE)
+        super().__init__()
         self._depth = self._seen = 0  # of the kept bytes: braces open at their end, bytes searched
 
     def take(self, data: bytes) -> list[bytes | None]:
@@ -82,6 +83,7 @@ class Actor(Channel):
     """An axis with its output, which has to be enabled before it moves."""
 
     most_volts: ClassVar = MOST_VOLTS
+    first_settings = _SETTINGS
 
     def __init__(self, axis: Axis) -> None:
         """Start with the output disabled, in open loop."""
@@ -90,7 +92,6 @@ class Actor(Channel):
         self.jog = 0  #: sign of the endless motion that is wanted
         self.goal = 0.0  #: of the closed loop, m
         self.steps, self.target_range = 1, 100  #: of performNSteps; nm
-        self.settings = dict(_SETTINGS)
 
     def tick(self) -> None:
         """Do nothing: a target is held until it is given up."""
@@ -129,9 +130,8 @@ class Actor(Channel):
 
     def step_by(self, backward: bool, steps: int) -> None:
         """Run steps."""
-        if not self.output:
-            raise Refused(_OUTPUT_OFF)
-        _check(1 <= steps < 2**31)
+        require(self.output, _OUTPUT_OFF)
+        require(1 <= steps < 2**31, _RANGE)
         self.loop, self.jog = False, 0
         self.axis.command_steps(-steps if backward else steps)
 
@@ -170,17 +170,17 @@ class Actor(Channel):
 
     def set_volts(self, millivolts: float) -> None:
         """Set the amplitude (mV)."""
-        _check(0 < millivolts <= 1e3 * MOST_VOLTS)
+        require(0 < millivolts <= 1e3 * MOST_VOLTS, _RANGE)
         self.axis.command_amplitude(1e-3 * millivolts)
 
     def set_hertz(self, millihertz: float) -> None:
         """Set the frequency (mHz)."""
-        _check(1e3 * LEAST_HERTZ <= millihertz <= 1e3 * MOST_HERTZ)
+        require(1e3 * LEAST_HERTZ <= millihertz <= 1e3 * MOST_HERTZ, _RANGE)
         self.axis.command_frequency(1e-3 * millihertz)
 
     def set_level(self, millivolts: float) -> None:
         """Set the dc voltage of the output (mV)."""
-        _check(0 <= millivolts <= 1e3 * MOST_VOLTS)
+        require(0 <= millivolts <= 1e3 * MOST_VOLTS, _RANGE)
         self.loop, self.jog = False, 0
         self.axis.command_scan(1e-3 * millivolts)
 
@@ -216,8 +216,7 @@ class AmcDialogue(Dialogue):
     def _result(self, request: dict[str, Any]) -> list[Any]:
         name = str(request.get("method")).removeprefix("com.attocube.").removeprefix("amc.")
         values = request.get("params") or []
-        if not isinstance(values, list):
-            raise Refused(_BAD)
+        require(isinstance(values, list), _BAD)
         command, whose = OF_CONTROLLER.get(name), self.controller
         if not command and (command := OF_AXIS.get(name)):
             axis, *values = values or [None]
@@ -234,8 +233,7 @@ class AmcDialogue(Dialogue):
 
     def read(self, value: Any) -> Any:
         """Return an argument that is a number. Raises Refused."""
-        if not (isinstance(value, int | float) and abs(value) < 2**63):
-            raise Refused(_BAD)
+        require(isinstance(value, int | float) and abs(value) < 2**63, _BAD)
         return value
 
 
@@ -258,28 +256,6 @@ class Amc(Controller):
         return [False] * _AXES + [0] * _AXES + self.of_all(lambda actor: actor.nm)
 
 
-def _check(condition: bool) -> None:
-    if not condition:
-        raise Refused(_RANGE)
-
-
-def _no_reference(_: Actor) -> None:
-    raise Refused(_NO_REFERENCE)
-
-
-def _pair(name: str, first: bool | int) -> dict[str, Request]:
-    """Return the methods that set and get a stored setting."""
-    room, _, rest = name.partition(".")
-
-    def keep(actor: Actor, value: float) -> None:
-        actor.settings[name] = type(first)(value)
-
-    return {
-        f"{room}.set{rest}": Request(keep, 1),
-        f"{room}.get{rest}": Request(lambda actor: actor.settings[name]),
-    }
-
-
 OF_AXIS: dict[str, Request] = {
     "control.setControlOutput": Request(lambda a, on: a.enable(bool(on)), 1),
     "control.getControlOutput": Request(lambda a: a.output),
@@ -295,7 +271,7 @@ OF_AXIS: dict[str, Request] = {
     "control.getControlFixOutputVoltage": Request(lambda a: a.level),
     "control.getCurrentOutputVoltage": Request(lambda a: a.level),
     "control.setReset": Request(lambda a: a.set_position(0.0)),
-    "control.searchReferencePosition": Request(_no_reference),
+    "control.searchReferencePosition": Request(lambda a: require(False, _NO_REFERENCE)),
     "control.getReferencePosition": Request(lambda a: 0),
     "control.getActorName": Request(lambda a: f"SIM-{a.axis.parameters.node.axis_name}"),
     "control.getActorType": Request(lambda a: 0),
@@ -310,7 +286,7 @@ OF_AXIS: dict[str, Request] = {
     "move.getControlContinuousBkwd": Request(lambda a: a.jog < 0),
     "move.setControlTargetPosition": Request(Actor.set_goal, 1),
     "move.getControlTargetPosition": Request(lambda a: round(1e9 * a.goal, 3)),
-    "move.moveReference": Request(_no_reference),
+    "move.moveReference": Request(lambda a: require(False, _NO_REFERENCE)),
     "move.getPosition": Request(lambda a: a.nm),
     "status.getStatusConnected": Request(lambda a: True),
     "status.getStatusReference": Request(lambda a: False),
@@ -323,7 +299,8 @@ OF_AXIS: dict[str, Request] = {
     "status.getFullCombinedStatus": Request(lambda a: a.text),
 }
 for _name, _first in _SETTINGS.items():
-    OF_AXIS |= _pair(_name, _first)
+    _room, _, _rest = _name.partition(".")
+    OF_AXIS[f"{_room}.set{_rest}"], OF_AXIS[f"{_room}.get{_rest}"] = stored(_name, type(_first))
 
 OF_CONTROLLER: dict[str, Request] = {
     "control.MultiAxisPositioning": Request(Amc.position_all, 2 * _AXES),

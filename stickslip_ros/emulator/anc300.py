@@ -21,6 +21,8 @@ from stickslip_ros.emulator.controller import (
     Refused,
     Request,
     Waiting,
+    require,
+    stored,
 )
 from stickslip_ros.version import __version__
 
@@ -38,6 +40,8 @@ _PATIENCE_S = 60.0  # for the password
 _NEGOTIATION = b"\xff\xfb\x01\xff\xfb\x03"
 _TELNET = re.compile(rb"\xff[\xfb-\xfe].|\xff[\xf0-\xfa]", re.DOTALL)
 _PROMPT = "> "
+_RANGE = "Value out of range"
+_LABELS = {"aci": "acin", "dci": "dcin", "tu": "trigger", "td": "trigger"}
 _RAMP = tuple(range(256))
 
 
@@ -48,7 +52,7 @@ class Module:
         """Start grounded, as after power-up."""
         self.axis = axis
         self.mode = "gnd"
-        self.switches = {"aci": "off", "dci": "off", "tu": "off", "td": "off"}
+        self.settings = dict.fromkeys(_LABELS, "off")  #: that nothing is connected to
         self._silent = math.nan  # amplitude (V) of the axis that represents 0 V
         self._offset = 0.0  # V
         self._measured_at = -math.inf  # when the capacitance will have been measured, s
@@ -68,7 +72,7 @@ class Module:
 
     def set_voltage(self, volts: float) -> None:
         """Set the amplitude (V); 0 leaves the axis without motion."""
-        _check_range(volts, 0.0, MOST_VOLTS)
+        require(0.0 <= volts <= MOST_VOLTS, _RANGE)
         if volts:
             self._silent = math.nan
             self.axis.command_amplitude(volts)
@@ -79,13 +83,12 @@ class Module:
 
     def set_frequency(self, hertz: float) -> None:
         """Set the frequency (Hz), a whole number, as the controller reports it."""
-        _check_range(hertz, LEAST_HERTZ, MOST_HERTZ)
+        require(LEAST_HERTZ <= hertz <= MOST_HERTZ, _RANGE)
         self.axis.command_frequency(float(round(hertz)))
 
     def set_mode(self, mode: str) -> None:
         """Connect the axis to the stepping generator, the offset, the meter, the input, ground."""
-        if mode not in MODES:
-            raise Refused(f"Wrong mode, there are {' '.join(MODES)}")
+        require(mode in MODES, f"Wrong mode, there are {' '.join(MODES)}")
         if self.axis.mode == FAULT:
             self.axis.reset()
         if mode in _OFFSET:
@@ -103,7 +106,7 @@ class Module:
 
     def set_offset(self, volts: float) -> None:
         """Set the offset voltage (V), which the axis gets in modes off, stp+ and stp-."""
-        _check_range(volts, 0.0, MOST_VOLTS)
+        require(0.0 <= volts <= MOST_VOLTS, _RANGE)
         if self.mode in _OFFSET:
             self.axis.command_scan(_OFFSET[self.mode] * volts)
         self._offset = volts
@@ -114,10 +117,8 @@ class Module:
         """Run steps upwards or downwards; c and 0 stand for no end."""
         endless = count.lower() == "c"
         number = 0 if endless else _whole(count)
-        if number < 0:
-            raise Refused("Value out of range")
-        if not self.mode.startswith("stp"):
-            raise Refused("Axis in wrong mode")
+        require(number >= 0, _RANGE)
+        require(self.mode.startswith("stp"), "Axis in wrong mode")
         if self._silent == self.axis.status.amplitude:
             return
         if number:
@@ -163,7 +164,7 @@ class Console(Dialogue):
         too_few="Wrong number of arguments",
         too_many="Wrong number of arguments",
         locked="",
-        impossible="Value out of range",
+        impossible=_RANGE,
     )
 
     def __init__(self, controller: Anc300) -> None:
@@ -183,8 +184,7 @@ class Console(Dialogue):
         if said is not None and not text:
             return self._ended(echo)
         try:
-            if said is None:
-                raise Refused("Line too long")
+            require(said is not None, "Line too long")
             found = self._answer(text.split())
         except Refused as refused:
             detail = f": {refused.__cause__}" if refused.__cause__ else ""
@@ -223,8 +223,7 @@ class Console(Dialogue):
             return ""
         if name == "help":
             return _help(*rest[:1])
-        if name in OF_MODULE and not rest:
-            raise Refused("Axis number missing")
+        require(rest or name not in OF_MODULE, "Axis number missing")
         module = None
         if name in OF_MODULE:
             numbered = rest[0].isascii() and rest[0].isdigit()
@@ -248,23 +247,15 @@ def _number(word: str) -> float:
         value = float(word)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise Refused("Number expected")
+    require(math.isfinite(value), "Number expected")
     return value
 
 
 def _whole(word: str) -> int:
     value = _number(word)
-    if value != int(value):
-        raise Refused("Whole number expected")
-    if abs(value) >= 2**31:
-        raise Refused("Value out of range")
+    require(value == int(value), "Whole number expected")
+    require(abs(value) < 2**31, _RANGE)
     return int(value)
-
-
-def _check_range(value: float, low: float, high: float) -> None:
-    if not low <= value <= high:
-        raise Refused("Value out of range")
 
 
 def _value(name: str, value: float, unit: str) -> str:
@@ -281,23 +272,20 @@ def _pattern(*_: object) -> str:
 
 
 def _set_pattern(_: Module, *words: str) -> None:
-    if tuple(map(_whole, words)) != _RAMP:
-        raise Refused("Only the linear pattern is simulated")
+    require(tuple(map(_whole, words)) == _RAMP, "Only the linear pattern is simulated")
 
 
-def _switch(name: str, label: str) -> dict[str, Request]:
+def _switch(name: str) -> dict[str, Request]:
     """Return the commands that set and get a setting that nothing is connected to."""
+    label = _LABELS[name]
     allowed = ("off", *map(str, range(1, 8))) if label == "trigger" else ("on", "off")
 
-    def set_it(module: Module, word: str) -> None:
-        if word not in allowed:
-            raise Refused("Value out of range")
-        module.switches[name] = word
+    def read(word: str) -> str:
+        require(word in allowed, _RANGE)
+        return word
 
-    return {
-        f"set{name}": Request(set_it, 1),
-        f"get{name}": Request(lambda m: f"{label} = {m.switches[name]}\r\n"),
-    }
+    set_it, get_it = stored(name, read, show=lambda word: f"{label} = {word}\r\n")
+    return {f"set{name}": set_it, f"get{name}": get_it}
 
 
 def _reading(name: str, unit: str, read: Callable[[Module], float]) -> Request:
@@ -327,11 +315,9 @@ OF_MODULE: dict[str, Request] = {
     "getpd": Request(_pattern),
     "setpu": Request(_set_pattern, len(_RAMP)),
     "setpd": Request(_set_pattern, len(_RAMP)),
-    **_switch("aci", "acin"),
-    **_switch("dci", "dcin"),
-    **_switch("tu", "trigger"),
-    **_switch("td", "trigger"),
 }
+for _name in _LABELS:
+    OF_MODULE |= _switch(_name)
 
 _OF_CONTROLLER = {
     "ver": f"attocube ANC300 controller version {__version__} (stickslip_ros)\r\n",
@@ -354,6 +340,5 @@ def _help(asked: str | None = None) -> str:
     """Return the commands with their arguments, or the one that is asked for."""
     names = sorted([*OF_MODULE, *_OF_CONTROLLER, *_ARGUMENTS])
     found = names if asked is None else [name for name in names if name == asked.lower()]
-    if not found:
-        raise Refused("Unknown command")
+    require(found, "Unknown command")
     return "".join(f"{_usage(name)}\r\n" for name in found)

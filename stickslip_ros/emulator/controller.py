@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -35,6 +35,12 @@ class Refused(Exception):
         self.reason = reason
 
 
+def require(condition: object, reason: Any) -> None:
+    """Raise Refused with a reason unless a condition holds."""
+    if not condition:
+        raise Refused(reason)
+
+
 class Request(NamedTuple):
     """A command of a channel or of the controller."""
 
@@ -42,6 +48,23 @@ class Request(NamedTuple):
     fewest: int = 0  #: arguments that have to follow
     optional: int = 0  #: arguments that may follow these
     moves: bool = False  #: refused while the channel may not move
+
+
+def stored(
+    name: Hashable,
+    read: Callable[..., Any],
+    count: int = 1,
+    show: Callable[[Any], Any] = lambda value: value,
+) -> tuple[Request, Request]:
+    """Return the commands that set and get one of the settings of a channel.
+
+    read makes the setting of the arguments, of which there are count; show makes the answer of it.
+    """
+
+    def keep(channel: Any, *values: Any) -> None:
+        channel.settings[name] = read(*values)
+
+    return Request(keep, count), Request(lambda channel: show(channel.settings[name]))
 
 
 class Reasons(NamedTuple):
@@ -68,7 +91,7 @@ class Dialogue:
 
     def cutter(self) -> Lines:
         """Return what cuts the client's stream."""
-        return Lines(LONGEST_LINE)
+        return Lines()
 
     def answer(self, line: bytes | None) -> bytes | Waiting:
         """Return the answer to a line without its end; None: one that was too long to keep."""
@@ -84,21 +107,17 @@ class Dialogue:
 
     def channel(self, number: int) -> Any:
         """Return a channel, counted from 0 on. Raises Refused."""
-        if not 0 <= number < len(self.controller.channels):
-            raise Refused(self.reasons.no_channel)
+        require(0 <= number < len(self.controller.channels), self.reasons.no_channel)
         return self.controller.channels[number]
 
     def carry_out(self, command: Request | None, whose: Any, values: Sequence[Any]) -> Any:
         """Return the answer to a command of a channel or the controller. Raises Refused."""
         if command is None:
             raise Refused(self.reasons.unknown)
-        if len(values) < command.fewest:
-            raise Refused(self.reasons.too_few)
-        if len(values) > command.fewest + command.optional:
-            raise Refused(self.reasons.too_many)
+        require(len(values) >= command.fewest, self.reasons.too_few)
+        require(len(values) <= command.fewest + command.optional, self.reasons.too_many)
         values = [self.read(value) for value in values]
-        if command.moves and whose.locked:
-            raise Refused(self.reasons.locked)
+        require(not (command.moves and whose.locked), self.reasons.locked)
         try:
             return command.run(whose, *values)
         except CommandRefused as refusal:
@@ -128,7 +147,7 @@ class Controller:
 class Lines:
     """Cuts a stream into lines that end with CR, LF or both, and never keeps much of it."""
 
-    def __init__(self, longest: int) -> None:
+    def __init__(self, longest: int = LONGEST_LINE) -> None:
         """Limit lines to a number of bytes."""
         self._longest = longest
         self._kept = b""
@@ -161,10 +180,13 @@ class Channel:
     """An axis with a sensor, and the state of the controller for it: origin, steps, closed loop."""
 
     most_volts: ClassVar = math.inf  #: largest amplitude of the controller, V
+    #: Settings that are only stored and reported, as they are at the start
+    first_settings: ClassVar[Mapping[Any, Any]] = {}
 
     def __init__(self, axis: Axis) -> None:
         """Use an axis; limit its amplitude to the largest of the controller."""
         self.axis = axis
+        self.settings = dict(self.first_settings)
         self._origin = 0.0  # reading of the axis (m) that counts as 0
         self._target = math.nan  # of the closed loop that was begun here, m
         self._hold_s = math.inf  # that it is kept

@@ -22,6 +22,8 @@ from stickslip_ros.emulator.controller import (
     Reasons,
     Refused,
     Request,
+    require,
+    stored,
 )
 from stickslip_ros.version import __version__
 
@@ -54,6 +56,8 @@ _PARAMETERS: dict[int, tuple[str, bool, float, str]] = {
 class GcsAxis(Channel):
     """An axis with its servo mode and its reference."""
 
+    first_settings = {"velocity": 1.0} | {number: row[2] for number, row in _PARAMETERS.items()}
+
     def __init__(self, axis: Axis) -> None:
         """Start in open loop, without a reference."""
         super().__init__(axis)
@@ -61,8 +65,6 @@ class GcsAxis(Channel):
         self.referencing = False  #: a reference move runs
         self.needs_reference = True  #: before closed-loop moves
         self.steps = 0.0  #: commanded last, in open loop
-        self.velocity = 1.0  #: of the closed loop, mm/s; stored and reported only
-        self.parameters = {number: row[2] for number, row in _PARAMETERS.items()}
 
     def tick(self) -> None:
         """End a reference move: its end counts as 0."""
@@ -75,7 +77,7 @@ class GcsAxis(Channel):
 
     def set_servo(self, on: float) -> None:
         """Switch the closed loop; off stops the axis."""
-        _require(on in (0.0, 1.0))
+        require(on in (0.0, 1.0), Code.RANGE)
         if on and self.locked:
             self.axis.reset()
         self.servo = bool(on)
@@ -89,9 +91,9 @@ class GcsAxis(Channel):
 
     def move(self, mm: float) -> None:
         """Go to a position (mm) and hold it."""
-        _require(self.servo and (self.referenced or not self.needs_reference), Code.NO_SERVO)
+        require(self.servo and (self.referenced or not self.needs_reference), Code.NO_SERVO)
         low, high = self.range
-        _require(low <= mm <= high, Code.LIMITS)
+        require(low <= mm <= high, Code.LIMITS)
         self.go_to(_MM * mm, math.inf)
 
     def find_reference(self) -> None:
@@ -102,14 +104,14 @@ class GcsAxis(Channel):
 
     def count_as(self, mm: float) -> None:
         """Let the position count as one (mm), which is a reference, too."""
-        _require(not self.needs_reference, Code.NO_SERVO)
+        require(not self.needs_reference, Code.NO_SERVO)
         self.set_position(_MM * mm)
         self.referenced = True
 
     def run_steps(self, steps: float) -> None:
         """Run whole steps in open loop."""
-        _require(not self.servo, Code.SERVO_ON)
-        _require(steps == int(steps) and abs(steps) < 2**31)
+        require(not self.servo, Code.SERVO_ON)
+        require(steps == int(steps) and abs(steps) < 2**31, Code.RANGE)
         self.steps = steps
         if steps:
             self.axis.command_steps(int(steps))
@@ -119,9 +121,9 @@ class GcsAxis(Channel):
     def set_parameter(self, number: float, value: float) -> None:
         """Store a parameter; none has an effect on the motion."""
         kind, settable, *_ = _PARAMETERS.get(int(number), ("", False))
-        _require(kind, Code.UNKNOWN_PARAMETER)
-        _require(settable, Code.READ_ONLY)
-        self.parameters[int(number)] = value
+        require(kind, Code.UNKNOWN_PARAMETER)
+        require(settable, Code.READ_ONLY)
+        self.settings[int(number)] = value
 
     @property
     def range(self) -> tuple[float, float]:
@@ -166,7 +168,7 @@ class GcsDialogue(Dialogue):
 
     def cutter(self) -> Lines:
         """Cut lines and single bytes."""
-        return Requests(4096)
+        return Requests()
 
     def answer(self, line: bytes | None) -> bytes:
         """Return the answer to a query, nothing to a command; the error is kept."""
@@ -174,7 +176,7 @@ class GcsDialogue(Dialogue):
         words = (line or b"").decode("latin-1").split(" ")
         words = [word for word in words if word]
         try:
-            _require(line is not None, Code.TOO_LONG)
+            require(line is not None, Code.TOO_LONG)
             return self._answer(words).encode("latin-1") if words else b""
         except Refused as refused:
             controller.error = refused.reason
@@ -186,7 +188,7 @@ class GcsDialogue(Dialogue):
             number = float(int(value, 16)) if value[:2].lower() == "0x" else float(value)
         except (ValueError, OverflowError):
             number = math.nan
-        _require(math.isfinite(number), Code.SYNTAX)
+        require(math.isfinite(number), Code.SYNTAX)
         return number
 
     def _answer(self, words: list[str]) -> str:
@@ -197,15 +199,15 @@ class GcsDialogue(Dialogue):
             return f"{error:d}\n"
         if name in OF_CONTROLLER:
             return OF_CONTROLLER[name](controller) or ""
-        _require(name in OF_AXIS, Code.UNKNOWN)
+        require(name in OF_AXIS, Code.UNKNOWN)
         command, axes = OF_AXIS[name], controller.axes
         each = 1 + command.fewest
         rest = rest or (list(axes) if each == 1 else [])
-        _require(rest and len(rest) % each == 0, Code.COUNT)
+        require(rest and len(rest) % each == 0, Code.COUNT)
         answers = []
         for first in range(0, len(rest), each):
             word, *numbers = rest[first : first + each]
-            _require(word in axes, Code.INVALID_AXIS)
+            require(word in axes, Code.INVALID_AXIS)
             found = self.carry_out(command, axes[word], numbers)
             if name == "SPA?":
                 word = " ".join([word, *numbers])
@@ -236,37 +238,17 @@ class Gcs(Controller):
         self.error = Code.STOPPED
 
 
-def _require(condition: object, code: int = Code.RANGE) -> None:
-    if not condition:
-        raise Refused(code)
-
-
 def _parameter(axis: GcsAxis, number: float) -> str:
     kind = _PARAMETERS.get(int(number), ("",))[0]
-    _require(kind, Code.UNKNOWN_PARAMETER)
-    value = axis.parameters[int(number)]
+    require(kind, Code.UNKNOWN_PARAMETER)
+    value = axis.settings[int(number)]
     return f"{value:.0f}" if kind == "INT" else f"{value:.6f}"
 
 
-def _stored(number: int) -> dict[str, Request]:
-    """Return the commands that set and get a velocity or an acceleration."""
-    name = {0xB: "ACC", 0xC: "DEC"}[number]
-    return {
-        name: Request(lambda a, value: a.set_parameter(number, value), 1),
-        f"{name}?": Request(lambda a: f"{a.parameters[number]:.6f}"),
-    }
-
-
-def _no_limit_switch(_: GcsAxis) -> None:
-    raise Refused(Code.NO_LIMIT_SWITCH)
-
-
 OF_AXIS: dict[str, Request] = {
-    **_stored(0xB),
-    **_stored(0xC),
     "CST?": Request(lambda a: f"SIM-{a.axis.parameters.node.axis_name}"),
-    "FNL": Request(_no_limit_switch, moves=True),
-    "FPL": Request(_no_limit_switch, moves=True),
+    "FNL": Request(lambda a: require(False, Code.NO_LIMIT_SWITCH), moves=True),
+    "FPL": Request(lambda a: require(False, Code.NO_LIMIT_SWITCH), moves=True),
     "FRF": Request(GcsAxis.find_reference, moves=True),
     "FRF?": Request(lambda a: f"{a.referenced:d}"),
     "GOH": Request(lambda a: a.move(0.0), moves=True),
@@ -293,9 +275,9 @@ OF_AXIS: dict[str, Request] = {
     "TMN?": Request(lambda a: f"{a.range[0]:.7f}"),
     "TMX?": Request(lambda a: f"{a.range[1]:.7f}"),
     "TRS?": Request(lambda a: "1"),
-    "VEL": Request(lambda a, value: setattr(a, "velocity", value), 1),
-    "VEL?": Request(lambda a: f"{a.velocity:.6f}"),
 }
+for _name, _setting in (("ACC", 0xB), ("DEC", 0xC), ("VEL", "velocity")):
+    OF_AXIS[_name], OF_AXIS[f"{_name}?"] = stored(_setting, float, show="{:.6f}".format)
 
 
 def _help(_: Gcs) -> str:

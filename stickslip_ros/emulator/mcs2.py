@@ -16,7 +16,15 @@ from typing import Any
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.state_machine import HOLDING, JOGGING, SCANNING, TARGETING
-from stickslip_ros.emulator.controller import Controller, Dialogue, Reasons, Refused, Request
+from stickslip_ros.emulator.controller import (
+    Controller,
+    Dialogue,
+    Reasons,
+    Refused,
+    Request,
+    require,
+    stored,
+)
 from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
 from stickslip_ros.version import __version__
 
@@ -28,7 +36,7 @@ _FOR_EVER = (-1, 0xFFFFFFFF)  # ms
 ABSOLUTE, RELATIVE, SCAN_ABSOLUTE, SCAN_RELATIVE, STEP = range(5)
 MOVING, CLOSED_LOOP, SENSOR, CALIBRATED = 0x1, 0x2, 0x20, 0x40
 END_STOP, MOVE_FAILED = 0x100, 0x800
-LOCKED = 262
+LOCKED, _NO_SENSOR, _OUT_OF_RANGE = 262, 259, -222
 ERRORS = {
     0: "No error",
     -101: "Invalid character",
@@ -36,11 +44,11 @@ ERRORS = {
     -108: "Parameter not allowed",
     -109: "Missing parameter",
     -113: "Undefined header",
-    -222: "Data out of range",
+    _OUT_OF_RANGE: "Data out of range",
     -350: "Queue overflow",
     -363: "Input buffer overrun",
     34: "Invalid channel index",
-    259: "No sensor present",
+    _NO_SENSOR: "No sensor present",
     LOCKED: "Movement locked",
 }
 _LINE = re.compile(r"(:?[A-Za-z*][A-Za-z0-9:*]*\??)(?:\s+(.*))?", re.DOTALL)
@@ -68,6 +76,8 @@ _KEPT = {
 class Mcs2Channel(Channel):
     """A channel with its settings."""
 
+    first_settings = _KEPT
+
     def __init__(self, axis: Axis) -> None:
         """Start with the drive that the axis has."""
         super().__init__(axis)
@@ -76,7 +86,6 @@ class Mcs2Channel(Channel):
         self.hertz = min(axis.status.frequency, _MOST_HERTZ)
         self.level = round(axis.status.amplitude * _LEVELS / FULL_SCALE_V)
         self.hold_ms = 0
-        self.kept = dict(_KEPT)
 
     @property
     def scan_level(self) -> float:
@@ -98,12 +107,12 @@ class Mcs2Channel(Channel):
     def move(self, value: float) -> None:
         """Move as the move mode says: pm, levels or steps."""
         if self.mode == STEP:
-            _check(abs(value) <= _MOST_STEPS)
+            require(abs(value) <= _MOST_STEPS, _OUT_OF_RANGE)
             volts = self.level * FULL_SCALE_V / _LEVELS
             self.step(int(value), volts, float(self.hertz), endless=False)
         elif self.mode in (SCAN_ABSOLUTE, SCAN_RELATIVE):
             level = value + (self.scan_level if self.mode == SCAN_RELATIVE else 0.0)
-            _check(0 <= round(level) <= _LEVELS)
+            require(0 <= round(level) <= _LEVELS, _OUT_OF_RANGE)
             self.axis.command_scan(min(level * FULL_SCALE_V / _LEVELS, FULL_SCALE_V))
         else:
             start = self.target if self.mode == RELATIVE else 0.0
@@ -112,7 +121,7 @@ class Mcs2Channel(Channel):
 
     def switch(self, value: float) -> None:
         """Switch the amplifier; switched on it leaves a fault."""
-        _check(value in (0, 1))
+        require(value in (0, 1), _OUT_OF_RANGE)
         self.amplifier = int(value)
         self.axis.enable(bool(value))
         if value:
@@ -122,7 +131,7 @@ class Mcs2Channel(Channel):
 class Mcs2Dialogue(Dialogue):
     """Commands of one client, with a queue of its errors."""
 
-    reasons = Reasons(-113, 34, -109, -108, LOCKED, -222)
+    reasons = Reasons(-113, 34, -109, -108, LOCKED, _OUT_OF_RANGE)
 
     def __init__(self, controller: Mcs2) -> None:
         """Begin the dialogue of one client with a controller."""
@@ -183,7 +192,7 @@ class Mcs2Dialogue(Dialogue):
             number = float(value)
         except ValueError:
             raise Refused(-104) from None
-        _check(math.isfinite(number))
+        require(math.isfinite(number), _OUT_OF_RANGE)
         return number
 
 
@@ -199,29 +208,17 @@ def error_text(code: int) -> str:
     return f'{code},"{ERRORS[code]}"'
 
 
-def _check(condition: bool) -> None:
-    if not condition:
-        raise Refused(-222)
-
-
 def _attribute(header: str, name: str, low: int, high: int) -> dict[str, Request]:
     """Return the commands that set and read an attribute that is a whole number in a range."""
 
     def write(channel: Mcs2Channel, value: float) -> None:
-        _check(low <= value <= high and value == int(value))
+        require(low <= value <= high and value == int(value), _OUT_OF_RANGE)
         setattr(channel, name, int(value))
 
     return {
         header: Request(write, 1),
         f"{header}?": Request(lambda channel: round(getattr(channel, name))),
     }
-
-
-def _kept(header: str) -> dict[str, Request]:
-    def write(channel: Mcs2Channel, value: float) -> None:
-        channel.kept[header] = int(value)
-
-    return {header: Request(write, 1), f"{header}?": Request(lambda c: c.kept[header])}
 
 
 def _limit(header: str, name: str) -> dict[str, Request]:
@@ -236,15 +233,11 @@ def _limit(header: str, name: str) -> dict[str, Request]:
     }
 
 
-def _refuse_reference(_: Mcs2Channel) -> None:
-    raise Refused(259)  # the simulated sensor has no reference mark
-
-
 OF_CHANNEL: dict[str, Request] = {
     "MOVE": Request(lambda c, value: c.move(value), 1, moves=True),
     "STOP": Request(lambda c: c.axis.stop()),
     "CAL": Request(lambda c: None),
-    "REF": Request(_refuse_reference),
+    "REF": Request(lambda c: require(False, _NO_SENSOR)),  # it has no reference mark
     **_attribute("MMOD", "mode", ABSOLUTE, STEP),
     **_attribute("STEP:FREQ", "hertz", LEAST_HERTZ, _MOST_HERTZ),
     **_attribute("STEP:AMPL", "level", 1, _LEVELS),
@@ -273,7 +266,7 @@ OF_CHANNEL: dict[str, Request] = {
     "MOD:TEMP?": Request(lambda c: 25),
 }
 for _header in _KEPT:
-    OF_CHANNEL |= _kept(_header)
+    OF_CHANNEL[_header], OF_CHANNEL[f"{_header}?"] = stored(_header, int)
 
 OF_CONTROLLER: dict[str, Request] = {
     "*IDN?": Request(lambda d: f"SmarAct,MCS2 (stickslip_ros),SIM-1,{__version__}"),

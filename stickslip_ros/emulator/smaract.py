@@ -13,14 +13,22 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
-from stickslip_ros.axis import Axis
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, JOGGING, SCANNING, TARGETING
 from stickslip_ros.emulator import controller
-from stickslip_ros.emulator.controller import Controller, Dialogue, Reasons, Refused, Request
+from stickslip_ros.emulator.controller import (
+    Controller,
+    Dialogue,
+    Reasons,
+    Refused,
+    Request,
+    require,
+    stored,
+)
 
 FULL_SCALE_V = 100.0  #: voltage of the highest level of amplitudes and scans
 LEAST_HERTZ = 1
@@ -53,13 +61,12 @@ class Channel(controller.Channel):
 
 
 def _check(condition: bool) -> None:
-    if not condition:
-        raise Refused(Code.INVALID)
+    require(condition, Code.INVALID)
 
 
 def _refuse_reference(*_: object, **__: object) -> None:
     """Refuse to look for a reference mark: the simulated sensor has none."""
-    raise Refused(Code.NO_REFERENCE_MARK)
+    require(False, Code.NO_REFERENCE_MARK)
 
 
 def _reset(controller: Controller) -> None:
@@ -77,16 +84,13 @@ _NM = 1e-9
 #: Code of what the channel does in a state; in others 1 while it steps and 0 at rest
 _MCS_STATUS = {FAULT: 9, DISABLED: 9, TARGETING: 4, HOLDING: 3, SCANNING: 2, JOGGING: 1}
 #: Settings that are stored and reported, without an effect on the motion
-_SETTINGS = {"CLS": [0], "CLA": [0], "SD": [0], "SC": [0, 0], "CLF": [MOST_HERTZ]}
+_SETTINGS = {"CLS": "0", "CLA": "0", "SD": "0", "SC": "0,0", "CLF": str(MOST_HERTZ)}
 
 
 class McsChannel(Channel):
     """A channel with its settings."""
 
-    def __init__(self, axis: Axis) -> None:
-        """Start with the controller's defaults."""
-        super().__init__(axis)
-        self.settings = dict(_SETTINGS)
+    first_settings = _SETTINGS
 
     @property
     def level(self) -> int:
@@ -121,8 +125,7 @@ class McsDialogue(Dialogue):
         if name in MCS_CONTROLLER:
             answer: str | None = self.carry_out(MCS_CONTROLLER[name], self.controller, numbers)
             return answer
-        if name in MCS_CHANNEL and not numbers:
-            raise Refused(Code.TOO_FEW)
+        require(numbers or name not in MCS_CHANNEL, Code.TOO_FEW)
         channel = self.channel(numbers[0]) if name in MCS_CHANNEL else None
         answer = self.carry_out(MCS_CHANNEL.get(name), channel, numbers[1:])
         # An answer repeats the number of the channel behind its name.
@@ -134,12 +137,8 @@ class Mcs(Controller):
 
     channel = McsChannel
     dialogue = McsDialogue
-
-    def __init__(self, axes: Sequence[Axis]) -> None:
-        """Number the axes from 0 on."""
-        super().__init__(axes)
-        self.communication = 0  # 0: every command is acknowledged
-        self.sensors = 1
+    communication = 0  #: 0: every command is acknowledged
+    sensors = 1
 
 
 def _mcs_error(channel: int, code: int) -> bytes:
@@ -158,6 +157,10 @@ def _scan(channel: McsChannel, level: float, speed: int) -> None:
     channel.axis.command_scan(level * FULL_SCALE_V / _LEVELS)
 
 
+def _joined(*numbers: int) -> str:
+    return ",".join(map(str, numbers))
+
+
 def _set_mode(name: str, modes: int) -> Request:
     """Return the command that sets an attribute of the controller to a mode below ``modes``."""
 
@@ -166,18 +169,6 @@ def _set_mode(name: str, modes: int) -> Request:
         setattr(controller, name, mode)
 
     return Request(run, 1)
-
-
-def _setting(name: str) -> dict[str, Request]:
-    """Return the commands that store and report a setting."""
-
-    def store(channel: McsChannel, *numbers: int) -> None:
-        channel.settings[name] = list(numbers)
-
-    def report(channel: McsChannel) -> str:
-        return f"{name}#,{','.join(map(str, channel.settings[name]))}"
-
-    return {f"S{name}": Request(store, len(_SETTINGS[name])), f"G{name}": Request(report)}
 
 
 MCS_CONTROLLER: dict[str, Request] = {
@@ -216,8 +207,10 @@ MCS_CHANNEL: dict[str, Request] = {
     "GSN": Request(lambda c: "SN#,1"),
     "GFV": Request(lambda c: "FV#,1,0,0"),
 }
-for _name in _SETTINGS:
-    MCS_CHANNEL |= _setting(_name)
+for _name, _numbers in _SETTINGS.items():
+    MCS_CHANNEL[f"S{_name}"], MCS_CHANNEL[f"G{_name}"] = stored(
+        _name, _joined, _numbers.count(",") + 1, partial("{}#,{}".format, _name)
+    )
 
 
 # -- SCU
@@ -233,14 +226,11 @@ _SCU_STATUS = {TARGETING: "T", HOLDING: "H", SCANNING: "A", FAULT: "S", DISABLED
 
 
 class ScuChannel(Channel):
-    """A channel with its settings."""
+    """A channel with its settings: stored and reported, without an effect on the motion."""
 
-    def __init__(self, axis: Axis) -> None:
-        """Start with the controller's defaults."""
-        super().__init__(axis)
-        self.loop_hertz = MOST_HERTZ  #: stored and reported, without an effect on the motion
-        self.safe_direction = 0  #: likewise
-        self.positioner = 1  #: a linear one
+    loop_hertz = MOST_HERTZ
+    safe_direction = 0
+    positioner = 1  #: a linear one
 
 
 class ScuCommand(NamedTuple):
@@ -281,11 +271,9 @@ class ScuDialogue(Dialogue):
             return _scu_error(number, refused.reason)
 
     def _answer_channel(self, name: str, number: str, values: dict[str, str]) -> str | None:
-        if name not in SCU_CHANNEL:
-            raise Refused(Code.UNKNOWN)
+        require(name in SCU_CHANNEL, Code.UNKNOWN)
         command = SCU_CHANNEL[name]
-        if not number or set(command.required) - set(values):
-            raise Refused(Code.TOO_FEW)
+        require(number and set(command.required) <= set(values), Code.TOO_FEW)
         channel = self.channel(int(number))
         _check(set(values) <= set(command.required + command.optional))
         request = Request(lambda c: command.run(c, **values), moves=command.moves)
