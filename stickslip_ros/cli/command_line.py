@@ -56,6 +56,8 @@ SUBCOMMANDS = {
 _MODULES = {
     "elongate": "shape",
     "guide": "predict",
+    "send": "running_axis",
+    "watch": "running_axis",
     "demo": "installation",
     "warm-up": "installation",
     "completion": "installation",

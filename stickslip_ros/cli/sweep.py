@@ -64,9 +64,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
     import numpy as np
 
-    from stickslip_ros.library.grid import GridAxis
     from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
-    from stickslip_ros.library.sweep_plan import Sweep
+    from stickslip_ros.library.sweep_plan import GridAxis, Sweep
     from stickslip_ros.library.sweep_result import SweepResult
     from stickslip_ros.traces.steps import TRIAL_STEPS
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from stickslip_ros.library.compile_ahead import warm_up
     from stickslip_ros.library.derivatives import Sensitivities, StepLengths, sensitivities
     from stickslip_ros.library.exchange import control_system, mujoco_model, write_fmu
-    from stickslip_ros.library.grid import SweepError
     from stickslip_ros.library.measurements import (
         analyse,
         compare,
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from stickslip_ros.library.prediction import Prediction, PredictionError, predict
     from stickslip_ros.library.run import SimulatedRun, simulate
     from stickslip_ros.library.state_space import StateSpace, linearise
+    from stickslip_ros.library.sweep_plan import SweepError
     from stickslip_ros.library.sweep_result import SweepResult, sweep
     from stickslip_ros.library.waveform_search import (
         ElongatedStep,

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import report_compilation
-from stickslip_ros.library.grid import ListedAxis
 from stickslip_ros.library.sweep_metrics import METRICS
-from stickslip_ros.library.sweep_plan import Sweep
+from stickslip_ros.library.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import regime_now, run_steps, trace_steps
 

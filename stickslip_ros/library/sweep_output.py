@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.files import writing
-from stickslip_ros.library.grid import SweepError
-from stickslip_ros.library.sweep_plan import Sweep
+from stickslip_ros.library.sweep_plan import Sweep, SweepError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.version import __version__
 

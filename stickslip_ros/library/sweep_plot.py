@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stickslip_ros.library.grid import SweepAxis
 from stickslip_ros.library.sweep_metrics import METRICS
-from stickslip_ros.library.sweep_plan import Sweep
+from stickslip_ros.library.sweep_plan import Sweep, SweepAxis
 from stickslip_ros.reporting.picture import COLUMN, LOOKS
 
 #: Units as they are read easily: factor and name.

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import plain_until_compiled, report_compilation
-from stickslip_ros.library.grid import ListedAxis, SweepError
 from stickslip_ros.library.left_out import left_out
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_output import heading
-from stickslip_ros.library.sweep_plan import Sweep, results, threads
+from stickslip_ros.library.sweep_plan import ListedAxis, Sweep, SweepError, results, threads
 from stickslip_ros.parameters import Parameters, ParameterSource
 from stickslip_ros.reporting import axes_or_new, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import frame

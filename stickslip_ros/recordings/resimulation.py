@@ -19,13 +19,14 @@ from stickslip_ros.axis.events import Event, event_texts, is_set_point
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
-from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings.cdr import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import (
     SET_POINT_TOPICS,
     RecordedRun,
     Sample,
+    contacts_of,
+    joints_of,
     recorded_runs,
     recorded_states,
 )
@@ -180,24 +181,14 @@ def _again(
 
 def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
     """Return field, index and value for all that a message says of the axis."""
-    state = axis.state
-    if sample.topic == run.contact_topic:
-        name = f"{run.axis_name}{CONTACT}"
-        rows: dict[str, tuple[float, ...]] = {name: (state.z, state.w, state.force)}
-        for k, z in enumerate(axis.simulation.deflections.tolist(), 1):
-            rows[f"{name}_{k}"] = z, state.w  # of several contacts, without a force
-    else:
-        rows = {
-            f"{run.axis_name}{SLIDER}": (state.x, state.v, -state.force),
-            f"{run.axis_name}{PIEZO}": (state.u, state.rate, state.force),
-        }
+    rows = (contacts_of if sample.topic == run.contact_topic else joints_of)(axis)
     names = list(sample.message.name)
     return [
         (name, names.index(joint), value)
-        for joint, values in rows.items()
-        if joint in names
-        for name, value in zip(_UNITS, values, strict=False)
-        if len(getattr(sample.message, name))
+        for end, *values in rows
+        if (joint := f"{run.axis_name}{end}") in names
+        for name, value in zip(_UNITS, values, strict=True)
+        if value is not None and len(getattr(sample.message, name))
     ]
 
 

@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpack_set_points
 from stickslip_ros.axis.resimulation import NotRepeatable
-from stickslip_ros.parameters.groups import CONTACT, SLIDER
+from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     decode_messages,
@@ -21,6 +22,31 @@ from stickslip_ros.recordings.cdr import (
 )
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.reader import BagReader
+
+#: Of each joint in a state message: the end of its name, position, velocity, effort (None: unknown)
+Joints = Sequence[tuple[str, float, float, float | None]]
+
+
+def joints_of(axis: Axis) -> Joints:
+    """Return slider and piezo; the friction force on the slider is -F, on the piezo +F."""
+    state = axis.state
+    return (
+        (SLIDER, state.x, state.v, -state.force),
+        (PIEZO, state.u, state.rate, state.force),
+    )
+
+
+def contacts_of(axis: Axis) -> Joints:
+    """Return deflection and differential velocity of the contact, and the friction force.
+
+    Of several contacts that is their mean, and the whole force; the deflections of each follow.
+    """
+    state = axis.state
+    each = axis.simulation.deflections.tolist() if axis.parameters.friction.contacts > 1 else ()
+    return (
+        (CONTACT, state.z, state.w, state.force),
+        *((f"{CONTACT}_{k}", z, state.w, None) for k, z in enumerate(each, 1)),
+    )
 
 
 class Sample(NamedTuple):

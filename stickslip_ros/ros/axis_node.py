@@ -16,6 +16,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.command import Command
@@ -36,9 +37,9 @@ from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode, NoAnswer
 from stickslip_ros.ros.messages import (
     NoSetPoint,
-    StateMessages,
     diagnostic_array,
     event_status,
+    fill_joints,
     message_class,
     message_of,
     publisher_of,
@@ -83,7 +84,6 @@ class AxisNode(GuardedNode):
         self._published = ("", False, -1.0)
         self.is_read = True  #: somebody subscribed to a state when one was published last
         self._doubles = 0  # others that publish the events of an axis of this name
-        self._messages = StateMessages(values.node.axis_name, values.friction.contacts)
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
         self._sim_loop = sim_loop or SimLoop(self, values.node, stop_requested)
@@ -96,6 +96,7 @@ class AxisNode(GuardedNode):
             for topic in OUTPUTS.values()
             if not topic.of_process
         }
+        self._states = {topic: JointState() for topic in OUTPUTS.values() if topic.joints}
         self._set_points: list[Event] = []  # that are not in the log yet
         self._readers = 0  # of set points
         self._nan_set_points = 0
@@ -177,19 +178,13 @@ class AxisNode(GuardedNode):
     def publish_state(self) -> None:
         """Publish the present state to those who subscribe, and the events before it."""
         # Messages for nobody cost half of a fast axis.
-        states = (topics.JOINTS, topics.RUNNER, topics.CONTACT)
-        read = [one for one in states if self._outputs[one.name].get_subscription_count()]
+        read = [one for one in self._states if self._outputs[one.name].get_subscription_count()]
         self.is_read = bool(read)
-        messages, state = self._messages, self.axis.state
+        name, now = self.axis.parameters.node.axis_name, self._sim_loop.stamp()
         for topic in read:
-            now = self._sim_loop.stamp()
-            if topic is topics.JOINTS:
-                self.publish(topic, messages.joints(state, now))
-            elif topic is topics.RUNNER:
-                self.publish(topic, messages.runner(state, self.axis.config.offset, now))
-            else:
-                each = self.axis.simulation.deflections.tolist()
-                self.publish(topic, messages.contact(state, each, now))
+            assert topic.joints
+            joints = topic.joints(self.axis)
+            self.publish(topic, fill_joints(self._states[topic], now, name, joints))
         self.publish_events()
 
     def report(self) -> None:

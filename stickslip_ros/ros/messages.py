@@ -26,10 +26,9 @@ from stickslip_ros.axis import Event
 from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings import definition_from_fields
+from stickslip_ros.recordings.runs import Joints
 from stickslip_ros.ros.topics import OutputTopic
-from stickslip_ros.solver import State
 
 #: Size of the message of a command: room for the longest trajectory that an axis takes
 MOST_BYTES = 1_000_000
@@ -41,46 +40,14 @@ def stamp(nanoseconds: int) -> Time:
     return Time(sec=seconds, nanosec=rest)
 
 
-class StateMessages:
-    """The state messages of an axis; filled anew each time, which costs less than new ones."""
-
-    def __init__(self, axis_name: str, contacts: int) -> None:
-        """Name the joints after the axis; several contacts have numbers."""
-        self._joints = JointState(name=[f"{axis_name}{SLIDER}", f"{axis_name}{PIEZO}"])
-        self._runner = JointState(name=[f"{axis_name}{SLIDER}"])
-        each = [f"{axis_name}{CONTACT}_{k + 1}" for k in range(contacts if contacts > 1 else 0)]
-        self._contact = JointState(name=[f"{axis_name}{CONTACT}", *each])
-
-    def joints(self, state: State, time: Time) -> JointState:
-        """Return slider and piezo; the friction force on the slider is -F, on the piezo +F."""
-        forces = [-state.force, state.force]
-        return _filled(self._joints, time, [state.x, state.u], [state.v, state.rate], forces)
-
-    def runner(self, state: State, offset: float, time: Time) -> JointState:
-        """Return the runner alone; its position counts from offset (m) on."""
-        return _filled(self._runner, time, [state.x - offset], [state.v], [-state.force])
-
-    def contact(self, state: State, each: list[float], time: Time) -> JointState:
-        """Return deflection and differential velocity of the contact, and the friction force.
-
-        Of several contacts that is their mean, and the whole force; the deflections of each follow,
-        without a force: nan.
-        """
-        z, force = [state.z], [state.force]
-        if len(self._contact.name) > 1:
-            z, force = z + each, force + [math.nan] * len(each)
-        return _filled(self._contact, time, z, [state.w] * len(z), force)
-
-
-def _filled(
-    message: JointState,
-    time: Time,
-    position: list[float],
-    velocity: list[float],
-    effort: list[float],
-) -> JointState:
+def fill_joints(message: JointState, time: Time, axis_name: str, joints: Joints) -> JointState:
+    """Fill the state message of an axis; filling one anew costs less than making another."""
+    if not message.name:
+        message.name = [f"{axis_name}{end}" for end, *_ in joints]
+    _, positions, velocities, efforts = zip(*joints, strict=True)
     message.header.stamp = time
-    message.position, message.velocity, message.effort = position, velocity, effort
+    message.position, message.velocity = positions, velocities
+    message.effort = [math.nan if effort is None else effort for effort in efforts]
     return message
 
 

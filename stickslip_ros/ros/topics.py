@@ -2,16 +2,19 @@
 """Every topic that an axis publishes, each defined once: name, type, QoS, content.
 
 The node, the recorder and the tests of the layouts read this table; `python docs/tables.py` writes
-it into the page docs/node.md and the policy for SROS 2. A new topic is one more line of it, and a
-call of the node's `publish`.
+it into the page docs/node.md and the policy for SROS 2. A new topic that is published with every
+state is one more line of it; others also need a call of the node's `publish`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from stickslip_ros.axis import Axis
 from stickslip_ros.axis.command import FLOAT64, JOINT_STATE, TRAJECTORY
 from stickslip_ros.recordings.cdr import STATUS_TYPE as STATUSES
+from stickslip_ros.recordings.runs import Joints, contacts_of, joints_of
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class OutputTopic:
     kept: int = 0  #: messages that those get who come late; 0: none
     depth: int = 10  #: messages that may wait for a slow reader
     of_process: bool = False  #: published once, whatever the number of axes
+    joints: Callable[[Axis], Joints] | None = None  #: of a JointState published with every state
 
     def full_name(self, node: str) -> str:
         """Return the name for a node of this full name."""
@@ -57,17 +61,22 @@ JOINTS = OutputTopic(
     JOINT_STATE,
     "`<axis_name>_slider`: position, velocity, friction force; `<axis_name>_piezo`; this and the "
     "next two only while somebody subscribes",
+    joints=joints_of,
 )
 RUNNER = OutputTopic(
     "~/joint_states",
     JOINT_STATE,
     "`<axis_name>_slider` alone, relative to the zero that was set",
+    joints=lambda axis: [
+        (end, x - axis.config.offset, v, force) for end, x, v, force in joints_of(axis)[:1]
+    ],
 )
 CONTACT = OutputTopic(
     "~/contact",
     JOINT_STATE,
     "`<axis_name>_contact`: asperity deflection, differential velocity, friction force; of several "
     "contacts that is the mean, and `<axis_name>_contact_1` .. have the deflection of each",
+    joints=contacts_of,
 )
 DIAGNOSTICS = OutputTopic("/diagnostics", STATUSES, "once a second: `axis`, `friction`, `timing`")
 CLOCK = OutputTopic(

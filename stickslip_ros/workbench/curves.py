@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.library.grid import ListedAxis
 from stickslip_ros.library.left_out import OF_A_CYCLE, left_out
-from stickslip_ros.library.sweep_plan import Sweep
+from stickslip_ros.library.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.compared import PHASES
 from stickslip_ros.parameters import Parameters

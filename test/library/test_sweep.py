@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from table_1 import table_1
 
 from stickslip_ros.library import operating_points
-from stickslip_ros.library.grid import GridAxis, SweepError
 from stickslip_ros.library.operating_points import (
     batch_of,
     crossings,
@@ -24,7 +23,7 @@ from stickslip_ros.library.operating_points import (
 )
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_output import SweepSummary, SweepTable, write_header, write_rows
-from stickslip_ros.library.sweep_plan import Sweep, part_size, results
+from stickslip_ros.library.sweep_plan import GridAxis, Sweep, SweepError, part_size, results
 from stickslip_ros.library.sweep_plot import picture_of_sweep
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.model.waveforms import drives_of

@@ -13,13 +13,15 @@ from heard import Heard, stamp, values
 from live import MakeAxis, Ros, Start
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 from table_1 import table_1
 
+from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.recordings.runs import contacts_of
 from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.messages import StateMessages
-from stickslip_ros.solver import State
+from stickslip_ros.ros.messages import fill_joints
 from stickslip_ros.traces import run_steps
 
 CRASH = ("Traceback", "Error", "terminate called", "Exception", "core dumped", "Segmentation")
@@ -74,11 +76,15 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
 
 
 def test_each_of_several_contacts_has_its_deflection() -> None:
-    now = State(t=0.0, x=0.0, v=3.0, z=2e-9, u=0.0, rate=1.0, force=0.5)
-    message = StateMessages("lens", 2).contact(now, [1e-9, 3e-9], Time())
+    axis = Axis({"contacts": 2, "contact_spread": 0.1, "frequency": 1000.0})
+    axis.command_steps(4)
+    axis.advance(2.3e-3)
+    first, *each = contacts_of(axis)
+    message = fill_joints(JointState(), Time(), "lens", [first, *each])
     assert message.name == ["lens_contact", "lens_contact_1", "lens_contact_2"]
-    assert list(message.position) == [2e-9, 1e-9, 3e-9] and list(message.velocity) == [2.0] * 3
-    assert message.effort[0] == 0.5 and math.isnan(message.effort[2])
+    assert message.position[0] == axis.state.z and message.position[1] != message.position[2]
+    assert list(message.velocity) == [axis.state.w] * 3
+    assert message.effort[0] == axis.state.force and math.isnan(message.effort[2])
 
 
 NUMBER_KEYS = {

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.watch import sparkline
+from stickslip_ros.cli.running_axis import sparkline
 from stickslip_ros.parameters.row import read_quantity
 
 pytest.importorskip("rclpy")
