@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch files: who is started, with what, and what waits until the axes are ready."""
+"""Launch files; nodes without a home, with few descriptors, with a clock that is set."""
 
 import runpy
 import sys
@@ -9,9 +9,14 @@ from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
+from child import run
 from lifecycle_msgs.msg import TransitionEvent
 from live import Ros, Start
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Int32
+
+from stickslip_ros.recordings import open_bag
+from stickslip_ros.ros.recording import UnsetClock
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 # The launch system is not among the ROS wheels.
@@ -149,3 +154,64 @@ def test_readiness_reaches_those_who_come_late_with_any_durability(
         node.create_subscription(TransitionEvent, topic, heard[name].append, qos)
     ros.wait_until(lambda: all(heard.values()), "both hear that the axis is ready")
     assert {one.goal_state.label for each in heard.values() for one in each} == {"active"}
+
+
+DAY = 86_400 * 10**9
+
+
+def test_without_a_home_it_says_where_the_log_can_go(
+    start_node: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    monkeypatch.delenv("ROS_LOG_DIR")
+    recorder = start_node("recorder_node", output="run")
+    assert recorder.wait() == 2
+    assert "; set ROS_LOG_DIR to a folder that you may write to" in recorder.output
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
+    recorder = [sys.executable, "-m", "stickslip_ros.ros.recorder_node"]
+    done = run("sh", "-c", 'ulimit -n "$0"; exec "$@"', "8", *recorder, cwd=tmp_path)
+    assert done.returncode == 2
+    assert "Too many open files; close other files or raise the limit" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.glob("stickslip_*"))
+
+
+def test_of_two_recorders_on_one_output_one_is_refused(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    recorders = [start_node("recorder_node", output="run", topics="[/n]") for _ in range(2)]
+    ros.wait_until(lambda: not all(one.running for one in recorders), "the end of one")
+    kept, refused = sorted(recorders, key=lambda one: not one.running)
+    assert refused.wait() == 2
+    assert "run exists already; name another one" in refused.output
+    kept.wait_for("recording /n")
+    ros.send(ros.node().create_publisher(Int32, "/n", 10), Int32(data=7))
+    assert kept.interrupt() == 0
+    with open_bag(tmp_path / "run") as bag:
+        assert bag.message_count == 1
+
+
+def test_a_clock_that_is_set_leaves_the_order_of_times() -> None:
+    now = {"wall": 10 * DAY, "steady": DAY}
+    clock = UnsetClock(lambda: now["wall"], lambda: now["steady"])
+
+    def later(ns: int, set_by: int = 0) -> None:
+        now["steady"] += ns
+        now["wall"] += ns + set_by
+
+    later(1000)
+    assert clock.time_of(now["wall"] - 10) == 10 * DAY + 990
+    later(1000, set_by=-2 * DAY)
+    before_it_was_set = 10 * DAY + 1500  # of a message that waited meanwhile
+    assert clock.time_of(before_it_was_set) == before_it_was_set
+    assert clock.time_of(now["wall"]) == 10 * DAY + 2000
+    assert clock.time_of(before_it_was_set) == before_it_was_set
+    assert clock.set_by == -2 * DAY
+    later(1000, set_by=500_000_000)  # trimmed
+    assert clock.time_of(now["wall"]) == 10 * DAY + 500_003_000
+    later(1000, set_by=2 * DAY - 500_000_000)
+    assert clock.time_of(now["wall"]) == 10 * DAY + 4000
+    assert clock.set_by == 0

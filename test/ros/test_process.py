@@ -1,15 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a node runs as a process: its usage, what a long run leaves behind, a test that is killed."""
+"""How nodes run: as a process, in a child process, in a thread that spins them."""
 
+import subprocess
+import sys
+import time
 from collections.abc import Callable
+from pathlib import Path
+from statistics import median
 from typing import Any
 
 import pytest
 from child import python
+from live import Ros
+from rclpy.event_handler import EventHandler
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.task import Future
+from std_msgs.msg import Int32
+from std_srvs.srv import Trigger
 
+from stickslip_ros.ros import child_process
+from stickslip_ros.ros.child_process import ChildError, ChildProcess
 from stickslip_ros.ros.process import DONE, run
+from stickslip_ros.ros.spin_thread import SpinThread
 
 
 class CountingFuture(Future):
@@ -69,3 +82,81 @@ def test_every_node_prints_its_usage() -> None:
         assert (said.returncode, said.stderr) == (0, "")
         assert said.stdout.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
         assert f"\n  {parameter} " in said.stdout
+
+
+@pytest.mark.parametrize(
+    ("program", "complaint"),
+    [
+        ("import time; time.sleep(60)", "node did not end: last words"),
+        ("raise SystemExit(1)", "node failed: last words"),
+    ],
+)
+def test_a_process_that_does_not_end_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, complaint: str
+) -> None:
+    monkeypatch.setattr(child_process, "_TIMEOUT", 1.0)
+    log = tmp_path / "log"
+    log.write_text("last words\n")
+    child = subprocess.Popen([sys.executable, "-c", program])
+    try:
+        with pytest.raises(ChildError, match=complaint):
+            ChildProcess("node", log, child).ended()
+    finally:
+        child.kill()
+        child.wait()
+
+
+def test_what_another_thread_destroys_does_not_end_it(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may do so when the executor has begun to wait for it: a client that is closed, too."""
+    genuine = EventHandler.add_to_wait_set
+    node = ros.node()
+    doomed: list[Publisher] = []
+
+    def add_late(handler: EventHandler, wait_set: object) -> None:
+        if doomed:
+            node.destroy_publisher(doomed.pop())
+        genuine(handler, wait_set)
+
+    monkeypatch.setattr(EventHandler, "add_to_wait_set", add_late)
+    for _ in range(10):
+        doomed.append(node.create_publisher(Int32, "~/numbers", 10))
+        node.create_timer(1e-3, lambda: None)  # wakes the executor
+        ros.wait_until(lambda: not doomed, "the destruction")
+    ticks: list[int] = []
+    node.create_timer(1e-3, lambda: ticks.append(1))
+    ros.wait_until(lambda: ticks, "a tick")
+
+
+def test_a_callback_that_raises_does_not_end_it(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It is told, with where it happened."""
+    node = ros.node()
+
+    def fail(_: Int32) -> None:
+        raise ZeroDivisionError("of the user")
+
+    node.create_subscription(Int32, "~/numbers", fail, 10)
+    node.create_service(Trigger, "~/call", lambda _, answer: answer)
+    publisher = ros.publisher(node, Int32, "~/numbers")
+    ros.send(publisher, Int32(data=1))
+    for _ in range(3):
+        ros.call(node, Trigger, "/test_node/call", Trigger.Request())
+    said = capfd.readouterr().err
+    assert "ZeroDivisionError: of the user" in said
+    assert "in fail" in said
+
+
+def test_it_ends_as_soon_as_it_is_asked(ros_domain: int) -> None:
+    """It waited for the end of the executor's round, a second."""
+    took = []
+    for _ in range(5):
+        spin = SpinThread("spin", ros_domain)
+        spin.add(Node("node", context=spin.context))
+        time.sleep(0.1)
+        begin = time.monotonic()
+        spin.close()
+        took.append(time.monotonic() - begin)
+    assert median(took) < 0.3, took

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
-from test_layouts import CONFIG, panels_of, plotjuggler_names
+from test_documentation import CONFIG, panels_of, plotjuggler_names
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis
