@@ -91,29 +91,31 @@ def run_send(args: argparse.Namespace) -> int:
         raise UsageError(
             "a jog does not end: leave out --wait, and stop it by: stickslip send stop"
         )
-    with require_ros():
-        from stickslip_ros.client import AxisClient, AxisFault
-
-    try:
-        with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
-            axis.send(command.name, *arguments)
-            if args.wait is not None:
-                with progress_bar(0, f"{args.axis}: {args.name}"):
+    with contextlib.ExitStack() as waiting:
+        if args.wait is not None:  # from here on: ROS takes seconds to load and to find the axis
+            waiting.enter_context(progress_bar(0, f"{args.axis}: {args.name}"))
+        with require_ros():
+            from stickslip_ros.client import AxisClient, AxisFault
+        try:
+            with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
+                axis.send(command.name, *arguments)
+                if args.wait is not None:
                     axis.wait(args.wait)
-            elif ends:
-                with contextlib.suppress(TimeoutError, AxisFault):
-                    axis.wait(_CYCLE)
-            last = ", it ends with its cycle" if ends and axis.moving else ""
-            print(f"{_setting(command, axis)}{axis.summary}, at {place_of(axis)}{last}")
-            if args.wait is not None and axis.ended_by:
-                raise CommandRefused(
-                    f"{command.name} was ended by another command: {axis.ended_by}"
-                )
-    except (CommandRefused, AxisFault) as error:
-        print(f"stickslip send: {error}", file=sys.stderr)
-        return _REFUSED
-    except (TimeoutError, ValueError) as error:
-        raise UsageError(str(error)) from None
+                elif ends:
+                    with contextlib.suppress(TimeoutError, AxisFault):
+                        axis.wait(_CYCLE)
+                waiting.close()
+                last = ", it ends with its cycle" if ends and axis.moving else ""
+                print(f"{_setting(command, axis)}{axis.summary}, at {place_of(axis)}{last}")
+                if args.wait is not None and axis.ended_by:
+                    raise CommandRefused(
+                        f"{command.name} was ended by another command: {axis.ended_by}"
+                    )
+        except (CommandRefused, AxisFault) as error:
+            print(f"stickslip send: {error}", file=sys.stderr)
+            return _REFUSED
+        except (TimeoutError, ValueError) as error:
+            raise UsageError(str(error)) from None
     return _OK
 
 

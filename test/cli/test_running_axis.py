@@ -52,12 +52,23 @@ def test_a_recorder_that_is_waited_for_has_the_command(
 
 
 @pytest.mark.usefixtures("ros_domain")
-@pytest.mark.parametrize("command", [["send", "stop"], ["watch"]])
+@pytest.mark.parametrize(
+    ("command", "first"),
+    [("send stop --timeout 0.5", ""), ("watch --timeout 0.5", ""),
+     ("send stop --timeout 0.5 --wait", "/stickslip_axis: stop ...\n")],
+)  # fmt: skip
 def test_an_axis_that_is_not_there_is_said_to_be_missing(
-    command: list[str], capsys: pytest.CaptureFixture[str]
+    command: str,
+    first: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert main([*command, "--timeout", "0.5"]) == 2
-    assert "no axis answers at /stickslip_axis" in capsys.readouterr().err
+    """Whoever waits hears soon what for."""
+    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.01)
+    assert main(command.split()) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"{first}stickslip ")
+    assert "no axis answers at /stickslip_axis" in said
 
 
 @pytest.mark.usefixtures("axis")
