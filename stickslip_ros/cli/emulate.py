@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 #: Time (s) between two looks at the axes, on a terminal and in a pipe.
 _LIVE, _LINES = 0.1, 1.0
+_HEADS = "axis", "state", "position", "steps", "drive"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,6 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--host", "HOST", text, default="127.0.0.1")
     option(parser, "--axes", "NAMES", "names of the axes (default: x,y,z; x where there is one)")
     flag(parser, "--watch", "show where the axes are, live on a terminal, as lines in a pipe")
+    flag(parser, "--page", "show them on a page of this machine; its address is printed")
     add_parameters(parser)
 
 
@@ -58,7 +60,9 @@ def run(args: argparse.Namespace) -> int:
     with report_compilation():
         own.begin()
     watched = axes if args.watch else []
-    with contextlib.suppress(KeyboardInterrupt):  # the usual end
+    with contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:  # the usual end
+        if args.page:
+            print(f"the axes are shown at {_show(stack, names, axes)}", flush=True)
         asyncio.run(
             _serve(Server(controller, own.run), args.host, port, args.controller, names, watched)
         )
@@ -86,6 +90,18 @@ async def _serve(
         await server.close()
 
 
+def _show(stack: contextlib.ExitStack, names: Sequence[str], axes: Sequence[Axis]) -> str:
+    """Serve a page with the axes until the stack is closed; return its address."""
+    from threading import Thread
+
+    from stickslip_ros.workbench.server import AxesPanel, WorkbenchServer
+
+    server = stack.enter_context(WorkbenchServer(AxesPanel(_HEADS, lambda: _rows(names, axes))))
+    Thread(target=server.serve_forever, args=(_LIVE,), daemon=True).start()
+    stack.callback(server.shutdown)
+    return server.address
+
+
 async def _watch(names: Sequence[str], axes: Sequence[Axis]) -> None:
     """Show the axes until it is cancelled; none are watched where axes is empty."""
     if not axes:
@@ -107,10 +123,17 @@ def _table(names: Sequence[str], axes: Sequence[Axis]) -> Table:
     from rich import box
     from rich.table import Table
 
-    table = Table("axis", "state", "position", "steps", "drive", box=box.SIMPLE)
-    for name, axis in zip(names, axes, strict=True):
-        status = axis.status
-        drive = f"{status.amplitude:g} V, {status.frequency:g} Hz"
-        place, steps = format_si(axis.state.x, "m", 6), str(status.step_count)
-        table.add_row(name, axis.mode, place, steps, drive)
+    table = Table(*_HEADS, box=box.SIMPLE)
+    for row in _rows(names, axes):
+        table.add_row(*row)
     return table
+
+
+def _rows(names: Sequence[str], axes: Sequence[Axis]) -> list[tuple[str, ...]]:
+    """Return a row for each axis, with the columns of `_HEADS`."""
+    rows = []
+    for name, axis in zip(names, axes, strict=True):
+        status, place = axis.status, format_si(axis.state.x, "m", 6)
+        drive = f"{status.amplitude:g} V, {status.frequency:g} Hz"
+        rows.append((name, axis.mode, place, str(status.step_count), drive))
+    return rows

@@ -13,7 +13,7 @@ import re
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -81,6 +81,19 @@ class TwinPanel(Panel):
     def html(self) -> str:
         """Return the page."""
         return twin_page(self._story, live=True).html("stickslip twin --page")
+
+
+class AxesPanel(Panel):
+    """Where simulated axes are, anew each second."""
+
+    def __init__(self, heads: Sequence[str], rows: Callable[[], Sequence[Sequence[str]]]) -> None:
+        """Show a table with these heads, and the rows as they are when it is asked for."""
+        super().__init__({})
+        self._heads, self._rows = heads, rows
+
+    def html(self) -> str:
+        """Return the page."""
+        return page("axes.html", heads=self._heads, rows=self._rows())
 
 
 class Workbench(Panel):

@@ -9,6 +9,7 @@ import struct
 import subprocess
 import sys
 import threading
+import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -175,9 +176,12 @@ def test_the_command_says_where_it_listens_and_ends_with_0(
 
 
 def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> None:
-    process = start("scu", "--port", "0", "--axes", "a", "--watch", "--set", "gain=5e-9")
-    port = port_of(process)
+    process = start("scu", "--port", "0", "--axes", "a", "--watch", "--page", "--set", "gain=5e-9")
     assert process.stdout
+    *_, address = process.stdout.readline().split()
+    port = port_of(process)
+    with urllib.request.urlopen(address, timeout=20.0) as answer:
+        assert "<td>a</td><td>stopped</td><td>0 nm</td><td>0</td>" in answer.read().decode()
     assert process.stdout.readline() == "a,stopped,0,0\n"
     with socket.create_connection(("127.0.0.1", port), 20.0) as client:
         client.sendall(b":U0F1000A1000S20\n")
