@@ -131,7 +131,7 @@ def _table(names: Sequence[str], axes: Sequence[Axis]) -> Table:
 
 def _rows(names: Sequence[str], axes: Sequence[Axis]) -> list[tuple[str, ...]]:
     """Return a row for each axis, with the columns of `_HEADS`."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, axis in zip(names, axes, strict=True):
         status, place = axis.status, format_si(axis.state.x, "m", 6)
         drive = f"{status.amplitude:g} V, {status.frequency:g} Hz"
