@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from stickslip_ros.cli.measurement_options import (
 from stickslip_ros.cli.options import flag, option, quantity
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
 from stickslip_ros.errors import UsageError
+from stickslip_ros.reporting.terminal import nanometres
 
 if TYPE_CHECKING:
     from stickslip_ros.reporting.page import ResultPage
@@ -59,7 +61,6 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
-    from stickslip_ros.pages.texts import analysis_text
     from stickslip_ros.traces import TraceError
 
     check_outputs(args)
@@ -82,6 +83,21 @@ def run(args: argparse.Namespace) -> int:
         (["run", *_COLUMNS.values()], rows), page=lambda: _page(motion, seen),
     )  # fmt: skip
     return 0 if _as_given(args, seen) and say_doubts(args.trace, seen.runs) else 1
+
+
+def analysis_text(runs: Sequence[Run], found: Run) -> str:
+    """Return a line for each run, and the report of one, which is named if there are more."""
+    lines = []
+    for run in runs:
+        way = "forward" if run.direction > 0 else "backward"
+        doubt = "" if run.determined else ", not determined"
+        size = nanometres(run.step_size, run.step_size_error)
+        lines.append(
+            f"{run.steps} steps {way} at {run.frequency:.5g} Hz, {run.span}{doubt}: "
+            f"a step is {size}, from cycles {run.first_cycle + 1} to {run.steps}"
+        )
+    named = [f"of the {found.steps} steps from {found.span}:"] if len(runs) > 1 else []
+    return "\n".join([*lines, *named, found.report()])
 
 
 def _as_given(args: argparse.Namespace, seen: Findings) -> bool:

@@ -62,7 +62,6 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.measurement import Fits, compare, judge
     from stickslip_ros.pages.compared import comparison_page
-    from stickslip_ros.pages.texts import comparison_text
 
     given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
     allowed = {name: value for name, value in given.items() if value is not None}
@@ -76,19 +75,21 @@ def run(args: argparse.Namespace) -> int:
     say_doubts(measurement.source, runs or [])
     judgements = judge(found, allowed)
     title = f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"
-    heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
-    names = ("name", *heading[1:])
-    rows = [[getattr(metric, name) for name in names] for metric in found.metrics]
     shown = found, judgements, simulation
     put_out(
-        args, _content(*shown), lambda: comparison_text(found, judgements), title,
-        (heading, rows), page=lambda: comparison_page(*shown),
+        args, _content(*shown), lambda: _text(found, judgements), title,
+        found.table, page=lambda: comparison_page(*shown),
     )  # fmt: skip
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
         who = style_text("stickslip compare:", "bold red", sys.stderr)
         print(f"{who} {judgement}", file=sys.stderr)
     return 1 if exceeded else 0
+
+
+def _text(found: Comparison, judgements: Sequence[Judgement]) -> str:
+    words = style_text("EXCEEDED", "bold red"), style_text("kept", "green")
+    return "\n".join([found.report(), *(f"{words[one.kept]}: {one}" for one in judgements)])
 
 
 def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] | None]:

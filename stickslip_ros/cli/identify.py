@@ -75,7 +75,6 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.identification import RANKED_LAWS, Prior, identify, read_curve
     from stickslip_ros.measurement.load_motion import is_parameter_file
     from stickslip_ros.pages.fitted import fit_page
-    from stickslip_ros.pages.texts import fit_remarks, fit_sources
 
     check_outputs(args, args.out)
     bounds = _pairs(args.bounds, "--bounds", "LOW:HIGH")
@@ -111,11 +110,11 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     if args.out:
         given = read_values(config_file((args.runs or args.curves)[0][0]), PARAMETERS)
-        write_text(args.out, fit_remarks(found) + yaml_text(found.base, given))
+        write_text(args.out, found.comments() + yaml_text(found.base, given))
     heading = ("parameter", "unit", "value", "low 95 %", "high 95 %")
     rows = [(name, p.unit, p.value, p.low, p.high) for name, p in found.parameters.items()]
     put_out(
-        args, found.as_json(), found.report, ", ".join(fit_sources(found)), (heading, rows),
+        args, found.as_json(), found.report, ", ".join(found.sources), (heading, rows),
         page=lambda: fit_page(found),
     )  # fmt: skip
     if not found.complete:

@@ -184,6 +184,11 @@ class Fit:
     complete: bool = True  #: False if it was interrupted: the best so far, without intervals
 
     @property
+    def sources(self) -> list[str]:
+        """Names of the measurements."""
+        return [one.source for one in (*self.runs, *self.curves)]
+
+    @property
     def noise(self) -> float | None:
         """Standard deviation of one sample (m), root mean square over the runs, None without."""
         return _mean_square([run.noise for run in self.runs])
@@ -225,6 +230,21 @@ class Fit:
             tuple(one.high or one.value * FREE.determined for one in found),
             tuple(tuple(self.correlations[a.name][b.name] for b in found) for a in found),
         )
+
+    def comments(self) -> str:
+        """Return the comments at the top of a fitted file."""
+        lines = [f"identified from {', '.join(self.sources)}; 95 % intervals, SI units"]
+        if not self.complete:
+            lines = ["INTERRUPTED: the best so far, not the result of an identification"]
+        for name, one in self.parameters.items():
+            low, high = (("-" if end is None else f"{end:.4g}") for end in (one.low, one.high))
+            lines.append(f"{name}: {one.value:.5g} {one.unit}, from {low} to {high}")
+        lines += self.unknown
+        if self.ensemble:
+            lines.append(self.ensemble.comment())
+        if self.misfit:
+            lines.append(f"MISFIT: {self.misfit.text}")
+        return "".join(f"# {line}\n" for line in lines)
 
     def report(self) -> str:
         """Return values, intervals, measurements and undetermined parameters as text."""

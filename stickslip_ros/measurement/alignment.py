@@ -76,7 +76,9 @@ def align(
     """
     search = ClockSearch(pair, fits, run_steps, measured_steps)
     start = pair.unaligned
-    return search.sensor(search.clock(start, begun) if fits.offset else search.checked(start))
+    return search.fit_sensor(
+        search.fit_clock(start, begun) if fits.offset else search.check_overlap(start)
+    )
 
 
 def align_starts(pair: MotionPair, measured: Sequence[Run]) -> Alignment | None:
@@ -122,7 +124,7 @@ class ClockSearch:
     run_steps: Run | None
     measured_steps: Run | None
 
-    def checked(self, found: Alignment) -> Alignment:
+    def check_overlap(self, found: Alignment) -> Alignment:
         """Return an alignment itself. Raises ComparisonError if it brings too little together."""
         pair = self.pair
         apart = pair.overlap(found) < SETTINGS.overlap * pair.shorter
@@ -134,19 +136,19 @@ class ClockSearch:
             )
         return found
 
-    def clock(self, start: Alignment, begun: Alignment | None) -> Alignment:
+    def fit_clock(self, start: Alignment, begun: Alignment | None) -> Alignment:
         """Return the alignment with offset and drift of the clock. Raises ComparisonError."""
         steps = self.run_steps
-        found = self.checked(begun or self._coarse(start))
+        found = self.check_overlap(begun or self._correlate(start))
         near = max(self.pair.spacing, self.pair.longer / SETTINGS.grid)
         found = self.best_near(found, SETTINGS.near * near, SETTINGS.near_places, steps) or found
         if steps is not None and begun is None:
-            found = self.whole_periods_on(found, steps)
+            found = self.choose_period(found, steps)
         own, other = separate_ringing(steps), separate_ringing(self.measured_steps)
         if steps is None or own is None or other is None:
-            return self.by_velocity(found, steps)
-        found = self._by_onset(found, steps, own, other)
-        exact = self.by_velocity(found, None)
+            return self.fit_velocity(found, steps)
+        found = self._fit_onsets(found, steps, own, other)
+        exact = self.fit_velocity(found, None)
         # Where the run leaves nothing but noise, every sample fixes the clock.
         noise = noise_of(self.pair.measurement.x)
         return exact if self.pair.difference(exact) < SETTINGS.noise_only * noise else found
@@ -166,7 +168,7 @@ class ClockSearch:
         shifts = np.linspace(-reach, reach, places).tolist()
         return self._best([replace(found, offset=found.offset + one) for one in shifts], steps)
 
-    def _coarse(self, start: Alignment) -> Alignment:
+    def _correlate(self, start: Alignment) -> Alignment:
         """Return the candidate of the cross-correlation that leaves the least difference."""
         pair, steps = self.pair, self.run_steps
         spacing = max(pair.spacing, pair.longer / SETTINGS.grid)
@@ -197,7 +199,7 @@ class ClockSearch:
             )
         return found
 
-    def whole_periods_on(self, found: Alignment, steps: Run) -> Alignment:
+    def choose_period(self, found: Alignment, steps: Run) -> Alignment:
         """Return the best of all offsets some periods apart.
 
         Equal steps look alike; of offsets that fit as well, the one with the longest overlap wins.
@@ -220,7 +222,7 @@ class ClockSearch:
             return found
         return replace(good[0], other_offset=good[1].offset if len(good) > 1 else None)
 
-    def _by_onset(self, found: Alignment, steps: Run, own: Ringing, other: Ringing) -> Alignment:
+    def _fit_onsets(self, found: Alignment, steps: Run, own: Ringing, other: Ringing) -> Alignment:
         """Move the clock by how much later the slips begin in the measurement than in the run.
 
         The uncertainty includes the bias that different ringings may cause: a difference in damping
@@ -260,11 +262,11 @@ class ClockSearch:
             offset_error=math.hypot(in_measurement.shift_error, turned, bent, between),
         )
 
-    def by_velocity(self, found: Alignment, steps: Run | None) -> Alignment:
+    def fit_velocity(self, found: Alignment, steps: Run | None) -> Alignment:
         """Move the clock by least squares, the velocity of the run taken for the derivative."""
         drift = self.fits.drift
         for _ in range(SETTINGS.rounds):
-            found = self.sensor(found)
+            found = self.fit_sensor(found)
             pairs = self.pair.judged_at(found)
             rest = (pairs.measured - found.level) / found.gain - pairs.run
             columns = [-pairs.velocity]
@@ -288,7 +290,7 @@ class ClockSearch:
                 break
         return found
 
-    def sensor(self, found: Alignment) -> Alignment:
+    def fit_sensor(self, found: Alignment) -> Alignment:
         """Return the alignment with level and gain over the whole run. Raises ComparisonError."""
         pairs, fits, gain = self.pair.at(found), self.fits, 1.0
         weight = pairs.weights

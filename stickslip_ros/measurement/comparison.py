@@ -27,8 +27,8 @@ from stickslip_ros.measurement.motion_pair import (
     low_pass,
 )
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table, to_json
-from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import style_text
+from stickslip_ros.reporting.tables import Cell, frame
+from stickslip_ros.reporting.terminal import format_rows, style_text
 from stickslip_ros.traces.analysis import runs_of
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
@@ -139,47 +139,52 @@ class Comparison:
             notes.append("each metric is that of the run of steps in which it is worst")
         return notes
 
+    @property
+    def summary(self) -> list[tuple[str, str, str]]:
+        """Name, value and remark of the differences and of what was fitted, as people read them."""
+        place, fits, of_range = self.alignment, self.fits, 100.0 * self.normalised
+        rows = [
+            ("RMSE", format_si(self.rmse, "m"), f"{of_range:.3g} % of the range"),
+            ("RMSE of the steps", format_si(self.step_rmse, "m"), "adds up from step to step"),
+            ("RMSE of the shape", format_si(self.shape_rmse, "m"), "within the cycles"),
+            ("largest difference", format_si(self.largest, "m"),
+             f"at {format_si(self.largest_at, 's', 6)}"),
+            ("sensor noise", format_si(self.noise, "m"), "standard deviation"),
+        ]  # fmt: skip
+        offset = format_si(place.offset, "s", uncertainty=place.offset_error)
+        if fits.offset:
+            rows.append(("clock offset", offset, "time of the measurement less that of the run"))
+        if fits.drift:
+            rows.append(("clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"))
+        if fits.gain:
+            rows.append(("sensor gain", f"{place.gain:.6g}", "fitted"))
+        return rows
+
     def report(self) -> str:
         """Return differences, metrics and how they were determined as text."""
-        place = self.alignment
-        lines = [
-            f"{'RMSE':<18} {format_si(self.rmse, 'm')}, "
-            f"{100.0 * self.normalised:.3g} % of the range",
-            f"{'  of the steps':<18} {format_si(self.step_rmse, 'm')}, adding up from step to step",
-            f"{'  of the shape':<18} {format_si(self.shape_rmse, 'm')}, within the cycles",
-            f"{'largest':<18} {format_si(self.largest, 'm')} "
-            f"at {format_si(self.largest_at, 's', 6)}",
-            f"{'sensor noise':<18} {format_si(self.noise, 'm')}",
-        ]
-        if self.fits.offset:
-            error = format_si(place.offset_error, "s", 2)
-            lines.append(f"{'clock offset':<18} {format_si(place.offset, 's', 7)} ± {error}")
-        if self.fits.drift:
-            lines.append(f"{'clock drift':<18} {1e6 * place.drift:.4g} ppm")
-        if self.fits.gain:
-            lines.append(f"{'sensor gain':<18} {place.gain:.6g}")
-        lines.append(
-            f"\n{'metric':<18} {'run':>12} {'measured':>12} {'difference':>12} {'tolerance':>12}"
-        )
+        rows = [(name, f"{value}, {remark}") for name, value, remark in self.summary]
+        names = ("metric", "run", "measured", "difference", "tolerance")
+        lines = [format_rows(rows, 18), "", "{:<18} {:>12} {:>12} {:>12} {:>12}".format(*names)]
         for metric in self.metrics:
-            if metric.differs is None:
-                lines.append(f"{metric.name:<18} {metric.why_missing or 'not determined'}")
-                continue
-            values = [format_si(value, metric.unit, 5) for value in (metric.run, metric.measured)]
-            values += [
-                format_si(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)
-            ]
-            cells = " ".join(f"{value:>12}" for value in values)
-            word = ("DIFFERS", "bold red") if metric.differs else ("agrees", "green")
-            lines.append(f"{metric.name:<18} {cells}  {style_text(*word)}")
-        lines += ["", *self.notes()]
-        return "\n".join(lines)
+            row = f"{metric.name:<18} {metric.verdict}"
+            if metric.differs is not None:
+                cells = " ".join(f"{text:>12}" for text in metric.texts)
+                word = ("DIFFERS", "bold red") if metric.differs else ("agrees", "green")
+                row = f"{metric.name:<18} {cells}  {style_text(*word)}"
+            lines.append(row)
+        return "\n".join([*lines, "", *self.notes()])
+
+    @property
+    def table(self) -> tuple[tuple[str, ...], list[list[Cell]]]:
+        """Heading and a row for each metric, SI units."""
+        names = ("unit", "run", "measured", "difference", "tolerance", "verdict")
+        rows = [[one.name, *(getattr(one, name) for name in names)] for one in self.metrics]
+        return ("metric", *names), rows
 
     def to_frame(self) -> pandas.DataFrame:
-        """Return a table with one row for each metric, SI units; needs pandas."""
-        names = ("name", "run", "measured", "difference", "tolerance", "unit", "verdict")
-        columns = {name: [getattr(one, name) for one in self.metrics] for name in names}
-        return frame(columns, "metric")
+        """Return `table`, its first column being called name; needs pandas."""
+        (_, *names), rows = self.table
+        return frame(dict(zip(("name", *names), zip(*rows, strict=True), strict=True)), "metric")
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw run and measurement over time into axes of Matplotlib, or new ones; return them."""
@@ -198,20 +203,12 @@ class Comparison:
         )
 
     def _repr_html_(self) -> str:
-        rows = [
-            (
-                metric.name,
-                format_si(metric.run, metric.unit, 5),
-                format_si(metric.measured, metric.unit, 5),
-                format_si(metric.tolerance, metric.unit, 3),
-                metric.verdict,
-            )
-            for metric in self.metrics
-            if metric.differs is not None
-        ]
-        rows.append(("rmse", format_si(self.rmse, "m"), "noise", format_si(self.noise, "m"), ""))
+        rows = [(one.name, *one.texts, one.verdict) for one in self.metrics]
+        rows.append(
+            ("rmse", format_si(self.rmse, "m"), "noise", format_si(self.noise, "m"), "", "")
+        )
         title = f"{self.run.source} and {self.measurement.source}"
-        return html_table(title, rows, ("metric", "run", "measured", "tolerance", ""))
+        return html_table(title, rows, ("metric", "run", "measured", "difference", "tolerance", ""))
 
     def as_json(self) -> dict[str, Any]:
         """Return the results for JSON, SI units, None for unknown values."""

@@ -10,7 +10,7 @@ with its own.
 A value differs if the two are further apart than the tolerance: so many standard uncertainties of
 the difference that chance exceeds one of all metrics in 0.3 % of comparisons (Šidák, J. Am. Stat.
 Assoc. 62 (1967) 626), and never less than what the fits themselves can resolve. The uncertainty
-comes from the scatter between settled cycles, for ringing from its fit, or from fits to parts.
+comes from the scatter between settled cycles, for ringing from its fit.
 """
 
 from __future__ import annotations
@@ -26,20 +26,19 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
+from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
 from stickslip_ros.traces.even_samples import SlipGrid, noise_of, resample_evenly
 from stickslip_ros.traces.joint_fit import fit_steps
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.ringing import Ringing, fit_ringing
+from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles
 from stickslip_ros.traces.steps import COVERAGE, MeasuredValue
 
 Array = NDArray[np.float64]
 
-#: Parts of a motion in which ringing is fitted, for its uncertainty, and cycles of each.
-_PARTS, _CYCLES_OF_PART = 4, 3
 #: Amplitudes vary if the actuator's deflections vary by this part, over this many kinds of cycles.
 _VARIED, _AMPLITUDES = 0.1, 3
 #: Part of a period by which cycles are not the same.
@@ -92,6 +91,16 @@ class ComparisonMetric:
         if self.differs is None:
             return self.why_missing or "not determined"
         return "differs" if self.differs else "agrees"
+
+    @property
+    def texts(self) -> tuple[str, str, str, str]:
+        """Run, measured, difference and tolerance with their unit; a dash for an unknown value."""
+        size = float(np.nanmax(np.abs([self.run, self.measured]), initial=0.0))
+        run, measured = (format_si(x, self.unit, 5, size) for x in (self.run, self.measured))
+        difference, tolerance = (
+            format_si(x, self.unit, 3) for x in (self.difference, self.tolerance)
+        )
+        return run, measured, difference, tolerance
 
     def as_json(self) -> dict[str, Any]:
         """Return it by name, without the name."""
@@ -156,7 +165,7 @@ def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alig
         if begun is None and len(measured) == 1:
             found = None if has_actuator(motions.run.u) else motions.found_in_run
             return align(motions, fits, main_run(runs_of(motions.run, found)), main)
-        part, cycles = _RunSteps(motions, begun or align(motions, fits, None, None)).near(main)
+        part, cycles = _steps_near(motions, begun or align(motions, fits, None, None), main)
         own = analyse_cycles(part.t, part.x, part.u, cycles)
         return align(motions, fits, own, main, begun)
     except TraceError:
@@ -174,7 +183,6 @@ def pair_runs(
         missing = "the measurement has no steps"
         return [RunPair(None, None, missing_metrics(missing), missing)]
     run, measurement = motions.run, motions.measurement
-    steps = _RunSteps(motions, alignment)
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     noise, seen = noise_of(measurement.x), run
     limit = significant(len(_METRICS) * len(measured))
@@ -183,7 +191,7 @@ def pair_runs(
     found = []
     for one in measured:
         try:
-            part, cycles = steps.near(one)
+            part, cycles = _steps_near(motions, alignment, one)
             if exact:
                 own = analyse_cycles(part.t, part.x, part.u, cycles)
             else:  # by the samples about them, the ends of the cycles unknown
@@ -237,33 +245,26 @@ def _with_slips(measurement: Motion, runs: Sequence[Run], run: Run, slips: Array
     return replace(analyse_grid(part.t, part.x, grid, estimates[k]), doubts=run.doubts)
 
 
-class _RunSteps:
-    """The steps of the run, wherever a measured run is laid over it."""
+def _steps_near(motions: MotionPair, alignment: Alignment, measured: Run) -> tuple[Motion, Cycles]:
+    """Return motion and cycles of the run where a measured run lies over it. Raises TraceError.
 
-    def __init__(self, motions: MotionPair, alignment: Alignment) -> None:
-        self._motions, self._run, self._alignment = motions, motions.run, alignment
-
-    def near(self, measured: Run) -> tuple[Motion, Cycles]:
-        """Return motion and cycles about a measured run. Raises TraceError.
-
-        The cycles are the run's own: it may be driven faster than the measurement, or not at all.
-        """
-        first = measured.slips[0] - _BEFORE * measured.period
-        last = measured.slips[-1] + _AFTER * measured.period
-        begin, end = self._alignment.run_time(np.array([first, last]))
-        part = self._run.between(begin, end)
-        if has_actuator(self._run.u):
-            if not has_actuator(part.u):
-                raise TraceError("its actuator rests there")
-            frequency = measured.frequency if measured.steps == 1 else None
-            return part, cycles_of_actuator(part.t, part.u, frequency)
-        found = self._motions.found_in_run
-        likely = [one for one in found if one.direction == measured.direction]
-        best = max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
-        if best is None or min(best.end, end) <= max(best.start, begin):
-            raise TraceError("none are found there")
-        begin, end = best.start - 0.5 * best.period, best.end + _AFTER * best.period
-        return replace(self._run.between(begin, end), u=None), best.cycles
+    The cycles are the run's own: it may be driven faster than the measurement, or not at all.
+    """
+    first = measured.slips[0] - _BEFORE * measured.period
+    last = measured.slips[-1] + _AFTER * measured.period
+    begin, end = alignment.run_time(np.array([first, last]))
+    part = motions.run.between(begin, end)
+    if has_actuator(motions.run.u):
+        if not has_actuator(part.u):
+            raise TraceError("its actuator rests there")
+        frequency = measured.frequency if measured.steps == 1 else None
+        return part, cycles_of_actuator(part.t, part.u, frequency)
+    likely = [one for one in motions.found_in_run if one.direction == measured.direction]
+    best = max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
+    if best is None or min(best.end, end) <= max(best.start, begin):
+        raise TraceError("none are found there")
+    begin, end = best.start - 0.5 * best.period, best.end + _AFTER * best.period
+    return replace(motions.run.between(begin, end), u=None), best.cycles
 
 
 def significant(comparisons: int) -> float:
@@ -288,8 +289,25 @@ def step_metrics(
 
     seen has the samples that the run is analysed at, limit is in standard errors.
     """
+
+    def estimates(motion: Motion, steps: Run) -> dict[str, MeasuredValue]:
+        ringing = steps.ringing or Ringing(math.nan, math.nan)
+        of_ratio = ringing.damping_ratio_error
+        # Inf: by the method, which is the same for both. Chance moves frequency and decay alike
+        # (the Cramer-Rao bounds of a damped oscillation).
+        if math.isinf(of_ratio):
+            of_ratio = ringing.frequency_error / ringing.frequency
+        return {
+            # The first and the last slip give the period, each to about two samples.
+            "period": MeasuredValue(steps.period, 2.0 * motion.spacing / max(1, steps.steps - 1)),
+            "step size": steps.mean_step,
+            "backstep": steps.mean_backstep,
+            "ringing frequency": MeasuredValue(steps.ringing_frequency, ringing.frequency_error),
+            "damping ratio": MeasuredValue(steps.damping_ratio, of_ratio),
+        }
+
     metrics = []
-    own, other = _estimates(seen, run), _estimates(motions.measurement, measured)
+    own, other = estimates(seen, run), estimates(motions.measurement, measured)
     if run.mean_backstep.method == measured.mean_backstep.method:  # its error cancels
         own["backstep"], other["backstep"] = (
             MeasuredValue(one.mean_backstep.value, one.mean_backstep.chance)
@@ -308,50 +326,6 @@ def step_metrics(
         )
     metrics.append(_zero_amplitude(motions.run, run, measured, alignment, limit))
     return metrics
-
-
-def _estimates(motion: Motion, run: Run) -> dict[str, MeasuredValue]:
-    """Return the values of one motion by the name of the metric."""
-    rings = run.ringing or Ringing(math.nan, math.nan)
-    error, of_ratio = rings.frequency_error, rings.damping_ratio_error
-    if math.isinf(of_ratio):  # by the method, which is the same for both: chance remains
-        parts = _ringing_in_parts(motion, run)
-        of_ratio = _error_of([part.damping_ratio for part in parts])
-    return {
-        # The first and the last slip give the period, each to about two samples.
-        "period": MeasuredValue(run.period, 2.0 * motion.spacing / max(1, run.steps - 1)),
-        "step size": run.mean_step,
-        "backstep": run.mean_backstep,
-        "ringing frequency": MeasuredValue(run.ringing_frequency, error),
-        "damping ratio": MeasuredValue(run.damping_ratio, of_ratio),
-    }
-
-
-def _error_of(values: list[float]) -> float:
-    """Return the error of the mean of few values, widened as that of `estimate_settled_mean`."""
-    if len(values) < 2:
-        return 0.0  # too short to cut: the floor decides
-    student = scipy.special.stdtrit(len(values) - 1, scipy.special.ndtr(COVERAGE)) / COVERAGE
-    return float(student * np.std(values, ddof=1)) / math.sqrt(len(values))
-
-
-def _ringing_in_parts(motion: Motion, steps: Run) -> list[Ringing]:
-    """Return the ringing in parts of a motion, each of three cycles or more."""
-    if not math.isfinite(steps.ringing_frequency):
-        return []
-    # A cycle begins with the end of a slip, or with a sample of the slip, which is left out.
-    first = np.searchsorted(motion.t, steps.starts[1:], side="right") + 1
-    last = np.searchsorted(motion.t, steps.slips[1:])
-    count = min(_PARTS, len(first) // _CYCLES_OF_PART)
-    if count < 2:
-        return []
-    found = [
-        fit_ringing(
-            [(motion.t[j:k] - motion.t[j], motion.x[j:k]) for j, k in zip(js, ks, strict=True)]
-        )
-        for js, ks in zip(np.array_split(first, count), np.array_split(last, count), strict=True)
-    ]
-    return [ringing for ringing in found if ringing is not None]
 
 
 def _zero_amplitude(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import islice
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
-from stickslip_ros.pages.measured import settled_bands
+from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual, settled_bands
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace, ResultPage, versions
@@ -30,7 +30,6 @@ from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
 
-DIFFERENCE = "#5b4a8a"
 SHAPE = "#b3a5d9"
 #: Points of a line over the whole run, and over one step.
 _OVERVIEW, _DETAIL = 6000, 4000
@@ -45,11 +44,6 @@ PHASES = (
 _ROWS = 200
 
 
-class _Cycles(NamedTuple):
-    rows: list[list[str]]  #: nm
-    left_out: int
-
-
 def comparison_page(
     found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
 ) -> ResultPage:
@@ -62,38 +56,10 @@ def comparison_page(
         "found": found,
         "judgements": judgements,
         "versions": {"stickslip_ros, run": simulation.version or "not known", **versions()},
-        "cards": _cards(found),
-        "largest": _largest,
         "cycles": _table(found),
         "parameters": {name: _parameter(name, value) for name, value in known.items()},
     }
     return ResultPage("compare.html", _plots(found), parts)
-
-
-def _cards(found: Comparison) -> list[tuple[str, str, str]]:
-    """Return label, number and remark of each card at the top."""
-    place = found.alignment
-    offset = format_si(place.offset, "s", 6) if found.fits.offset else "not fitted"
-    spread = (
-        f"± {format_si(place.offset_error, 's', 2)}" if math.isfinite(place.offset_error) else ""
-    )
-    cards = [
-        ("RMSE", format_si(found.rmse, "m"), f"{100.0 * found.normalised:.3g} % of the range"),
-        (
-            "largest difference",
-            format_si(found.largest, "m"),
-            f"at {format_si(found.largest_at, 's', 5)}",
-        ),
-        ("RMSE of the steps", format_si(found.step_rmse, "m"), "adds up from step to step"),
-        ("RMSE of the shape", format_si(found.shape_rmse, "m"), "within the cycles"),
-        ("sensor noise", format_si(found.noise, "m"), "standard deviation"),
-        ("clock offset", offset, spread),
-    ]
-    if found.fits.drift:
-        cards.append(("clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"))
-    if found.fits.gain:
-        cards.append(("sensor gain", f"{place.gain:.6g}", "fitted"))
-    return cards
 
 
 def _plots(found: Comparison) -> list[PlotPlace]:
@@ -127,11 +93,7 @@ def _plots(found: Comparison) -> list[PlotPlace]:
     return plots
 
 
-def _largest(*values: float) -> float:
-    return max((abs(value) for value in values if math.isfinite(value)), default=0.0) or 1.0
-
-
-def _table(found: Comparison) -> _Cycles | None:
+def _table(found: Comparison) -> dict[str, Any] | None:
     table = found.cycles
     if table is None:
         return None
@@ -144,7 +106,7 @@ def _table(found: Comparison) -> _Cycles | None:
         [f"{1e9 * value:.2f}" if math.isfinite(value) else "" for value in row]
         for row in islice(zip(*columns, strict=True), _ROWS)
     ]
-    return _Cycles(rows, len(table.slip) - len(rows))
+    return {"rows": rows, "left_out": len(table.slip) - len(rows)}
 
 
 def _parameter(name: str, value: Value) -> str:
@@ -163,28 +125,11 @@ def points_of(found: Comparison) -> dict[str, float]:
 
 
 def _overview(found: Comparison) -> Figure:
-    factor, unit = scale_of(float(np.ptp(found.x)), "m")
-    rest, rest_unit = scale_of(found.largest, "m")
-    time, time_unit = scale_of(float(found.t[-1] - found.t[0]), "s")
-    t, x, measured, difference, shape = thin_columns(
-        found.t, found.x, found.measured, found.difference, found.shape_difference, count=_OVERVIEW
-    )
-    data = [
-        line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
-        line_of(time * t, factor * x, "run", SIMULATED, unit, time_unit),
-        line_of(time * t, rest * difference, "measured − run", DIFFERENCE, rest_unit, time_unit,
-              yaxis="y2"),
-    ]  # fmt: skip
+    residuals = [(found.difference, "measured − run", RESIDUAL)]
     if len(found.slips):
-        name = "of that, within the cycles"
-        data.append(line_of(time * t, rest * shape, name, SHAPE, rest_unit, time_unit, yaxis="y2"))
-    layout = layout_of(
-        520,
-        xaxis=axis_of(f"time ({time_unit})", anchor="y2"),
-        yaxis=axis_of(f"position ({unit})", domain=[0.42, 1.0]),
-        yaxis2=axis_of(f"residual ({rest_unit})", domain=[0.0, 0.34], zeroline=True),
-    )
-    return {"data": data, "layout": layout}
+        residuals.append((found.shape_difference, "of that, within the cycles", SHAPE))
+    lines = [(found.measured, "measured", MEASURED), (found.x, "run", SIMULATED)]
+    return motion_and_residual(found.t, lines, residuals)
 
 
 def _step(found: Comparison, k: int) -> Figure:
@@ -284,7 +229,7 @@ def _cycles(found: Comparison) -> Figure:
         (nano * table.step, "step, run", SIMULATED, "y"),
         (nano * table.measured_backstep, "backstep, measured", "#e08e84", "y2"),
         (nano * table.backstep, "backstep, run", "#7f9fd0", "y2"),
-        (nano * table.rmse, "RMSE of the cycle", DIFFERENCE, "y3"),
+        (nano * table.rmse, "RMSE of the cycle", RESIDUAL, "y3"),
     )
     mode = "lines+markers" if len(number) <= 200 else "lines"
     data = []

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.curve import UNITS
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
-from stickslip_ros.pages.texts import fit_sources
+from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace, ResultPage
@@ -21,12 +21,11 @@ from stickslip_ros.reporting.plots import (
     digits_of,
     layout_of,
     line_of,
-    thin_columns,
 )
 
 Array = NDArray[np.float64]
 
-LEFT, LIMIT = "#5b4a8a", "#c46a1b"
+LIMIT = "#c46a1b"
 #: Points of a line over a whole run; phases of a cycle; profiles beside each other.
 _POINTS, _PHASES, _ABREAST = 6000, 100, 3
 #: Points of the line of a profile; gap below a row of profiles, for their names.
@@ -52,7 +51,7 @@ def fit_page(found: Fit) -> ResultPage:
         and name not in found.parameters
         and not (value == 0.0 and parameter(name).optional)
     }
-    parts = {"found": found, "sources": fit_sources(found), "known": known}
+    parts = {"found": found, "sources": found.sources, "known": known}
     return ResultPage("identify.html", _plots(found), parts)
 
 
@@ -64,7 +63,10 @@ def _plots(found: Fit) -> list[PlotPlace]:
             f"Measured position and fit over {format_si(float(np.ptp(run.t)), 's')}, and what the "
             f"fit leaves: {format_si(run.residual, 'm', 3)} (root mean square)."
         )
-        plots.append(PlotPlace(f"run-{k}", f"{run.source}: data and fit", text, _run(run)))
+        lines = [(run.measured, "measured", MEASURED), (run.measured - run.left, "fit", SIMULATED)]
+        residuals = [(run.left, "measured − fit", RESIDUAL)]
+        figure = motion_and_residual(run.t - run.t[0], lines, residuals)
+        plots.append(PlotPlace(f"run-{k}", f"{run.source}: data and fit", text, figure))
         if np.isfinite(run.cycle).any():
             heading = f"{run.source}: residuals over the drive cycle"
             plots.append(PlotPlace(f"folded-{k}", heading, _FOLDED, _folded(run)))
@@ -89,27 +91,6 @@ def listed(names: list[str]) -> str:
     return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
-def _run(run: FittedRun) -> Figure:
-    factor, unit = scale_of(float(np.ptp(run.measured)), "m")
-    rest, rest_unit = scale_of(float(np.max(np.abs(run.left))), "m")
-    time, time_unit = scale_of(float(np.ptp(run.t)), "s")
-    t, measured, fitted, left = thin_columns(
-        run.t - run.t[0], run.measured, run.measured - run.left, run.left, count=_POINTS
-    )
-    data = [
-        line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
-        line_of(time * t, factor * fitted, "fit", SIMULATED, unit, time_unit),
-        line_of(time * t, rest * left, "measured − fit", LEFT, rest_unit, time_unit, yaxis="y2"),
-    ]
-    layout = layout_of(
-        520,
-        xaxis=axis_of(f"time ({time_unit})", anchor="y2"),
-        yaxis=axis_of(f"position ({unit})", domain=[0.42, 1.0]),
-        yaxis2=axis_of(f"residual ({rest_unit})", domain=[0.0, 0.34]),
-    )
-    return {"data": data, "layout": layout}
-
-
 def _folded(run: FittedRun) -> Figure:
     inside = np.isfinite(run.cycle)
     place, left = np.mod(run.cycle[inside], 1.0), run.left[inside]
@@ -121,8 +102,8 @@ def _folded(run: FittedRun) -> Figure:
     some = np.linspace(0, len(place) - 1, min(len(place), _POINTS)).astype(np.int64)
     data = [
         line_of(
-            place[some], factor * left[some], "residuals", LEFT, unit, "cycles",
-            mode="markers", marker={"size": 3, "color": LEFT, "opacity": 0.35},
+            place[some], factor * left[some], "residuals", RESIDUAL, unit, "cycles",
+            mode="markers", marker={"size": 3, "color": RESIDUAL, "opacity": 0.35},
         ),
         line_of((np.arange(_PHASES) + 0.5) / _PHASES, factor * means, "mean", MEASURED, unit,
                 "cycles"),

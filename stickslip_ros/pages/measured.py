@@ -24,10 +24,12 @@ from stickslip_ros.traces.analysis import Findings
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, after_slip
 
+Array = NDArray[np.float64]
+
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400
 TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
-BACKSTEP = "#5b4a8a"
+RESIDUAL = "#5b4a8a"
 
 
 def measurement_page(motion: Motion, seen: Findings) -> ResultPage:
@@ -85,6 +87,31 @@ def _overview(motion: Motion, runs: Sequence[Run]) -> Figure:
     return {"data": data, "layout": frame}
 
 
+def motion_and_residual(
+    t: Array, lines: Sequence[tuple[Array, str, str]], residuals: Sequence[tuple[Array, str, str]]
+) -> Figure:
+    """Return a plot of positions (m) over time (s), and of residuals (m) below.
+
+    Each line is its values, its name and its colour.
+    """
+    time, time_unit = scale_of(float(np.ptp(t)), "s")
+    factor, unit = scale_of(float(np.ptp(lines[0][0])), "m")
+    rest, rest_unit = scale_of(float(np.max(np.abs(residuals[0][0]))), "m")
+    every = (*lines, *residuals)
+    at, *thin = thin_columns(t, *(values for values, _, _ in every), count=_OVERVIEW)
+    data = []
+    for k, (values, (_, name, color)) in enumerate(zip(thin, every, strict=True)):
+        y, scale, named = ("y", factor, unit) if k < len(lines) else ("y2", rest, rest_unit)
+        data.append(line_of(time * at, scale * values, name, color, named, time_unit, yaxis=y))
+    layout = layout_of(
+        520,
+        xaxis=axis_of(f"time ({time_unit})", anchor="y2"),
+        yaxis=axis_of(f"position ({unit})", domain=[0.42, 1.0]),
+        yaxis2=axis_of(f"residual ({rest_unit})", domain=[0.0, 0.34], zeroline=True),
+    )
+    return {"data": data, "layout": layout}
+
+
 def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
     data, shapes, first = [], [], 1
     for k, run in enumerate(runs):
@@ -94,7 +121,7 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
         settled = _settled(run, first)
         for values, mean, name, whole, colors, place in (
             (run.step_sizes, run.step_size, "step", "step size", (MEASURED, SIMULATED), "y"),
-            (run.backsteps, run.backstep, "single backstep", "backstep", (ACTUATOR, BACKSTEP),
+            (run.backsteps, run.backstep, "single backstep", "backstep", (ACTUATOR, RESIDUAL),
              "y2"),
         ):  # fmt: skip
             if not np.isfinite(values).any():
@@ -138,7 +165,7 @@ def settled_bands(run: Run, first: int, gain: float = 1.0) -> list[Figure]:
     return bands
 
 
-def _settled(run: Run, first: int) -> NDArray[np.float64]:
+def _settled(run: Run, first: int) -> Array:
     """Return where the settled cycles of a run begin and end; one alone is seen, too."""
     return np.array([first + run.first_cycle - 0.4, first + run.steps - 0.6])
 

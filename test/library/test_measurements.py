@@ -10,8 +10,8 @@ from bench_traces import Axis, Drive, Sensor, bench_trace
 from table_1 import table_1
 
 import stickslip_ros as ss
+from stickslip_ros.cli.analyse import analysis_text
 from stickslip_ros.measurement import Fits
-from stickslip_ros.pages.texts import analysis_text
 
 pytestmark = pytest.mark.slow
 

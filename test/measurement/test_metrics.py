@@ -128,13 +128,13 @@ def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
     assert MotionPair(run, sensor).overlap(clock) == pytest.approx(T[-1])
     assert MotionPair(run, sensor).overlap(Alignment(offset=0.1)) == pytest.approx(fine[-1] - 0.1)
     assert MotionPair(run, sensor).overlap(Alignment(offset=-0.05)) == pytest.approx(T[-1] - 0.02)
-    search(run, sensor).checked(Alignment(offset=0.14))
+    search(run, sensor).check_overlap(Alignment(offset=0.14))
     with pytest.raises(ComparisonError, match="hardly overlap"):
-        search(run, sensor).checked(Alignment(offset=0.147))
+        search(run, sensor).check_overlap(Alignment(offset=0.147))
     few = Motion("sensor", T[:17] + 0.095, T[:17])
-    search(run, few).checked(Alignment(offset=0.09505))  # 16 samples in common
+    search(run, few).check_overlap(Alignment(offset=0.09505))  # 16 samples in common
     with pytest.raises(ComparisonError, match="hardly overlap"):
-        search(run, few).checked(Alignment(offset=0.09515))
+        search(run, few).check_overlap(Alignment(offset=0.09515))
 
 
 def test_least_squares_move_the_clock_to_where_it_is() -> None:
@@ -145,15 +145,15 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
     x = x + 1e-10 * np.random.default_rng(6).standard_normal(len(t))
     sensor = Motion("sensor", t, x)
     start = Alignment(offset=1e-4, middle=0.05)
-    found = search(run, sensor, drift=True).by_velocity(start, None)
+    found = search(run, sensor, drift=True).fit_velocity(start, None)
     assert found.offset == pytest.approx(2e-4, abs=2e-6)
     assert found.drift == pytest.approx(3e-3, abs=1e-4)
-    rigid = search(run, sensor).by_velocity(start, None)
+    rigid = search(run, sensor).fit_velocity(start, None)
     assert rigid.drift == 0.0
     assert rigid.offset == pytest.approx(2e-4, abs=2e-5)
     assert 0.0 < found.offset_error < rigid.offset_error
     with pytest.raises(ComparisonError, match="no clock to fit"):
-        search(Motion("run", T, np.zeros_like(T)), sensor).by_velocity(start, None)
+        search(Motion("run", T, np.zeros_like(T)), sensor).fit_velocity(start, None)
 
 
 def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
