@@ -186,7 +186,7 @@ class Fit:
     @property
     def sources(self) -> list[str]:
         """Names of the measurements."""
-        return [one.source for one in (*self.runs, *self.curves)]
+        return [*(run.source for run in self.runs), *(one.source for one in self.curves)]
 
     @property
     def noise(self) -> float | None:
