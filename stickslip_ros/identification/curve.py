@@ -17,7 +17,7 @@ from stickslip_ros.identification.settings import CURVE
 from stickslip_ros.identification.trace_fit import BinnedModel
 from stickslip_ros.library.sweep_metrics import METRICS, Points
 from stickslip_ros.measurement.reading import MeasurementError
-from stickslip_ros.measurement.reading.formats import open_table
+from stickslip_ros.measurement.reading.motion import open_table
 from stickslip_ros.measurement.reading.table import Column, Unit
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters

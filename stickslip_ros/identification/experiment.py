@@ -109,9 +109,42 @@ class Experiment:
             end = last.start + abs(last.steps) / last.frequency
         return begin, end
 
-    def simulation(self, parameters: Parameters, starts: Array) -> Follower:
-        """Return the axis with the parameters that begins its runs at starts (s)."""
-        return Follower(self, parameters, starts)
+    def simulate(self, p: Parameters, starts: Array, times: Array) -> tuple[Array, Array]:
+        """Return position (m) and velocity (m/s) at times (s), which must not fall.
+
+        The axis has the parameters p, rests at x = 0 before its first run, and begins its runs at
+        starts (s). ParameterError, SolverError.
+        """
+        own = p.drive.frequency
+        # The variation along the way is not known for a measured axis.
+        even = p
+        if p.friction.surface_spread or p.friction.slip_spread:
+            even = p.replace(surface_spread=0.0, slip_spread=0.0)
+        simulation = simulation_of(even, Plant.of(even))
+        x, v = np.zeros(len(times)), np.zeros(len(times))
+        at = int(np.searchsorted(times, starts[0])) if not self.before else 0
+        for k, run in enumerate(self.runs):
+            drive_cycle = command_of(
+                p if run.frequency == own else p.replace(frequency=run.frequency),
+                1 if run.steps > 0 else -1,
+            )
+            begin, count = float(starts[k]), abs(run.steps)
+            last = k == len(self.runs) - 1
+            if k == 0:
+                ahead = RECORD.lead_in if self.before else 0
+                origin = begin - ahead * drive_cycle.period
+                count += ahead
+            else:
+                simulation.advance(max(begin - origin, simulation.state.t))
+            if last and self.beyond:
+                count += 2
+            simulation.start(drive_cycle, count)
+            end = math.inf if last else float(starts[k + 1])
+            until = max(int(np.searchsorted(times, end)), at)
+            seen = simulation.sample(np.maximum(times[at:until] - origin, simulation.t))
+            x[at:until], v[at:until] = seen.x, seen.v
+            at = until
+        return x, v
 
 
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
@@ -171,50 +204,6 @@ def _stepping(run: Run, frequency: float) -> Stepping:
         return Stepping(run.start, run.direction * run.steps * parts, frequency)
     same = abs(run.frequency / frequency - 1.0) < RECORD.same_frequency
     return Stepping(run.start, run.direction * run.steps, frequency if same else run.frequency)
-
-
-class Follower:
-    """A simulated axis that repeats the runs of the measured axis."""
-
-    def __init__(self, experiment: Experiment, parameters: Parameters, starts: Array) -> None:
-        """Put the axis to rest at x = 0 before its first run. ParameterError."""
-        self._experiment, self._parameters, self._starts = experiment, parameters, starts
-        # The variation along the way is not known for a measured axis.
-        even = parameters
-        if parameters.friction.surface_spread or parameters.friction.slip_spread:
-            even = parameters.replace(surface_spread=0.0, slip_spread=0.0)
-        self.plant = Plant.of(even)
-        self.simulation = simulation_of(even, self.plant)
-
-    def sample(self, times: Array) -> tuple[Array, Array]:
-        """Return position (m) and velocity (m/s) at times (s), which must not fall."""
-        experiment, simulation = self._experiment, self.simulation
-        x, v = np.zeros(len(times)), np.zeros(len(times))
-        own = self._parameters.drive.frequency
-        at = int(np.searchsorted(times, self._starts[0])) if not experiment.before else 0
-        for k, run in enumerate(experiment.runs):
-            p = self._parameters
-            drive_cycle = command_of(
-                p if run.frequency == own else p.replace(frequency=run.frequency),
-                1 if run.steps > 0 else -1,
-            )
-            begin, count = float(self._starts[k]), abs(run.steps)
-            last = k == len(experiment.runs) - 1
-            if k == 0:
-                ahead = RECORD.lead_in if experiment.before else 0
-                origin = begin - ahead * drive_cycle.period
-                count += ahead
-            else:
-                simulation.advance(max(begin - origin, simulation.state.t))
-            if last and experiment.beyond:
-                count += 2
-            simulation.start(drive_cycle, count)
-            end = math.inf if last else float(self._starts[k + 1])
-            until = max(int(np.searchsorted(times, end)), at)
-            seen = simulation.sample(np.maximum(times[at:until] - origin, simulation.t))
-            x[at:until], v[at:until] = seen.x, seen.v
-            at = until
-        return x, v
 
 
 def check_record(experiment: Experiment) -> Iterator[str]:

@@ -120,7 +120,7 @@ def identify(
     for note in notes:
         say(note)
     traces = [TraceFit(one) for one in experiments]
-    work = _Work(traces, tables, free, seed, progress)
+    work = _Estimation(traces, tables, free, seed, progress)
     found = replace(work.fit(suggest_next), notes=tuple(notes))
     if experiments and all(is_too_coarse(one, found.base) for one in experiments):
         found = found.without_intervals()
@@ -129,7 +129,7 @@ def identify(
     return replace(found, laws=work.rank(laws, bounds or {}, priors or {}))
 
 
-class _Work:
+class _Estimation:
     """One identification on its way; the best so far survives an interruption."""
 
     def __init__(
@@ -183,7 +183,7 @@ class _Work:
         for k, name in enumerate(laws):
             model, more = RANKED_LAWS[name]
             self.progress(f"law {name}", k / len(laws), {})
-            work: _Work | None = self
+            work: _Estimation | None = self
             own = self.traces[0].parameters.friction.model == model
             if not own or set(more) - set(self.free.names):
                 work = self._with_law(model, more, bounds, priors)
@@ -197,7 +197,7 @@ class _Work:
         more: Sequence[str],
         bounds: Mapping[str, tuple[float, float]],
         priors: Mapping[str, Prior],
-    ) -> _Work | None:
+    ) -> _Estimation | None:
         """Return the same measurements with another law at its optimum, None if it has none."""
         try:
             traces = [TraceFit(replace(one, parameters=with_law(one.parameters, model)))
@@ -209,7 +209,7 @@ class _Work:
         free = free_of_law(sets, more, bounds, priors)
         if LAG in self.free.names:
             free = free.with_lag()
-        work = _Work(traces, tables, free, self.seed, _silent)
+        work = _Estimation(traces, tables, free, self.seed, _silent)
         try:
             work._optimum(searches=1)
         except IdentificationError:

@@ -24,7 +24,6 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.settings import NOISE
 from stickslip_ros.traces.hum import HARMONICS, MAINS, USUAL, hum_columns
 
@@ -86,12 +85,15 @@ class Hum:
         return [*waves, *moved]
 
 
-def learn(bins: Bins, left: Array, kept: Array) -> tuple[Noise, tuple[float, ...]]:
-    """Return the noise of residuals (m, (bins,)), and the mains (Hz) of their hum."""
-    t = bins.t
+def learn(t: Array, left: Array, kept: Array) -> tuple[Noise, tuple[float, ...]]:
+    """Return the noise of residuals, scaled by the root of the samples of their bins, and the
+    mains (Hz) of their hum.
+
+    t: times of the bins, s; left: residuals, m; kept: 0 for those that count for nothing; (bins,).
+    """
     plain = [np.ones_like(t), (t - t.mean()) / np.ptp(t)]
     columns = np.column_stack([*plain, *hum_columns(t, MAINS), left])
-    columns = _bridged(bins.scale * columns, kept)
+    columns = _bridged(columns, kept)
     grams = _Grams(columns)
     waves, count = 2 * HARMONICS, columns.shape[1] - 1
     of_mains = [list(range(2 + k * waves, 2 + (k + 1) * waves)) for k in range(len(MAINS))]

@@ -8,7 +8,7 @@ at a value and fits all others, until the deviance has risen by the 95 % quantil
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -194,14 +194,14 @@ def in_words(names: Sequence[str], direction: Array) -> str:
     named = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) >= PROFILE.named]
     if len(named) == 1:
         return f"{names[named[0]]} is not determined by these measurements"
-    together = _listed([names[k] for k in named])
+    together = listed([names[k] for k in named])
     first = names[named[0]]
     ratios = []
     for k in named[1:]:
         power = float(direction[k])
         shown = "" if abs(abs(power) - 1.0) < 0.1 else f"^{abs(1.0 / power):.2g}"
         ratios.append(f"{names[k]}{shown} {'/' if power > 0.0 else '*'} {first}")
-    text = f"{together} are not determined one by one: only {_listed(ratios)} is"
+    text = f"{together} are not determined one by one: only {listed(ratios)} is"
     if len(ratios) > 1:
         text = text.removesuffix(" is") + " are"
     if "mass" in [names[k] for k in named]:
@@ -209,5 +209,7 @@ def in_words(names: Sequence[str], direction: Array) -> str:
     return f"{text}; give one of them (--prior), or add a run at another amplitude or preload"
 
 
-def _listed(texts: Sequence[str]) -> str:
+def listed(names: Iterable[str]) -> str:
+    """Return names as a text: commas, "and" before the last."""
+    texts = list(names)
     return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"

@@ -74,7 +74,7 @@ class Window:
         first, last = float(self.t[0]) - start - reach, float(self.t[-1]) - start + reach
         count = int(min((last - first) * START.density * ringing, START.most_samples))
         grid = np.linspace(first, last, max(count, 2))
-        x, _ = only.simulation(p, np.zeros(1)).sample(grid)
+        x, _ = only.simulate(p, np.zeros(1), grid)
         number = int(min(2.0 * reach * START.shifts * ringing, START.most_shifts)) // 2 * 2 + 1
         shifts = np.linspace(-reach, reach, number)
         best = Placed(math.inf, start, steps)
@@ -98,13 +98,20 @@ def place_runs(fit: TraceFit, sets: Sequence[Parameters]) -> None:
     far = START.far if fit.experiment.doubtful else 0.0
     for k, run in enumerate(fit.experiment.runs):
         window, begun = Window(fit, k), Placed(math.inf, float(fit.starts[k]), run.steps)
-        places = [(_best(window, [begun], [p], far), p) for p in sets]
+        places = [(_best(window, [begun], p, far), p) for p in sets]
         best, p = min(
             places, key=lambda one: one[0].left, default=(begun, fit.experiment.parameters)
         )
         if not math.isfinite(best.left):
             continue
-        others = _best(window, _others(best, 1.0 / run.frequency), [p], 0.0)
+        # Other runs that may look the same: a step more or less, at the start or the end.
+        sign, period = 1 if best.steps > 0 else -1, 1.0 / run.frequency
+        begun_otherwise = [
+            Placed(math.inf, best.start + shift * period, best.steps + sign * more)
+            for shift, more in ((0, 1), (0, -1), (-1, 1), (1, -1), (-1, 0), (1, 0))
+            if abs(best.steps) + more > 0
+        ]
+        others = _best(window, begun_otherwise, p, 0.0)
         if others.left < START.clearly * best.left:
             best = others
         fit.starts[k] = best.start
@@ -117,40 +124,25 @@ def clock_of(fit: TraceFit, p: Parameters) -> Array:
     clock = np.zeros(fit.clocks)
     for k, run in enumerate(fit.experiment.runs):
         begun = Placed(math.inf, float(fit.starts[k]), run.steps)
-        best = _best(Window(fit, k), [begun], [p], 0.0)
+        best = _best(Window(fit, k), [begun], p, 0.0)
         clock[k] = (best.start - begun.start) / CLOCK
     return clock
 
 
-def _others(place: Placed, period: float) -> list[Placed]:
-    """Return other runs that may look the same: a step more or less, at the start or the end."""
-    sign = 1 if place.steps > 0 else -1
-    changes = ((0, 1), (0, -1), (-1, 1), (1, -1), (-1, 0), (1, 0))
-    return [
-        Placed(math.inf, place.start + shift * period, place.steps + sign * more)
-        for shift, more in changes
-        if abs(place.steps) + more > 0
-    ]
+def _best(window: Window, begun: Sequence[Placed], p: Parameters, far: float) -> Placed:
+    """Return the best shift of a model near given starts, within far periods of the drive.
 
-
-def _best(
-    window: Window, begun: Sequence[Placed], sets: Sequence[Parameters], far: float
-) -> Placed:
-    """Return the best shift of all models near given starts, within far periods of the drive.
-
-    It is the first start if none of the models makes a contact.
+    It is the first start if the model makes no contact.
     """
-    best, period = begun[0], 1.0 / window.run.frequency
-    for p in sets:
-        try:
-            ringing = Plant.of(p).ringing_frequency
-            near = max(START.swings / max(ringing, window.run.frequency), START.periods * period)
-            reach = max(min(near, 0.45 * period), far * period)
-            found = [window.placed(p, one.start, reach, one.steps) for one in begun]
-        except (ParameterError, SolverError):
-            continue
-        best = min([best, *found], key=lambda one: one.left)
-    return best
+    period = 1.0 / window.run.frequency
+    try:
+        ringing = Plant.of(p).ringing_frequency
+        near = max(START.swings / max(ringing, window.run.frequency), START.periods * period)
+        reach = max(min(near, 0.45 * period), far * period)
+        found = [window.placed(p, one.start, reach, one.steps) for one in begun]
+    except (ParameterError, SolverError):
+        return begun[0]
+    return min([begun[0], *found], key=lambda one: one.left)
 
 
 Array = NDArray[np.float64]
@@ -177,25 +169,21 @@ class CoarseFit:
 
     def cost(self, p: Parameters) -> float:
         """Return the sum of squares that a model leaves. ParameterError, SolverError."""
-        follower = self.experiment.simulation(p, self._starts)
         # The middle of a bin is near enough to its mean here, at half the cost.
-        x, speed = follower.sample(self._bins.t)
+        x, speed = self.experiment.simulate(p, self._starts, self._bins.t)
         left, speed = (
             one - self._basis @ (self._basis.T @ one) for one in (self._bins.x - x, speed)
         )
         shift = float(left @ speed) / max(float(speed @ speed), 1e-30)
         rest = left - shift * speed
-        return float(rest @ rest) / SEARCH.noise**2 + self._ringing_cost(follower.plant)
-
-    def _ringing_cost(self, plant: Plant) -> float:
-        ringing = self.experiment.ringing
-        if ringing is None:
-            return 0.0
-        decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
-        frequency = max(plant.ringing_frequency, 1e-3 * ringing.frequency)
-        return (math.log(frequency / ringing.frequency) / SEARCH.frequency) ** 2 + (
-            math.log(max(decay, 1e-9) / ringing.decay) / SEARCH.decay
-        ) ** 2
+        cost, ringing = float(rest @ rest) / SEARCH.noise**2, self.experiment.ringing
+        if ringing is not None:
+            plant = Plant.of(p)
+            decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
+            frequency = max(plant.ringing_frequency, 1e-3 * ringing.frequency)
+            cost += (math.log(frequency / ringing.frequency) / SEARCH.frequency) ** 2
+            cost += (math.log(max(decay, 1e-9) / ringing.decay) / SEARCH.decay) ** 2
+        return cost
 
 
 def search(

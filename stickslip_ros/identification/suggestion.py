@@ -210,7 +210,7 @@ def candidate_of(
         ringing = Ringing(plant.ringing_frequency, decay) if plant.ringing_frequency else None
         motion = Motion("candidate", t, np.zeros_like(t))
         experiment = Experiment(p, motion, (Stepping(rest, steps, frequency),), ringing)
-        x, _ = experiment.simulation(own, np.array([rest])).sample(t)
+        x, _ = experiment.simulate(own, np.array([rest]), t)
         noise = sensor.noise * np.random.default_rng(1).standard_normal(len(t))
         motion = Motion("candidate", t, x + noise)
         fit = TraceFit(replace(experiment, motion=motion))

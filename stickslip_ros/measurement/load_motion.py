@@ -23,9 +23,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
-from stickslip_ros.measurement.reading.choice import choose
+from stickslip_ros.measurement.reading.choice import MOTION, choose
 from stickslip_ros.measurement.reading.motion import motion_of, naming
-from stickslip_ros.measurement.reading.quantities import MOTION
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.parameters.groups import PIEZO, SLIDER

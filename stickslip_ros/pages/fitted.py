@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.curve import UNITS
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
+from stickslip_ros.identification.profile import listed
 from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
@@ -71,9 +72,11 @@ def _plots(found: Fit) -> list[PlotPlace]:
             heading = f"{run.source}: residuals over the drive cycle"
             plots.append(PlotPlace(f"folded-{k}", heading, _FOLDED, _folded(run)))
     for k, curve in enumerate(found.curves):
+        metrics, varied = (listed(one.replace("_", " ") for one in names)
+                           for names in (curve.measured, curve.varied))  # fmt: skip
         text = (
-            f"{curve.points} points of {listed(list(curve.measured))} over "
-            f"{listed(list(curve.varied))}, with their standard deviations, and the fit."
+            f"{curve.points} points of {metrics} over {varied}, with their standard deviations, "
+            "and the fit."
         )
         plots.append(PlotPlace(f"curve-{k}", f"{curve.source}: table and fit", text, _curve(curve)))
     if found.profiles:
@@ -83,12 +86,6 @@ def _plots(found: Fit) -> list[PlotPlace]:
     if found.starts:
         plots.append(_starts(found))
     return plots
-
-
-def listed(names: list[str]) -> str:
-    """Return names as a text: commas, "and" before the last."""
-    texts = [name.replace("_", " ") for name in names]
-    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
 def _folded(run: FittedRun) -> Figure:

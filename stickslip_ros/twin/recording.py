@@ -18,10 +18,8 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START, Event
 from stickslip_ros.measurement.load_motion import is_bag, load_motion
 from stickslip_ros.measurement.reading import Reading
-from stickslip_ros.measurement.reading.choice import choose
-from stickslip_ros.measurement.reading.formats import open_table
-from stickslip_ros.measurement.reading.motion import naming
-from stickslip_ros.measurement.reading.quantities import POSITION, TIME, Quantity
+from stickslip_ros.measurement.reading.choice import POSITION, TIME, Quantity, choose
+from stickslip_ros.measurement.reading.motion import naming, open_table
 from stickslip_ros.opening import open_regular
 from stickslip_ros.parameters.groups import SLIDER
 from stickslip_ros.recordings import open_bag

@@ -80,8 +80,8 @@ def test_twelve_lagging_cycles_are_those_of_the_integrator(lag: float) -> None:
     p = Parameters.of({**KNOWN, **truth_of(AXIS)})
     experiment = Experiment(p, motion, (Stepping(5e-3, 12, 400.0),))
     free, start = free_parameters([p]).with_lag(lag), np.array([5e-3])
-    found, _ = experiment.simulation(free.applied(p, free.start), start).sample(motion.t)
-    without, _ = experiment.simulation(p, start).sample(motion.t)
+    found, _ = experiment.simulate(free.applied(p, free.start), start, motion.t)
+    without, _ = experiment.simulate(p, start, motion.t)
     assert np.abs(found - motion.x).max() < 1e-10
     assert np.abs(found - motion.x).max() < 0.03 * np.abs(without - motion.x).max()
 

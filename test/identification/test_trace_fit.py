@@ -6,7 +6,6 @@ import pytest
 from experiments import small
 from scipy.signal import lfilter
 
-from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment, Stepping
 from stickslip_ros.identification.noise import (
     Hum,
@@ -16,22 +15,16 @@ from stickslip_ros.identification.noise import (
     learn,
     whitener,
 )
-from stickslip_ros.identification.trace_fit import BinnedModel, TraceFit
+from stickslip_ros.identification.trace_fit import BinnedModel, Bins, TraceFit
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 
 
-def evenly(t: np.ndarray, x: np.ndarray) -> Bins:
-    """Bins of one sample each."""
-    ones = np.ones_like(t)
-    return Bins(t, x, ones, t, np.arange(len(t)), ones, 1e-9)
-
-
 def hum_in(t: np.ndarray, left: np.ndarray) -> tuple[float, ...]:
     """The mains of hum in residuals."""
-    return learn(evenly(t, left), left, np.ones_like(t))[1]
+    return learn(t, left, np.ones_like(t))[1]
 
 
 @pytest.mark.slow
@@ -97,7 +90,7 @@ def test_a_wander_is_made_white() -> None:
     t, white = np.arange(count) * 2e-5, 1e-9 * random.standard_normal(count)
     for walk in (0.0, 3e-11, 1e-9):
         left = white + walk * np.cumsum(random.standard_normal(count)) + 3e-7 + 1e-6 * t
-        noise, mains = learn(evenly(t, left), left, np.ones(count))
+        noise, mains = learn(t, left.astype(np.float64), np.ones(count))
         assert mains == ()
         assert noise.structure < 1.05
         columns = noise.whitened(np.column_stack([np.ones(count), t, left]), np.ones(count))
@@ -168,7 +161,8 @@ def test_hum_leaves_nothing_where_its_frequency_is_told_wrongly(
     orders, parts = np.array([[1.0], [2.0], [3.0]]), 1.5e-8 * np.array([1.0, 0.4, 0.3])
     hum = parts @ np.sin(2.0 * np.pi * (50.0 + off) * orders * t + orders)
     fit = TraceFit(Experiment.of(known, motion))
-    fit.bins = evenly(t, hum)
+    ones = np.ones_like(t)  # bins of one sample each
+    fit.bins = Bins(t, hum, ones, t, np.arange(len(t)), ones, 1e-9)
     fit.kept, fit.noise = np.ones_like(t), Noise(1e-9, np.ones(1))
     still = BinnedModel(np.zeros_like(t), np.zeros_like(t))
     without, _ = fit.residuals(still)
