@@ -87,10 +87,10 @@ def test_the_colour_of_noise_is_found() -> None:
 def test_a_wander_is_made_white() -> None:
     """Its first orders alone left the slow part, which moved sigma_0ss by six deviations."""
     random, count = np.random.default_rng(5), 6000
-    t, white = np.arange(count) * 2e-5, 1e-9 * random.standard_normal(count)
+    t, white = 2e-5 * np.arange(count, dtype=np.float64), 1e-9 * random.standard_normal(count)
     for walk in (0.0, 3e-11, 1e-9):
         left = white + walk * np.cumsum(random.standard_normal(count)) + 3e-7 + 1e-6 * t
-        noise, mains = learn(t, left.astype(np.float64), np.ones(count))
+        noise, mains = learn(t, left, np.ones(count))
         assert mains == ()
         assert noise.structure < 1.05
         columns = noise.whitened(np.column_stack([np.ones(count), t, left]), np.ones(count))
