@@ -157,12 +157,7 @@ class Problem:
         return unknowns
 
 
-def descend(
-    problem: Problem,
-    start: Point,
-    rounds: int,
-    progress: Callable[[Point], None] = lambda point: None,
-) -> Point:
+def descend(problem: Problem, start: Point, rounds: int) -> Point:
     """Descend by Levenberg-Marquardt steps for a number of rounds; return the best point."""
     damping, at = DESCENT.damping, start
     for _ in range(rounds):
@@ -175,7 +170,6 @@ def descend(
                 at, damping = found, damping / DESCENT.easier
                 break
             damping *= DESCENT.harder
-        progress(at)
         if before - at.deviance < max(DESCENT.settled, 1e-7 * before):
             break
     return at

@@ -127,7 +127,7 @@ class ClockSearch:
     def check_overlap(self, found: Alignment) -> Alignment:
         """Return an alignment itself. Raises ComparisonError if it brings too little together."""
         pair = self.pair
-        apart = pair.overlap(found) < SETTINGS.overlap * pair.shorter
+        apart = pair.overlap(found) < SETTINGS.overlap * pair.durations[0]
         if apart or len(pair.at(found).t) < SETTINGS.samples:
             run, measured = pair.run.t, pair.measurement.t
             raise ComparisonError(
@@ -140,7 +140,7 @@ class ClockSearch:
         """Return the alignment with offset and drift of the clock. Raises ComparisonError."""
         steps = self.run_steps
         found = self.check_overlap(begun or self._correlate(start))
-        near = max(self.pair.spacing, self.pair.longer / SETTINGS.grid)
+        near = max(self.pair.spacing, self.pair.durations[1] / SETTINGS.grid)
         found = self.best_near(found, SETTINGS.near * near, SETTINGS.near_places, steps) or found
         if steps is not None and begun is None:
             found = self.choose_period(found, steps)
@@ -171,7 +171,7 @@ class ClockSearch:
     def _correlate(self, start: Alignment) -> Alignment:
         """Return the candidate of the cross-correlation that leaves the least difference."""
         pair, steps = self.pair, self.run_steps
-        spacing = max(pair.spacing, pair.longer / SETTINGS.grid)
+        spacing = max(pair.spacing, pair.durations[1] / SETTINGS.grid)
         speeds = []
         for motion in (pair.measurement, pair.run):
             grid = np.arange(motion.t[0], motion.t[-1], spacing)
@@ -206,7 +206,7 @@ class ClockSearch:
         """
         pair, period = self.pair, steps.period
         least = pair.difference(found)
-        reach = int(pair.longer / period)
+        reach = int(pair.durations[1] / period)
         candidates = [
             replace(found, offset=found.offset + k * period) for k in range(-reach, reach + 1)
         ]

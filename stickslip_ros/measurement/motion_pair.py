@@ -135,14 +135,10 @@ class MotionPair:
         return self.at(alignment, max(1, len(base.t) // _JUDGES))
 
     @property
-    def shorter(self) -> float:
-        """Duration (s) of the shorter one."""
-        return min(self.run.duration, self.measurement.duration)
-
-    @property
-    def longer(self) -> float:
-        """Duration (s) of the longer one."""
-        return max(self.run.duration, self.measurement.duration)
+    def durations(self) -> tuple[float, float]:
+        """Those (s) of the shorter and of the longer one."""
+        first, second = sorted((self.run.duration, self.measurement.duration))
+        return first, second
 
     @property
     def spacing(self) -> float:
@@ -159,7 +155,7 @@ class MotionPair:
 
         With steps, mean and slope are those of each cycle.
         """
-        if self.overlap(alignment) < _OVERLAP * self.shorter:
+        if self.overlap(alignment) < _OVERLAP * self.durations[0]:
             return math.inf
         pairs = self.judged_at(alignment)
         if len(pairs.t) < _FEWEST:

@@ -14,6 +14,7 @@ from stickslip_ros.measurement.metrics import (
     ComparisonMetric,
     deflections_of,
     single_steps,
+    step_metrics,
     zero_crossing,
 )
 from stickslip_ros.measurement.motion_pair import (
@@ -65,6 +66,16 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
     cases = ({"run": math.nan}, {"measured": math.inf}, {"tolerance": math.nan})
     for missing in cases:
         assert replace(one, **missing).differs is None
+    assert replace(one, run=1234.5e-9, measured=3e-9).texts[:2] == ("1234.5 nm", "3.0 nm")
+    assert replace(one, run=math.nan, measured=-2e-8).texts[:3] == ("–", "−20.000 nm", "–")
+
+
+def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() -> None:
+    motion = Motion("axis", T, _wave(T))
+    runs = [_steps(ringing=Ringing(7e3, 600.0, error, math.inf)) for error in (30.0, 40.0)]
+    found = step_metrics(MotionPair(motion, motion), motion, *runs, Alignment(), 3.0)
+    tolerance = next(one.tolerance for one in found if one.name == "damping ratio")
+    assert tolerance == pytest.approx(3.0 * 50.0 / 7e3)
 
 
 def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:
@@ -125,6 +136,7 @@ def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
     inside = (coarse.t - 0.005 >= 0.0) & (coarse.t - 0.005 <= T[-1])
     assert of_sensor.t == pytest.approx(coarse.t[inside] - 0.005)
     assert of_sensor.measured == pytest.approx(coarse.x[inside])
+    assert MotionPair(run, sensor).durations == pytest.approx((T[-1], fine[-1] - fine[0]))
     assert MotionPair(run, sensor).overlap(clock) == pytest.approx(T[-1])
     assert MotionPair(run, sensor).overlap(Alignment(offset=0.1)) == pytest.approx(fine[-1] - 0.1)
     assert MotionPair(run, sensor).overlap(Alignment(offset=-0.05)) == pytest.approx(T[-1] - 0.02)

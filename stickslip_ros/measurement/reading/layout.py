@@ -9,11 +9,12 @@ Single cells of a text table: numbers in every spelling, dates and times, gaps, 
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 
@@ -33,23 +34,6 @@ _STAMP = re.compile(
 )
 #: Values from here on mean that nothing was measured: 9.9e37 is what instruments send then.
 LARGEST = 1e30
-
-
-def splitter(delimiter: str | None, quoted: bool) -> Callable[[str], list[str]]:
-    """Return a function that splits a line into stripped cells; delimiter None: blanks."""
-    if delimiter is None:
-        return lambda line: [cell.strip('"') for cell in line.split()]
-    if quoted:
-
-        def split(line: str) -> list[str]:
-            try:
-                row = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-            except csv.Error:
-                row = line.split(delimiter)
-            return [cell.strip() for cell in row]
-
-        return split
-    return lambda line: [cell.strip() for cell in line.split(delimiter)]
 
 
 def number_text(cell: str, decimal: str, grouped: bool = False) -> str | None:
@@ -135,10 +119,15 @@ class Layout:
     first: int = 0  #: index of the first line of numbers
     kinds: str = ""  #: of each column: n numbers, s stamps, w words, e nothing
 
-    @property
-    def split(self) -> Callable[[str], list[str]]:
-        """Takes a line apart."""
-        return splitter(self.delimiter, self.quoted)
+    def split(self, line: str) -> list[str]:
+        """Return the stripped cells of a line."""
+        if self.delimiter is None:
+            return [cell.strip('"') for cell in line.split()]
+        row = line.split(self.delimiter)
+        if self.quoted:
+            with contextlib.suppress(csv.Error):
+                row = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True), [])
+        return [cell.strip() for cell in row]
 
     @classmethod
     def of(cls, lines: Sequence[str], decimal: str | None = None) -> Layout:
@@ -181,18 +170,18 @@ def _tries(
 ) -> Iterator[tuple[Layout, dict[int, str]]]:
     """Yield forms that lines may have, and the kinds of cells in each line with numbers."""
     texts = {k: unwrap_numbers(lines[k]).strip(" \r\n()[]") for k in part}
-    texts = {k: text for k, text in texts.items() if text and not is_comment(text)}
+    texts = {k: text for k, text in texts.items() if text and not text.startswith(COMMENTS)}
     quoted = any('"' in text for text in texts.values())
     for delimiter in _DELIMITERS:
         if delimiter and not any(delimiter in text for text in texts.values()):
             continue
         if delimiter == decimal == ",":
             continue
-        split = splitter(delimiter, quoted)
-        rows = {k: split(lines_text(lines[k], delimiter)) for k in texts}
+        plain = Layout(delimiter, ".", False, quoted)
+        rows = {k: plain.split(lines_text(lines[k], delimiter)) for k in texts}
         cells = [cell for row in rows.values() for cell in row]
         for sign in (decimal,) if decimal else _decimals(cells, delimiter, quoted):
-            layout = Layout(delimiter, sign, _is_grouped(cells, sign), quoted)
+            layout = replace(plain, decimal=sign, grouped=_is_grouped(cells, sign))
             kinds = {k: layout.kinds_in(row) for k, row in rows.items()}
             yield layout, {k: one for k, one in kinds.items() if _numbers(one)}
 
@@ -212,11 +201,6 @@ def _commonest(rows: dict[int, str]) -> tuple[bool, int, str]:
 
 def _numbers(kinds: str) -> int:
     return kinds.count("n") + kinds.count("s")
-
-
-def is_comment(line: str) -> bool:
-    """Return whether a line is a remark."""
-    return line.startswith(COMMENTS)
 
 
 def lines_text(line: str, delimiter: str | None) -> str:
@@ -263,6 +247,6 @@ def _first(lines: Sequence[str], found: Layout, rows: dict[int, str]) -> int:
         if sum(fits(k) for k in following) >= _MOST * len(following):
             first = start
             break
-    while first > 0 and fits(first - 1) and not is_comment(lines[first - 1].strip()):
+    while first > 0 and fits(first - 1) and not lines[first - 1].strip().startswith(COMMENTS):
         first -= 1
     return first

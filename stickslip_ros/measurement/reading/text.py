@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from stickslip_ros.measurement.reading.layout import (
+    COMMENTS,
     Layout,
     Stamps,
-    is_comment,
     lines_text,
     number_text,
     value_of,
@@ -297,7 +297,7 @@ class Rows:
         """Return rows; lines of words are counted."""
         rows: list[list[float]] = []
         for index, line in enumerate(lines, start=number):
-            if not line.strip() or is_comment(line.strip()):
+            if not line.strip() or line.strip().startswith(COMMENTS):
                 self._no_rows.append(index)
                 continue
             text = lines_text(line, self._layout.delimiter)
