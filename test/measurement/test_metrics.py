@@ -72,8 +72,8 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
 
 def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() -> None:
     motion = Motion("axis", T, _wave(T))
-    runs = [_steps(ringing=Ringing(7e3, 600.0, error, math.inf)) for error in (30.0, 40.0)]
-    found = step_metrics(MotionPair(motion, motion), motion, *runs, Alignment(), 3.0)
+    run, sensor = (_steps(ringing=Ringing(7e3, 600.0, error, math.inf)) for error in (30.0, 40.0))
+    found = step_metrics(MotionPair(motion, motion), motion, run, sensor, Alignment(), 3.0)
     tolerance = next(one.tolerance for one in found if one.name == "damping ratio")
     assert tolerance == pytest.approx(3.0 * 50.0 / 7e3)
 
