@@ -7,12 +7,11 @@
 
 import contextlib
 
-from stickslip_ros.gym.axes import Axes, DriveRanges, action_of
-from stickslip_ros.gym.positioning import Positioning, Weights
-from stickslip_ros.gym.tasks import SCORES, TASKS, Task
+from stickslip_ros.gym.axis_batch import AxisBatch, DriveRanges, action_of
+from stickslip_ros.gym.positioning import SCORES, TASKS, Positioning, Task, Weights
 
 __all__ = [
-    "SCORES", "TASKS", "Axes", "DriveRanges", "Positioning", "Task", "Weights", "action_of",
+    "SCORES", "TASKS", "AxisBatch", "DriveRanges", "Positioning", "Task", "Weights", "action_of",
 ]  # fmt: skip
 
 with contextlib.suppress(ImportError):

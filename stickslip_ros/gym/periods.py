@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.actuator_chain import CAPACITY, Chain
 from stickslip_ros.model.actuator_stages import lay_pieces
-from stickslip_ros.solver.advance import ENDLESS, PER_CYCLE, advance
-from stickslip_ros.solver.layout import ROW_SIZE, axis_in, plant_in
+from stickslip_ros.solver.advance import ENDLESS, PER_CYCLE
+from stickslip_ros.solver.event_loop import solve_cycles
+from stickslip_ros.solver.layout import ROW_SIZE, axis_in, contacts_in, plant_in
 from stickslip_ros.solver.plants import begin_cycles
 
 #: Time (s) that the fast part of a period takes at least: a segment needs some, also one at rest
@@ -164,9 +165,9 @@ def run_periods(
     """Run one period of the axes part[0] to part[1] - 1 with actions (axes, numbers)."""
     lines, row = np.zeros((3, 2)), np.empty((1, ROW_SIZE))
     for k in range(part[0], part[1]):
-        plant, axis = buffers.plants[k], buffers.axes[k]
-        contacts, s = own_contacts(buffers.contacts, k), axis_in(axis).state
-        t, slid = states.t[k], s.slid
+        plant, kernel = plant_in(buffers.plants[k]), axis_in(buffers.axes[k])
+        contacts, s = own_contacts(buffers.contacts, k), kernel.state
+        each, t, slid = contacts_in(contacts, False), states.t[k], s.slid
         states.level[k], sign = lay_period(actions[k], states.level[k], drive, lines)
         limits = buffers.limits[k]
         pieces, shift, slip, slip_end = lay_drive(
@@ -175,16 +176,17 @@ def run_periods(
         if math.isnan(shift):
             states.failed[k] = 1
             continue
-        begin_cycles(axis, contacts, t, 1, (shift, slip, slip_end, 1 if sign == 0 else sign))
-        s.spent, s.allowance, s.previewing = 0, PER_CYCLE, 0
+        slips = shift, slip, slip_end, 1 if sign == 0 else sign
+        begin_cycles(buffers.axes[k], contacts, t, 1, slips)
+        s.spent, s.allowance, s.unfinished, kernel.arc.holds = 0, PER_CYCLE, 0, 0
         end = t + (lines[0, 0] + lines[0, 1])
         last, kept = math.floor(end * sensing.rate), buffers.sampled.shape[1]
         for reading in range(max(math.floor(t * sensing.rate) + 1, last - sensing.delay), last + 1):
             s.t_end, s.stop_cycle = reading / sensing.rate, ENDLESS
-            advance(plant, axis, contacts, pieces, row)
+            solve_cycles(plant, s, kernel, each, pieces, row)
             buffers.sampled[k, reading % kept] = s.now_x
         s.t_end, s.stop_cycle = math.inf, 1
-        advance(plant, axis, contacts, pieces, row)
+        solve_cycles(plant, s, kernel, each, pieces, row)
         if s.v_most > NEARLY_AS_FAST * limits[1]:
             limits[1] = s.v_most / NEARLY_AS_FAST**2
         s.v_most = 0.0
@@ -230,8 +232,7 @@ def normal(seed: int, number: int) -> float:
 
 
 @compiled
-def ringing(plant: NDArray, s: np.record) -> float:
+def ringing(plant: np.record, s: np.record) -> float:
     """Return the amplitude (m) with which the runner rings on an elastic contact at rest."""
-    p = plant_in(plant)
-    away = s.now_z - (p.force - p.spring * s.now_x) / p.sigma_0
-    return math.hypot(away, s.now_v * p.inv_omega)
+    away = s.now_z - (plant.force - plant.spring * s.now_x) / plant.sigma_0
+    return math.hypot(away, s.now_v * plant.inv_omega)

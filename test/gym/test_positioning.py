@@ -15,7 +15,7 @@ from gymnasium.utils.env_checker import check_env
 
 import stickslip_ros as ss
 from stickslip_ros.gym import TASKS, DriveRanges, Task, Weights, action_of
-from stickslip_ros.gym.axes import Axes
+from stickslip_ros.gym.axis_batch import AxisBatch
 from stickslip_ros.gym.periods import normal
 from stickslip_ros.gym.positioning import Positioning
 from stickslip_ros.library.ensemble import Ensemble
@@ -238,4 +238,4 @@ def test_bad_settings_are_refused() -> None:
     with pytest.raises(ValueError, match="give finite numbers"):
         env.step(np.array([math.nan, 0.0, 0.0, 0.0]))
     with pytest.raises(ss.ParameterError, match="lies beyond"):
-        action_of(Axes(Parameters.of(), 1, FIXED).drive, 400.0, 0.0, 1e3, 100.0)
+        action_of(AxisBatch(Parameters.of(), 1, FIXED).drive, 400.0, 0.0, 1e3, 100.0)

@@ -4,9 +4,14 @@
     python -m validation.campaigns.targets [--count 1000] [--seed 1]
 
 Runners, contacts, drives, sensors, loads and effects are drawn over what real drives span, the
-target evenly in the logarithm of its distance. A target counts as reached only where the runner
-then is as near to it as tolerance and noise allow. One that is neither reached nor given up when
-its time is over is a finding, unless the loop still comes nearer: such ones are counted apart.
+target evenly in the logarithm of its distance. Most such drives cannot step, for their stroke is
+less than the contact's deflection, or run off with their load; so only those take part whose steps
+lead towards the target, and others back, each by a hundredth of the stroke at least and by two
+strokes at most. The others are counted.
+
+A target counts as reached only where the runner then is as near to it as tolerance and noise allow.
+One that is neither reached nor given up when its time is over is a finding, unless the loop still
+comes nearer: such ones are counted apart.
 
 Times of those that are reached, without that of the hold and of the readings that are averaged,
 are told over the ideal: the distance at the speed of steps that run on, one cycle, the settling of
@@ -57,8 +62,11 @@ WAITED = 4.0
 LATELY = 0.2
 #: Standard deviations of a reading by which a runner may be off that was said to be there
 SIGMAS = 5.0
-#: Steps by which the speed is measured, at least and at most; share of the stroke that they make
-STEPS, MOST_STEPS, MOVING = 40, 5000, 0.01
+#: Steps by which the speed is measured, at least and at most
+STEPS, MOST_STEPS = 40, 5000
+#: Step of a drive that can step, in strokes, at least and at most: of all, and of the second half
+#: alone, for the first few wind the contact up
+MOVING, CARRIED = 0.01, 2.0
 #: m, that a runner may ring by; s, most that the ideal waits for that
 STILL, LONGEST_RINGING = 1e-9, 10.0
 #: How an outcome that is no finding begins; what faults are counted by
@@ -70,13 +78,16 @@ class Outcome(NamedTuple):
     """How a target ended."""
 
     said: str  #: "reached", the fault, or what is wrong
-    late: float = math.nan  #: time over the ideal; nan where steps hardly move the runner
+    late: float = math.nan  #: time over the ideal
     off: float = math.nan  #: mean distance from the target, m
     rings: float = math.nan  #: amplitude about that mean, m
 
 
-def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float]]:
-    """Yield number, axis and target (m) for ever, where the parameters make an axis."""
+def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float, float]]:
+    """Yield number, axis, target (m), ideal time (s) for ever, where the parameters make an axis.
+
+    The ideal time is nan where steps do not lead to the target.
+    """
     for number in range(first, 10**9):
         draw = np.random.default_rng((seed, number))
         values: dict[str, Any] = {name: even(draw, *span) for name, span in SPANS.items()}
@@ -96,7 +107,9 @@ def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float]]:
         try:
             axis = Axis(values | shape(draw, values))
             settling = min(max(ringing(axis, axis.status.stroke), 1e-4), LONGEST_RINGING)
-            yield number, Axis(axis.parameters.replace(settle_time=settling)), target
+            p = axis.parameters.replace(settle_time=settling)
+            shortest = ideal(p, target) + 0.0 * ideal(p, -target)  # nan if they do not lead back
+            yield number, Axis(p), target, shortest
         except StickslipError:
             continue
 
@@ -108,27 +121,31 @@ def ringing(axis: Axis, amplitude: float) -> float:
 
 
 def ideal(p: Parameters, target: float) -> float:
-    """Return the ideal time (s) to a target (m), nan where steps hardly move the runner."""
+    """Return the ideal time (s) to a target (m), nan where steps do not lead there."""
     axis, steps, begun = Axis(p), STEPS, time.process_time()
     axis.command_steps(MOST_STEPS if target > 0.0 else -MOST_STEPS)
-    stroke = axis.status.stroke
+    stroke, way, t = axis.status.stroke, math.copysign(1.0, target), 1.0 / p.drive.frequency
+    axis.advance((STEPS // 2 + 0.5) * t)
     while True:
-        axis.advance((steps + 0.5) / p.drive.frequency)
-        step = axis.status.mean_step * math.copysign(1.0, target)
-        if not step > MOVING * stroke:
+        half, done = way * axis.status.mean_step, abs(axis.status.step_count)
+        axis.advance((steps + 0.5) * t)
+        step, count = way * axis.status.mean_step, abs(axis.status.step_count)
+        settled = (step * count - half * done) / max(count - done, 1)
+        if not MOVING * stroke < min(settled, step) <= max(settled, step) < CARRIED * stroke:
             return math.nan
         # As far as the target: the first steps under a load are often longer than later ones.
         dear = time.process_time() - begun > 0.2 * PATIENCE
         if steps * step >= abs(target) or steps == MOST_STEPS or dear:
             break
         steps = min(2 * steps, MOST_STEPS)
-    cycles = abs(target) / step + 1.0
     late = axis.config.sensor.delay / p.sensor.sensor_rate
-    return cycles / p.drive.frequency + min(ringing(axis, stroke - step), LONGEST_RINGING) + late
+    return (
+        (abs(target) / step + 1.0) * t + min(ringing(axis, stroke - step), LONGEST_RINGING) + late
+    )
 
 
-def outcome(axis: Axis, target: float) -> Outcome:
-    """Return how a target (m) of an axis ends."""
+def outcome(axis: Axis, target: float, shortest: float) -> Outcome:
+    """Return how a target (m) of an axis ends; shortest: the ideal time (s)."""
     p: Parameters = axis.parameters
     begun, away, base = time.process_time(), [-target], [0.0]
     axis.command_position(target)
@@ -160,7 +177,7 @@ def outcome(axis: Axis, target: float) -> Outcome:
     off = abs(float(np.mean(x)) - target)
     rings = 0.5 * float(np.ptp(x))
     told -= max(p.closed_loop.hold_time, AVERAGED / p.sensor.sensor_rate)
-    late = told / ideal(p, target)
+    late = told / shortest
     said = "reached" if off <= allowed else f"said to be reached, {off:g} m off"
     return Outcome(said, late, off, rings)
 
@@ -174,11 +191,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
     ends: Counter[str] = Counter()
     fine: list[Outcome] = []
-    slowest = 0.0
-    for number, axis, target in drawn(args.seed, args.first):
+    slowest, blocked = 0.0, 0
+    for number, axis, target, shortest in drawn(args.seed, args.first):
+        if math.isnan(shortest):
+            blocked += 1
+            continue
         begun = time.process_time()
         try:
-            one = outcome(axis, target)
+            one = outcome(axis, target, shortest)
         except Exception as error:
             one = Outcome(f"{type(error).__name__}: {error}")
         found = one.said
@@ -195,6 +215,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             break
     said = ", ".join(f"{count} {kind}" for kind, count in ends.most_common())
     print(f"{ends.total()} targets: {said}; the slowest took {slowest:.1f} s of the processor")
+    print(f"{blocked} drives cannot step to theirs")
     if timed := [one[1:] for one in fine if math.isfinite(one.late)]:
         late, off, rings = np.array(timed).T
         print(

@@ -33,21 +33,24 @@ from stickslip_ros.gym.periods import (
     read,
     run_periods,
 )
+from stickslip_ros.laws import OWN_CONSTANTS
 from stickslip_ros.model import Plant
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import Chain, has_chain, limits_of_pieces
-from stickslip_ros.model.friction import is_defined
+from stickslip_ros.model.friction import DISTANCES, Contact, is_defined
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 from stickslip_ros.solver import SolverError
-from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, PLANT_SIZE, open_record
-from stickslip_ros.solver.plants import (
-    at_rest,
-    contact_buffer,
-    pack_plant,
-    set_clear_range,
-    set_contacts,
+from stickslip_ros.solver.layout import (
+    AXIS,
+    AXIS_BUFFER,
+    CONTACT,
+    CONTACT_SIZE,
+    PLANT,
+    PLANT_SIZE,
+    plain_dtype,
 )
+from stickslip_ros.solver.plants import at_rest, derive_constants
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]  #: values of parameters by name, (axes,)
@@ -121,7 +124,7 @@ def action_of(
     return np.clip(action, -1.0, 1.0)
 
 
-class Axes:
+class AxisBatch:
     """Axes of one set of parameters, some of which each may have for itself."""
 
     def __init__(self, p: Parameters, count: int, ranges: DriveRanges) -> None:
@@ -133,17 +136,20 @@ class Axes:
             sensor.rate, sensor.delay, p.sensor.sensor_resolution or 0.0,
             np.zeros(count), np.zeros(count), np.zeros(count, np.int64),
         )  # fmt: skip
-        contacts = contact_buffer(Plant.of(p))
+        contacts = len(Plant.of(p).contacts)
         self.chain = Chain.of(p) if has_chain(p.actuator) else None
         places = 0 if self.chain is None else len(self.chain.rest())
         self.buffers = Buffers(
             np.zeros((count, PLANT_SIZE)),
             np.zeros((count, AXIS_BUFFER)),
-            None if contacts is None else np.zeros((count, len(contacts))),
+            np.zeros((count, 2 * contacts * CONTACT_SIZE)) if contacts else None,
             np.zeros((count, sensor.delay + 1)),
             np.zeros((count, places)),
             np.zeros((count, 3)),
         )
+        self._rest = np.zeros(AXIS_BUFFER)
+        at_rest(self._rest, None)
+        _records(self._rest, AXIS)["replay"] = 0
         numbers: list[Any] = [np.zeros(count) for _ in States._fields[:-1]]
         self.states = States._make([*numbers, np.zeros(count, np.int64)])
 
@@ -167,10 +173,9 @@ class Axes:
 
         which: indices (some,); values and seeds have the same shape. ParameterError.
         """
-        contacts = self.buffers.contacts
-        for k in which.tolist():
-            at_rest(self.buffers.axes[k], None if contacts is None else contacts[k])
-            open_record(self.buffers.axes[k], AXIS)["replay"] = 0
+        self.buffers.axes[which] = self._rest
+        if self.buffers.contacts is not None:
+            self.buffers.contacts[which] = 0.0
         for column in self.states:
             column[which] = 0
         self.buffers.sampled[which] = self.buffers.actuators[which] = 0.0
@@ -191,17 +196,34 @@ class Axes:
         if not possible.all():
             bad = {name: float(column[~possible][0]) for name, column in columns.items()}
             raise ParameterError(f"{bad} makes no contact: narrow the ranges that are drawn from")
+        self.buffers.plants[which] = 0.0
+        records = _records(self.buffers.plants, PLANT)
+        numbers = dict(zip(Contact._fields, plants.contact, strict=True))
+        numbers |= {"mass": plants.mass, "force": plants.force, "spring": plants.spring}
+        for name, column in {**numbers, "tolerance": p.solver.tolerance}.items():
+            records[name][which] = column
+        for k in which.tolist():
+            derive_constants(self.buffers.plants[k])
+        if self.buffers.contacts is not None:
+            each = _records(self.buffers.contacts, CONTACT, len(plants.contacts))
+            own = dict(zip(OWN_CONSTANTS, plants.own, strict=True))
+            for i, contact in enumerate(plants.contacts):
+                for name, column in {**contact._asdict(), **own}.items():
+                    each[name][which, i] = column
+        if self.chain is not None:
+            for k, plant in zip(which.tolist(), plants.points(len(which)), strict=True):
+                self.buffers.limits[k] = limits_of_pieces(p.actuator, plant)
+        # From where no arc reaches a stop, see `plants.set_clear_range`
+        state = _records(self.buffers.axes, AXIS)
+        deflections = [np.abs(state["now_z"][which])]
+        for contact in (plants.contact, *plants.contacts):
+            deflections += contact[DISTANCES]
         stroke = self.drive.gain * (self.drive.high - self.drive.low)
         stroke *= 1.0 if self.chain is None else _OVERSHOOT
-        limits = p.limits
-        for k, plant in zip(which.tolist(), plants.points(len(which)), strict=True):
-            self.buffers.plants[k] = pack_plant(plant, p.solver.tolerance)
-            contacts = None if self.buffers.contacts is None else self.buffers.contacts[k]
-            set_contacts(contacts, plant)
-            self.buffers.limits[k] = limits_of_pieces(p.actuator, plant)
-            s = open_record(self.buffers.axes[k], AXIS)
-            s["low"], s["high"] = limits.travel_low, limits.travel_high
-            set_clear_range(s, self.buffers.plants[k], contacts, stroke)
+        reach = stroke + 2.0 * np.maximum.reduce(np.broadcast_arrays(*deflections))
+        low, high = p.limits.travel_low, p.limits.travel_high
+        state["low"][which], state["high"][which] = low, high
+        state["near_low"][which], state["near_high"][which] = low + reach, high - reach
 
     def run(self, actions: Array) -> None:
         """Run a period with actions, (axes, numbers), -1 to 1. SolverError."""
@@ -221,6 +243,12 @@ class Axes:
                 f"the solver failed on axis {k}, or a cycle took too long: its contact may not "
                 "hold the load; narrow the ranges that are drawn from"
             )
+
+
+def _records(buffers: Array, record: np.dtype[Any], count: int = 0) -> NDArray[Any]:
+    """Return the record that each buffer begins with, (axes,), or the first few, (axes, count)."""
+    found = buffers[..., : max(count, 1) * record.itemsize // 8].view(plain_dtype(record))
+    return found if count else found[..., 0]
 
 
 def _check_effects(p: Parameters) -> None:
