@@ -37,7 +37,7 @@ from stickslip_ros.laws import OWN_CONSTANTS
 from stickslip_ros.model import Plant
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import Chain, has_chain, limits_of_pieces
-from stickslip_ros.model.friction import DISTANCES, Contact, is_defined
+from stickslip_ros.model.friction import Contact, is_defined
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 from stickslip_ros.solver import SolverError
@@ -217,7 +217,7 @@ class AxisBatch:
         state = _records(self.buffers.axes, AXIS)
         deflections = [np.abs(state["now_z"][which])]
         for contact in (plants.contact, *plants.contacts):
-            deflections += contact[DISTANCES]
+            deflections += [contact.z_ba, contact.z_ss, contact.z_k, contact.z_s]
         stroke = self.drive.gain * (self.drive.high - self.drive.low)
         stroke *= 1.0 if self.chain is None else _OVERSHOOT
         reach = stroke + 2.0 * np.maximum.reduce(np.broadcast_arrays(*deflections))

@@ -83,6 +83,7 @@ class ShapedSlip:
         return _columns(rows)
 
 
+@report_compilation()
 def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSlip:
     """Return the slip in two parts that leaves the least ringing (section 4.2 of the paper).
 
@@ -115,11 +116,7 @@ def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSl
     >>> two_parts = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     >>> run = ss.simulate("table1_typical", **two_parts)
     """
-    with report_compilation():
-        return _shape_slip(Parameters.of(parameters, **values))
-
-
-def _shape_slip(p: Parameters) -> ShapedSlip:
+    p = Parameters.of(parameters, **values)
     single = _single_slip(p)
     frequency = Plant.of(p).ringing_frequency
     if not frequency > 0.0:
@@ -142,19 +139,21 @@ def _shape_slip(p: Parameters) -> ShapedSlip:
 
     def left(point: NDArray[np.float64]) -> float:
         found = _ringing_or_nan(single, float(point[0]), float(point[1]) * period)
-        return found if math.isfinite(found) else 2.0 * ringing_before
+        return 1e9 * (found if math.isfinite(found) else 2.0 * ringing_before)
 
     start = np.array([_SPLITS[row], _LATENCIES[column]])
     simplex = start + np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.06]]) - [0.01, 0.02]
     best = scipy.optimize.minimize(
-        lambda point: 1e9 * left(point),
+        left,
         start,
         method="Nelder-Mead",
         bounds=((0.0, 1.0), (0.0, 2.0)),
         options={"initial_simplex": simplex, "xatol": 1e-5, "fatol": 1e-4, "maxfev": 300},
     ).x
     split, latency = float(best[0]), float(best[1]) * period
-    ringing_after, step_after = ringing_and_step(_shaped(single, split, latency))
+    ringing_after, step_after = ringing_and_step(
+        single.replace(waveform="shaped", split=split, latency=latency)
+    )
     return ShapedSlip(
         split, latency, period, ringing_before, ringing_after, step_before, step_after,
         left_out(p, OF_ONE_CONTACT),
@@ -199,13 +198,10 @@ def _single_slip(p: Parameters) -> Parameters:
     return p.replace(waveform="hold")
 
 
-def _shaped(single: Parameters, split: float, latency: float) -> Parameters:
-    return single.replace(waveform="shaped", split=split, latency=latency)
-
-
 def _ringing_or_nan(single: Parameters, split: float, latency: float) -> float:
     try:
-        return ringing_and_step(_shaped(single, split, latency))[0]
+        shaped = single.replace(waveform="shaped", split=split, latency=latency)
+        return ringing_and_step(shaped)[0]
     except ParameterError:
         return math.nan
 
@@ -231,6 +227,7 @@ class ElongatedStep:
         return _columns(rows)
 
 
+@report_compilation()
 def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> ElongatedStep:
     """Return the hold times around the slip that give the largest step (section 4.2).
 
@@ -260,11 +257,7 @@ def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> Elong
     >>> print(f"{found.step_after / found.step_before:.1f} times the step")
     1.6 times the step
     """
-    with report_compilation():
-        return _elongate_step(Parameters.of(parameters, **values))
-
-
-def _elongate_step(p: Parameters) -> ElongatedStep:
+    p = Parameters.of(parameters, **values)
     _check_waveform(p, "have holds")
     held = p.replace(waveform="hold") if p.drive.waveform == "sawtooth" else p
     plain = held.replace(hold_before=0.0, hold_after=0.0)

@@ -117,8 +117,14 @@ ALL_EFFECTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("effects", [ALL_EFFECTS, {"creep": 0.02}, {"amplifier_slew": 20.0}])
-def test_an_actuator_with_effects_moves_as_on_an_axis(effects: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    "effects",
+    [
+        ALL_EFFECTS, {"creep": 0.02}, {"amplifier_slew": 20.0}, {"contacts": 2, "creep": 0.02},
+        {"model": "ceim_ageing", "contacts": 3, "inclination": 0.5},
+    ],
+)  # fmt: skip
+def test_contacts_and_an_actuator_with_effects_move_as_on_an_axis(effects: dict[str, Any]) -> None:
     """Cycles and scans, whose direction and length change from period to period."""
     task = replace(PLAIN, parameters={**PLAIN.parameters, **effects})
     env: Any = gymnasium.make(ID, task=task).unwrapped
