@@ -128,7 +128,7 @@ def test_axes_under_random_commands_go_on(monkeypatch: pytest.MonkeyPatch) -> No
 def test_targets_are_reached_or_given_up(capsys: pytest.CaptureFixture[str]) -> None:
     """Of them a load carries two away for ever, and one is reached where no scan corrects it."""
     for seed, number in (("1", "16"), ("1", "27"), ("777001", "61082")):
-        one = ["--count", "1", "--seed", seed, "--first", number]
+        one = ["--all", "--count", "1", "--seed", seed, "--first", number]
         assert targets.main(one) == 0, capsys.readouterr().out
 
 

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Targets of the closed loop by lot: each is reached, or ended by a fault that says why.
 
-    python -m validation.campaigns.targets [--count 1000] [--seed 1]
+    python -m validation.campaigns.targets [--count 1000] [--seed 1] [--all]
 
 Runners, contacts, drives, sensors, loads and effects are drawn over what real drives span, the
 target evenly in the logarithm of its distance. Most such drives cannot step, for their stroke is
 less than the contact's deflection, or run off with their load; so only those take part whose steps
 lead towards the target, and others back, each by a hundredth of the stroke at least and by two
-strokes at most. The others are counted.
+strokes at most. The others are counted, and with --all take part.
 
 A target counts as reached only where the runner then is as near to it as tolerance and noise allow.
 One that is neither reached nor given up when its time is over is a finding, unless the loop still
@@ -188,12 +188,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=1000, help="targets (%(default)s)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
+    parser.add_argument("--all", action="store_true", help="also drives that cannot step there")
     args = parser.parse_args(argv)
     ends: Counter[str] = Counter()
     fine: list[Outcome] = []
     slowest, blocked = 0.0, 0
     for number, axis, target, shortest in drawn(args.seed, args.first):
-        if math.isnan(shortest):
+        if math.isnan(shortest) and not args.all:
             blocked += 1
             continue
         begun = time.process_time()
