@@ -21,10 +21,14 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, find_unbroken
+from stickslip_ros.traces.even_samples import (
+    EvenSamples,
+    SlipGrid,
+    find_unbroken,
+    robust_std,
+)
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import PUSH, Ringing
-from stickslip_ros.traces.steps import SETTLING
 
 Array = NDArray[np.float64]
 
@@ -46,11 +50,11 @@ class CycleFitSettings:
     swings: float = 2.0  #: the same in periods of the ringing where it does not
     places: float = 0.08  #: periods of the ringing between two places that are tried
     telling: int = 8  #: cycles that choose among the places
-    rise: float = 0.6  #: rise of a cycle at least, as part of the median rise
-    fall: float = 0.25  #: and falls by this part, at least: ringing in step takes up to two thirds
+    #: Part by which rise and fall of the first and the last cycles may differ from the others: a
+    #: first one has no ringing before it, and a drive that stops within a cycle bends the rise.
+    end: float = 0.15
+    unlike: float = 0.1  #: part of the cycles that rises or falls by any part of what is usual
     none: float = 0.3  #: falls below this part of the others are none
-    scatter: float = 4.0  #: median deviations of the falls by which the last one may differ
-    good: float = 0.5  #: a last fall above this part of the others is as good as these
     left: float = 4.0  #: times the noise that a fit leaves at most
     left_of_fall: float = 0.25  #: or this part of the falls
     uneven: float = 0.35  #: rises of one drive differ by less than this part in the median
@@ -85,64 +89,69 @@ class CycleFit:
     fall: Array  #: m, (cycles,)
     seen: NDArray[np.bool_]  #: whether the fall is, (cycles,)
     errors: Array  #: standard errors of rise and fall, m, (2, cycles)
-    left: float  #: root mean square of the residuals, m
-    chance: float  #: the same of the noise, m
-    whole: float  #: root mean square of the motion but for its mean, m
+    residual: float  #: root mean square of what the fit leaves, m
+    noise: float  #: the same of the noise, m
+    spread: float  #: root mean square of the motion but for its mean, m
 
-    @property
-    def _inside(self) -> NDArray[np.bool_]:
-        return (self.number >= 0) & (self.number < self.grid.count)
+    @cached_property
+    def odds(self) -> Array:
+        """Logarithm of how many times as likely each cycle is as none, by its rise and its fall.
+
+        Most cycles rise and fall as the others do, but for their scatter, some by any part of that
+        (ringing in step with the drive); none does neither. A rise alone is no step, but only a
+        last one can be: the next cycle follows a slip.
+        """
+        count = self.grid.count
+        ends = int(count > 4)  # they differ most, but of few cycles they tell what is usual, too
+        inner = (self.number >= ends) & (self.number < count - ends)
+        if not inner.any():
+            return np.zeros(len(self.number))
+        found = []
+        for sizes, errors in zip((self.rise, self.fall), self.errors, strict=True):
+            usual = float(np.median(sizes[inner]))
+            none = np.hypot(errors, SETTINGS.end * usual)
+            alike = np.maximum(none, math.hypot(robust_std(sizes[inner]), SETTINGS.end * usual))
+            others = np.hypot(alike, 0.5 * usual)
+            cycle = np.logaddexp(
+                math.log(1.0 - SETTINGS.unlike) + _log_normal(sizes - usual, alike),
+                math.log(SETTINGS.unlike) + _log_normal(sizes - usual, others),
+            )
+            found.append(cycle - _log_normal(sizes, none))
+        rises, falls = found
+        known = np.where(self.number < count - 1, rises, np.minimum(rises, 0.0)) + falls
+        return np.where(self.seen, known, rises)
 
     def extent(self) -> tuple[int, int]:
-        """Return numbers of the first and the last cycle that rise and fall like most of them."""
-        inside = self._inside
-        rise, fall = np.median(self.rise[inside]), np.median(self.fall[inside])
-        rises = self.rise > SETTINGS.rise * rise
-        good = rises & ((self.fall > SETTINGS.fall * fall) | ~self.seen)
-        # Ringing in step with the drive may leave one of the first cycles without a fall.
-        hole = rises & ~good & np.roll(good, 1) & np.roll(good, -1) & inside
-        if np.sum(hole) == 1:
-            good |= hole
-        if not (rise > 0.0 and fall > 0.0):
+        """Return numbers of the first and the last cycle that are more likely than none."""
+        inside = (self.number >= 0) & (self.number < self.grid.count)
+        if not (np.median(self.rise[inside]) > 0.0 and np.median(self.fall[inside]) > 0.0):
             return 0, -1
-        return find_unbroken(good, self.number, self.grid.count)
-
-    def without_part(self) -> SlipGrid:
-        """Return the run; without its last cycle if that does not fall as those before it.
-
-        A drive that stops within a cycle leaves a rise alone.
-        """
-        inside = np.flatnonzero(self._inside)
-        others, last = self.fall[inside[:-1]], self.fall[inside[-1]]
-        if self.grid.count <= SETTLING or not self.seen[inside[-1]]:
-            return self.grid
-        fall = float(np.median(others))
-        scatter = float(np.median(np.abs(others - fall)))
-        short = max((1.0 - SETTINGS.good) * fall, SETTINGS.scatter * scatter)
-        return replace(self.grid, count=self.grid.count - int(last < fall - short))
+        return find_unbroken(self.odds > 0.0, self.number, self.grid.count)
 
     def explains(self) -> bool:
         """Return True if all cycles rise alike and the residuals are little more than noise."""
-        fall = float(np.median(self.fall[self._inside]))
-        if self.left > max(SETTINGS.left * self.chance, SETTINGS.left_of_fall * fall):
+        inside = (self.number >= 0) & (self.number < self.grid.count)
+        fall, rise = float(np.median(self.fall[inside])), self.rise[inside]
+        if self.residual > max(SETTINGS.left * self.noise, SETTINGS.left_of_fall * fall):
             return False
-        rise = self.rise[self._inside]
         middle = float(np.median(rise))
         return float(np.median(np.abs(rise - middle))) < SETTINGS.uneven * middle
 
     def every(self, factor: int) -> SlipGrid | None:
         """Return the run with a multiple of its period, if only every 2nd, 3rd, ... cycle falls."""
-        inside = self._inside
+        inside = (self.number >= 0) & (self.number < self.grid.count)
         turn, fall = self.number[inside] % factor, self.fall[inside]
         groups = np.array([np.median(fall[turn == k]) for k in range(factor)])
         one = int(np.argmax(groups))
         if np.max(np.delete(groups, one)) > SETTINGS.none * groups[one]:
             return None
-        period = factor * self.grid.period
         first = self.grid.first + one * self.grid.period
-        return replace(
-            self.grid, first=first, period=period, count=-(-(self.grid.count - one) // factor)
-        )
+        count = -(-(self.grid.count - one) // factor)
+        return replace(self.grid, first=first, period=factor * self.grid.period, count=count)
+
+
+def _log_normal(x: Array, width: Array) -> Array:
+    return -0.5 * (x / width) ** 2 - np.log(width)
 
 
 def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:

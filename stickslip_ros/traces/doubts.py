@@ -50,11 +50,8 @@ class DoubtSettings:
     #: Root mean square by which slips may miss even times, in periods and in swings of the ringing:
     #: noise and drift make a half of one or of the other, sweeps of 10 % over a run more than both.
     uneven: tuple[float, float] = (0.004, 0.1)
-    #: Part by which rise and fall of the first and the last cycles may differ from the others: a
-    #: first one has no ringing before it, and a drive that stops within a cycle bends the rise.
-    end: float = 0.15
     #: Logarithm of how many times as likely a first or last cycle is as none, or none as one.
-    likely: float = math.log(30.0)
+    likely: float = math.log(20.0)
     #: Damping ratio, and samples of a swing, of the contact where no ringing is seen: it follows.
     follows: tuple[float, float] = (0.5, 6.0)
     #: Steps by which the distance between the rests may miss the number of steps: the first cycles
@@ -225,27 +222,10 @@ def fit_ends(
 
 
 def _miscounted(fit: CycleFit) -> list[str]:
-    """Return the doubt about the number of steps if cycles at an end are hardly told from none.
-
-    A cycle of the run is as likely as its rise and its fall are some of the others', over none.
-    """
+    """Return the doubt about the number of steps if cycles at an end are hardly told from none."""
     count = fit.grid.count
-    ends = int(count > 4)  # they differ most, but of few cycles they tell what is usual, too
-    inner = (fit.number >= ends) & (fit.number < count - ends)
-    if not inner.any():
-        return []
-    likely = np.zeros(len(fit.number))
-    for sizes, errors, most in zip(  # a rise alone is no step
-        (fit.rise, fit.fall), fit.errors, (0.0, math.inf), strict=True
-    ):
-        usual = float(np.median(sizes[inner]))
-        scatter = 1.4826 * float(np.median(np.abs(sizes[inner] - usual)))
-        odds = (
-            usual * (sizes - 0.5 * usual) / (scatter**2 + (SETTINGS.end * usual) ** 2 + errors**2)
-        )
-        likely += np.minimum(odds, most)
     numbers = {count}
-    for number, odd, seen in zip(fit.number, likely, fit.seen, strict=True):
+    for number, odd, seen in zip(fit.number, fit.odds, fit.seen, strict=True):
         if number in (0, count - 1) and seen and odd < SETTINGS.likely:
             numbers.add(count - 1)
         elif number in (-1, count) and seen and odd > -SETTINGS.likely:

@@ -85,13 +85,18 @@ class EvenSamples:
         return self.begin + self.tick * (len(self.x) - 1)
 
 
+def robust_std(x: Array) -> float:
+    """Return the standard deviation by the median deviation, which outliers hardly change."""
+    return 1.4826 * float(np.median(np.abs(x - np.median(x))))
+
+
 def noise_of(x: Array) -> float:
     """Return the standard deviation (m) of the noise of a sample."""
     if len(x) < 8:
         return 0.0
     part = x if len(x) <= _LOOKED_AT else _spread(x)
     third = np.diff(part, 3)  # removes smooth motion; its variance is 20 times that of the noise
-    usual = float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20.0))
+    usual = robust_std(third) / math.sqrt(20.0)
     floor = _noise_beside_lines(third)
     return floor if _LINE * floor < usual else usual
 

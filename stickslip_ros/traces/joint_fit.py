@@ -170,17 +170,21 @@ def fit_steps(
     none, bends = 1.0 - len(MAINS) * SETTINGS.hum_odds, SETTINGS.bent_odds
     hum = np.array([none, *(SETTINGS.hum_odds for _ in MAINS)])
     odds = np.log(np.concatenate(((1.0 - bends) * hum, bends * hum)))
-    share = odds + [fit.evidence(chance) for fit in fits]
-    share = np.exp(share - share.max())
-    share /= share.sum()
-    steps, found = average_fits(runs, fits, share, chance, own.shape[1])
+    likely = scipy.special.log_softmax(odds + [fit.evidence(chance) for fit in fits])
+    steps, found = average_fits(runs, fits, likely, chance, own.shape[1])
     return steps, replace(found, duration=even.end - even.begin)
 
 
 def average_fits(
-    runs: list[FitRows | None], fits: list[RidgeFit], share: Array, chance: float, own: int
+    runs: list[FitRows | None], fits: list[RidgeFit], likely: Array, chance: float, own: int
 ) -> tuple[list[MeasuredValue], Disturbances]:
-    """Return steps and disturbances, averaged over the fits of `CASES` by how probable each is."""
+    """Return steps and disturbances, averaged over the fits of `CASES`.
+
+    likely is the logarithm of how probable each is. Noise that wanders passes for a bent drift, so
+    half of what bends change is added to the errors of the steps.
+    """
+    share = np.exp(likely)
+    straight = np.exp(scipy.special.log_softmax(likely[: len(CASES) // 2]))
 
     def mean(column: int) -> tuple[float, float]:
         found = [fit.value(column, chance) for fit in fits]
@@ -198,7 +202,10 @@ def average_fits(
         size, error = mean(column)
         left = [mean(column + k)[0] for k in range(2, block.own.shape[1])]
         swing = block.unsettled + 0.5 * math.hypot(*left) / block.settled
-        steps.append(MeasuredValue(size, math.hypot(error, swing)))
+        unbent = sum(
+            p * one.value(column, chance)[0] for p, one in zip(straight, fits, strict=False)
+        )
+        steps.append(MeasuredValue(size, math.hypot(error, swing, 0.5 * (size - unbent))))
         column += block.own.shape[1]
     drift, drift_error = mean(own)
     best = int(np.argmax(share))

@@ -111,7 +111,7 @@ def search_runs(
 
 
 def _in_order(chosen: list[CycleFit]) -> list[SlipGrid]:
-    return sorted((one.without_part() for one in chosen), key=lambda one: one.first)
+    return sorted((one.grid for one in chosen), key=lambda one: one.first)
 
 
 def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
@@ -119,7 +119,7 @@ def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
 
     Beside their runs, the runner has to move less than in the smallest step that counts.
     """
-    if not fits or any(fit.left > SETTINGS.all_but_noise * fit.chance for fit in fits):
+    if not fits or any(fit.residual > SETTINGS.all_but_noise * fit.noise for fit in fits):
         return False
     if any(fit.ringing.frequency * even.tick * SETTINGS.samples_a_swing > 1.0 for fit in fits):
         return False
@@ -202,7 +202,7 @@ def find_fall(even: EvenSamples, grid: SlipGrid, slip: float) -> float:
 def weigh(fit: CycleFit) -> float:
     """Return how much of the motion a run explains, for how long."""
     duration = fit.grid.end - fit.grid.begin
-    return duration * math.log(fit.whole / max(fit.left, fit.chance))
+    return duration * math.log(fit.spread / max(fit.residual, fit.noise))
 
 
 def _count_all(

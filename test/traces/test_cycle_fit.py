@@ -92,8 +92,8 @@ def test_rises_and_falls_come_out_of_the_motion_they_make(direction: int) -> Non
     assert fit.fall[inside] == pytest.approx(FALLS, abs=2e-9)
     others = np.r_[fit.rise[:2], fit.fall[:2], fit.rise[10:], fit.fall[10:]]
     assert np.abs(others).max() < 2e-9
-    assert fit.left < 3.0 * fit.chance
-    assert fit.whole == pytest.approx(np.std(even.x), rel=0.15)
+    assert fit.residual < 3.0 * fit.noise
+    assert fit.spread == pytest.approx(np.std(even.x), rel=0.15)
     assert fit.extent() == (0, 7)
     assert fit.explains()
     assert fit.seen.all()
@@ -128,6 +128,21 @@ def test_of_a_long_run_both_ends_are_looked_at() -> None:
     fit = fit_cycles(even, longer, RINGING, 0.0, even.end, tuned=True)
     assert fit is not None
     assert fit.extent() == (0, 63)
+
+
+def test_a_cycle_is_one_by_rise_and_fall_but_a_last_one_by_its_fall_alone() -> None:
+    """Ringing in step takes most of the fall of an early cycle; a drive stops within the last."""
+    even, grid = _run()
+    fit = fit_cycles(even, grid, RINGING, 0.0, even.end, tuned=True)
+    assert fit is not None
+    for at, counts in ((2, True), (3, True), (9, False)):
+        fall = fit.fall.copy()
+        fall[at] = 0.1 * np.median(FALLS)
+        odds = replace(fit, fall=fall).odds
+        assert (odds[at] > 0.0) == counts
+        others = np.delete(odds, at)
+        assert others[2:9].min() > 3.0
+        assert others[[0, 1, 9, 10]].max() < -3.0
 
 
 def test_noise_that_neighbours_share_widens_the_errors_as_much_as_it_does_the_falls() -> None:
