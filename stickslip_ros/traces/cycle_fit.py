@@ -198,15 +198,17 @@ def fit_cycles(
     parts = split_parts(even, grid, begin, end, SETTINGS.cycles)
     if not _enough(parts):
         return None
-    if tuned:
-        alike = _fit_part(parts[0], grid, ringing)
-    else:
-        grid, ringing, alike = _tune(even, parts, grid, ringing, (begin, end), known)
-    fits = [_fit_part(part, grid, ringing, alike) for part in parts]
-    weights = [len(fit.left) for fit in fits]
+    if not tuned:
+        grid, ringing = _tune(even, parts, grid, ringing, (begin, end), known)
+    alike = _fit_alike(parts[0], grid, ringing)
+    fits = [_fit_each(part, grid, ringing, alike) for part in parts]
+    cells = [len(residuals) for *_, residuals in fits]
+    number = np.concatenate([part.number for part in parts])
+    sizes = np.concatenate([rises_and_falls for rises_and_falls, *_ in fits], axis=1)
+    errors = np.concatenate([errors for _, errors, _ in fits], axis=1)
 
     def total(squares: list[float]) -> float:
-        return math.sqrt(float(np.average(squares, weights=weights)))
+        return math.sqrt(float(np.average(squares, weights=cells)))
 
     # Cycles from the begin and to the end of the record: of one whose slip is not in it, a rise is.
     before, after = (
@@ -217,17 +219,13 @@ def fit_cycles(
     )
     slip = after > -SETTINGS.seen
     return CycleFit(
-        grid,
-        ringing,
-        np.concatenate([part.number for part in parts])[slip],
-        np.concatenate([fit.rise for fit in fits])[slip],
-        np.concatenate([fit.fall for fit in fits])[slip],
+        grid, ringing, number[slip], *sizes[:, slip],
         np.minimum(before, after)[slip] > SETTINGS.seen,
-        np.concatenate([fit.errors for fit in fits], axis=1)[:, slip],
-        total([float(np.mean(fit.left**2)) for fit in fits]),
-        total([part.chance**2 for part in parts]),
+        errors[:, slip],
+        total([float(np.mean(residuals**2)) for *_, residuals in fits]),
+        total([part.noise**2 for part in parts]),
         total([part.spread**2 for part in parts]),
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -237,7 +235,7 @@ class _Stretch:
     number: NDArray[np.int64]  #: of the cycles
     edges: Array  #: of the cells, s, (cells + 1,)
     x: Array  #: m, (cells,), nan where not known
-    chance: float  #: standard deviation of x by noise, m
+    noise: float  #: standard deviation of x by noise, m
     spread: float  #: standard deviation of x, m
 
     @cached_property
@@ -247,16 +245,6 @@ class _Stretch:
         hum = hum_columns(t, MAINS) if t[-1] - t[0] > SETTINGS.hum_seen else []
         columns = np.stack([np.ones_like(t), t - t[0], *hum], axis=1)
         return columns, [SETTINGS.rest, SETTINGS.drift, *[USUAL] * len(hum)]
-
-
-@dataclass(frozen=True)
-class _PartFit:
-    """The fit of a part: its rises and falls."""
-
-    rise: Array  #: m, (cycles,)
-    fall: Array  #: m, (cycles,)
-    left: Array  #: m, (known cells,)
-    errors: Array  #: standard errors of rise and fall, m, (2, cycles); empty if all rise alike
 
 
 def split_parts(
@@ -273,13 +261,6 @@ def split_parts(
         _part(even, grid, head, begin, grid.first + half * grid.period - inner),
         _part(even, grid, tail, grid.first + (tail[0] - 1) * grid.period + inner, end),
     ]
-
-
-def _within(grid: SlipGrid, begin: float, end: float) -> tuple[float, float]:
-    """Return the times (s) between which cycles surely belong to the run, if there are enough."""
-    if grid.count < SETTINGS.alone:
-        return begin, end
-    return max(begin, grid.begin), min(end, grid.end + 0.3 * grid.period)
 
 
 def _enough(parts: list[_Stretch]) -> bool:
@@ -299,62 +280,72 @@ def _part(
     tick = max(even.tick, grid.period / SETTINGS.cells)
     first = max(begin, float(slips[0]) - 1.5 * grid.period)
     edges = np.arange(first, min(end, float(slips[-1]) + grid.period), tick)
-    chance = even.noise / math.sqrt(tick / even.tick)
+    noise = even.noise / math.sqrt(tick / even.tick)
     x = even.means(edges)
     spread = float(np.nanstd(x)) if np.isfinite(x).any() else 1.0
-    return _Stretch(number, edges, x, max(chance, SETTINGS.exact * spread), spread)
+    return _Stretch(number, edges, x, max(noise, SETTINGS.exact * spread), spread)
 
 
-def _fit_part(
-    part: _Stretch, grid: SlipGrid, ringing: Ringing, alike: _PartFit | None = None
-) -> _PartFit:
-    """Return rises and falls of the cycles of a part, by ridge regression.
+def _unknowns(
+    part: _Stretch, grid: SlipGrid, ringing: Ringing
+) -> tuple[Array, list[float], Array, Array]:
+    """Return what all cycles share (cells, n), how wide it is, and answers (cycles, cells) to each.
 
-    In the first fit, all cycles of the run rise alike and those beyond do not. If that fit is
-    given, each cycle has its own rise, with half of the common rise as prior.
+    Answers are those to a rise and to a fall of 1 m.
     """
     slips = np.asarray(grid.first + grid.period * part.number)
+    rises, falls = responses_of(part.edges, slips, grid.period, ringing)
+    slow, widths = part.slow
+    before = ringing.columns(0.5 * (part.edges[1:] + part.edges[:-1]) - part.edges[0])
+    step, sign = SETTINGS.step * part.spread, grid.direction
+    return np.hstack((slow, before)), [*widths, step, step], sign * rises, -sign * falls
+
+
+def _fit_alike(part: _Stretch, grid: SlipGrid, ringing: Ringing) -> tuple[float, Array, Array]:
+    """Fit the rise that all cycles of a run share, and the falls (m); return what is left (m), too.
+
+    By ridge regression; cycles beyond the run do not rise.
+    """
     inside = (part.number >= 0) & (part.number < grid.count)
     known = np.isfinite(part.x)
-    slow, widths = part.slow
-    t = 0.5 * (part.edges[1:] + part.edges[:-1])
-    columns, step = [slow, ringing.columns(t - part.edges[0])], SETTINGS.step * part.spread
-    widths = [*widths, step, step]
-    others, sign = len(widths), grid.direction
-    rises, falls = responses_of(part.edges, slips, grid.period, ringing)
-    wanted = part.x - float(np.nanmean(part.x))
-    chance = part.chance
-    if alike is None:
-        columns += [sign * rises[inside].sum(axis=0)[:, None], -sign * falls[inside].T]
-        widths += [step] * (1 + int(inside.sum()))
-    else:
-        rise, fall = float(np.median(alike.rise)), float(np.median(alike.fall))
-        half = 0.5 * abs(rise)
-        wanted = wanted - sign * half * rises.sum(axis=0)
-        columns += [sign * rises.T, -sign * falls.T]
-        widths += [half] * len(rises) + [2.0 * abs(fall)] * len(falls)
-        chance = max(chance, float(np.std(alike.left)))
-    design, wanted = np.hstack(columns)[known] * np.array(widths), wanted[known]
-    found, left, _ = _ridge(design, wanted, chance)
-    if alike is None:
-        answers = (found * np.array(widths))[others:]
-        return _PartFit(np.full(int(inside.sum()), answers[0]), answers[1:], left, np.empty(0))
+    shared, widths, rises, falls = _unknowns(part, grid, ringing)
+    columns = np.hstack((shared, rises[inside].sum(axis=0)[:, None], falls[inside].T))
+    width = np.append(widths, np.full(1 + int(inside.sum()), SETTINGS.step * part.spread))
+    design, wanted = columns[known] * width, part.x[known] - float(np.nanmean(part.x))
+    normal = design.T @ design + part.noise**2 * np.eye(len(width))
+    found = np.linalg.solve(normal, design.T @ wanted)
+    sizes = (found * width)[len(widths) :]
+    return float(sizes[0]), sizes[1:], wanted - design @ found
+
+
+def _fit_each(
+    part: _Stretch, grid: SlipGrid, ringing: Ringing, alike: tuple[float, Array, Array]
+) -> tuple[Array, Array, Array]:
+    """Fit rise and fall of each cycle (m, (2, cycles)); return their errors and what is left, too.
+
+    Half of the common rise is the prior of every cycle, of those beyond the run, too.
+    """
+    known = np.isfinite(part.x)
+    shared, widths, rises, falls = _unknowns(part, grid, ringing)
+    common, common_falls, residuals = alike
+    half, fall = 0.5 * abs(common), abs(float(np.median(common_falls)))
+    wanted = (part.x - float(np.nanmean(part.x)) - half * rises.sum(axis=0))[known]
+    width = np.array([*widths, *[half] * len(rises), *[2.0 * fall] * len(falls)])
+    design = np.hstack((shared, rises.T, falls.T))[known] * width
+
+    def solve(design: Array, wanted: Array, noise: float) -> tuple[Array, Array]:
+        inverse = np.linalg.inv(design.T @ design + noise**2 * np.eye(len(width)))
+        return inverse @ (design.T @ wanted), noise * np.sqrt(np.diag(inverse))
+
+    found, _ = solve(design, wanted, max(part.noise, float(np.std(residuals))))
+    left = wanted - design @ found
     # But for what neighbouring cells share, their noise is white (D. Cochrane, G. Orcutt, Journal
     # of the American Statistical Association 44 (1949) 32).
-    shared = min(max(float(left[1:] @ left[:-1] / (left @ left)), 0.0), SETTINGS.shared)
-    chance = max(part.chance, float(np.std(left))) * math.sqrt(1.0 - shared**2)
-    white, whitened = (one[1:] - shared * one[:-1] for one in (design, wanted))
-    found, _, errors = _ridge(white, whitened, chance)
-    answers, errors = (found * np.array(widths))[others:], (errors * np.array(widths))[others:]
-    rise_of, fall_of = half + answers[: len(rises)], answers[len(rises) :]
-    return _PartFit(rise_of, fall_of, left, errors.reshape(2, -1))
-
-
-def _ridge(design: Array, wanted: Array, chance: float) -> tuple[Array, Array, Array]:
-    """Return the unknowns of a prior of 1, what they leave (m), and their standard errors."""
-    inverse = np.linalg.inv(design.T @ design + chance**2 * np.eye(design.shape[1]))
-    found = inverse @ (design.T @ wanted)
-    return found, wanted - design @ found, chance * np.sqrt(np.diag(inverse))
+    same = min(max(float(left[1:] @ left[:-1] / (left @ left)), 0.0), SETTINGS.shared)
+    noise = max(part.noise, float(np.std(left))) * math.sqrt(1.0 - same**2)
+    found, errors = solve(design[1:] - same * design[:-1], wanted[1:] - same * wanted[:-1], noise)
+    sizes, errors = ((one * width)[len(widths) :].reshape(2, -1) for one in (found, errors))
+    return sizes + np.array([[half], [0.0]]), errors, left
 
 
 def responses_of(
@@ -387,29 +378,26 @@ def _tune(
     ringing: Ringing,
     span: tuple[float, float],
     known: bool,
-) -> tuple[SlipGrid, Ringing, _PartFit]:
-    """Fit the times of the slips and the ringing; return them with the fit of the first part.
+) -> tuple[SlipGrid, Ringing]:
+    """Fit the times of the slips and the ringing; span (s) limits the samples."""
 
-    span (s) limits the samples.
-    """
-
-    def tune(near: SlipGrid, begin: float, end: float) -> tuple[SlipGrid, Ringing, _PartFit]:
+    def tune(near: SlipGrid) -> tuple[SlipGrid, Ringing, float]:
+        begin, end = span
+        if swings >= BLURRED and near.count >= SETTINGS.alone:  # surely cycles of the run
+            begin, end = max(begin, near.begin), min(end, near.end + 0.3 * near.period)
         few = split_parts(even, near, begin, end, SETTINGS.tuning)
         trial = _fit_clock(few if _enough(few) else parts, near, ringing, known)
-        return *trial, _fit_part(parts[0], *trial)
+        return *trial, float(np.std(_fit_alike(parts[0], *trial)[2]))
 
-    def left(trial: tuple[SlipGrid, Ringing, _PartFit]) -> float:
-        return float(np.std(trial[2].left))
-
-    if ringing.frequency * grid.period < BLURRED:
-        return tune(search_clock(parts[0], grid, ringing), *span)
-    found = tune(grid, *_within(grid, *span))
+    swings = ringing.frequency * grid.period
+    if swings < BLURRED:
+        return tune(search_clock(parts[0], grid, ringing))[:2]
+    found = tune(grid)
     if len(parts) > 1 and (moved := shift_by_swings(parts, *found[:2])) != found[0]:
-        found = tune(moved, *_within(moved, *span))
-    if not left(found) > SETTINGS.left * parts[0].chance:
-        return found
-    near = search_clock(parts[0], grid, ringing)  # by a period of the ringing off, perhaps
-    return min(found, tune(near, *_within(near, *span)), key=left)
+        found = tune(moved)
+    if found[2] > SETTINGS.left * parts[0].noise:  # by a period of the ringing off, perhaps
+        found = min(found, tune(search_clock(parts[0], grid, ringing)), key=lambda one: one[2])
+    return found[:2]
 
 
 def shift_by_swings(parts: list[_Stretch], grid: SlipGrid, ringing: Ringing) -> SlipGrid:
@@ -420,7 +408,7 @@ def shift_by_swings(parts: list[_Stretch], grid: SlipGrid, ringing: Ringing) -> 
     off = []
     for part in (parts[0], parts[-1]):
         trials = [replace(grid, first=grid.first + k / ringing.frequency) for k in (0, -1, 1)]
-        best = min(trials, key=lambda one: float(np.sum(_fit_part(part, one, ringing).left ** 2)))
+        best = min(trials, key=lambda one: _squares(part, one, ringing))
         off.append(best.first - grid.first)
     apart = (off[1] - off[0]) / max(grid.count - 1, 1)
     return replace(grid, first=grid.first + off[0], period=grid.period + apart)
@@ -440,7 +428,11 @@ def search_clock(part: _Stretch, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
     ]
     if len(trials) == 1 or np.isfinite(few.x).sum() < SETTINGS.least:
         return grid
-    return min(trials, key=lambda one: float(np.sum(_fit_part(few, one, ringing).left ** 2)))
+    return min(trials, key=lambda one: _squares(few, one, ringing))
+
+
+def _squares(part: _Stretch, grid: SlipGrid, ringing: Ringing) -> float:
+    return float(np.sum(_fit_alike(part, grid, ringing)[2] ** 2))
 
 
 def _fit_clock(
@@ -466,7 +458,7 @@ def _fit_clock(
         return moved, Ringing(ringing.frequency * (1.0 + 0.01 * higher), decay)
 
     def left(by: Array) -> Array:
-        return np.concatenate([_fit_part(part, *trial(by)).left / part.chance for part in parts])
+        return np.concatenate([_fit_alike(part, *trial(by))[2] / part.noise for part in parts])
 
     found = scipy.optimize.least_squares(
         left,

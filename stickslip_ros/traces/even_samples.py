@@ -148,9 +148,7 @@ def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
     middle = scipy.ndimage.median_filter(x, size=_NEIGHBOURS, mode="nearest")
     away = np.abs(x - middle)
     sample = away[:: max(1, len(away) // _LOOKED_AT)]
-    usual = max(
-        _SPIKE * 1.4826 * float(np.median(sample)), _USUAL * float(np.quantile(sample, 0.99))
-    )
+    usual = max(_SPIKE * robust_std(sample), _USUAL * float(np.quantile(sample, 0.99)))
     far = np.flatnonzero(away > max(usual, _SPIKE * noise))
     beside = np.delete(np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1), _NEIGHBOURS)
     others = away[np.clip(far[:, None] + beside, 0, len(x) - 1)]
@@ -189,7 +187,7 @@ def resample_evenly(t: Array, x: Array, most: int, noise: float | None = None) -
 #: Phases of a mean cycle at most; part of a period after the slip that belongs to a cycle, too.
 PHASES, _PHASES_BEYOND = 200, 0.25
 #: Cycles that are used, and consecutive cycles in each stretch of them.
-ROWS, _STRETCH = 320, 16
+ROWS, _STRETCH = 128, 16
 
 
 @dataclass(frozen=True)
@@ -223,9 +221,9 @@ class SlipGrid:
         return self.first + self.period * (self.count - 1)
 
 
-def phases_of(even: EvenSamples, period: float) -> Array:
+def phases_of(even: EvenSamples, period: float, most: int = PHASES) -> Array:
     """Return phases from one slip (-1) to a little after the next (0), in periods."""
-    count = int(np.clip(period / even.tick, 8, PHASES))
+    count = int(np.clip(period / even.tick, 8, most))
     return np.asarray((np.arange(math.ceil((1.0 + _PHASES_BEYOND) * count)) + 0.5) / count - 1.0)
 
 
@@ -236,11 +234,11 @@ def cycles_on_grid(even: EvenSamples, slips: Array, period: float, phases: Array
     return even.means(slips[:, None] + period * edges[None, :])
 
 
-def sample_cycles(count: int) -> NDArray[np.int64]:
+def sample_cycles(count: int, most: int = ROWS) -> NDArray[np.int64]:
     """Return the numbers of representative cycles: all, or stretches at even distances."""
-    if count <= ROWS:
+    if count <= most:
         return np.arange(count)
-    starts = np.linspace(0, count - _STRETCH, ROWS // _STRETCH).astype(np.int64)
+    starts = np.linspace(0, count - _STRETCH, most // _STRETCH).astype(np.int64)
     return np.asarray(np.unique(starts[:, None] + np.arange(_STRETCH)))
 
 

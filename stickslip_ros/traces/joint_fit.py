@@ -31,6 +31,7 @@ from stickslip_ros.traces.even_samples import (
     correlation_time,
     cycles_on_grid,
     phases_of,
+    robust_std,
     sample_cycles,
 )
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
@@ -56,6 +57,8 @@ class JointFitSettings:
     rest_rows: int = 400  #: of a rest, at most: it has but place and drift
     rest_samples: int = 12  #: of a rest, at least
     phases: int = 4  #: of a cycle, at least
+    cells: int = 100  #: of a cycle, at most: a mean over a cell loses nothing that cycles share
+    cycles: int = 320  #: of a run, at most
     whole: float = 0.5  #: part of a cycle that is known, at least
     still: float = 0.05  #: part of a step by which the runner moves in a rest, at most
     decays: float = 1.0  #: of the ringing in a cycle where none is seen
@@ -232,11 +235,11 @@ class Rows:
             # For outliers, squares are exact enough, and far quicker.
             found, *_ = np.linalg.lstsq(kept.T @ kept, kept.T @ y[used], rcond=1e-12)
             left = y - plainest @ found
-            middle = 1.4826 * float(np.median(np.abs(left[used]))) + 1e-30
-            before, used = used, np.abs(left) <= SETTINGS.far * middle
+            usual = robust_std(left[used]) + 1e-30
+            before, used = used, np.abs(left) <= SETTINGS.far * usual
             if (used == before).all():
                 break
-        self.columns, self.y = columns[used], y[used]
+        self.columns, self.y = (columns, y) if used.all() else (columns[used], y[used])
         both = np.column_stack((self.columns, self.y))
         #: Of all columns and y.
         self.triangle: Array = np.asarray(np.linalg.qr(both, mode="r"))
@@ -255,8 +258,9 @@ class RidgeFit:
         self._seen = across.T @ rows.triangle[:, -1]
         self._product = sizes * np.resize(self._seen, len(sizes))
         told = sizes > 1e-6 * sizes[0]
-        found = self._axes[:, told] @ (self._product[told] / self.squares[told])
-        left = rows.y - rows.columns[:, of] @ found
+        found = np.zeros(len(of))
+        found[of] = self._axes[:, told] @ (self._product[told] / self.squares[told])
+        left = rows.y - rows.columns @ found
         free = max(len(left) - len(sizes), 1)
         #: Variance (m^2) that a row has in effect, what it shares with its neighbours included.
         self.chance = float(left @ left) / free * correlation_time(left) + 1e-30
@@ -278,12 +282,12 @@ class RidgeFit:
 
 
 def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> FitRows | None:
-    phases = phases_of(even, grid.period)
+    phases = phases_of(even, grid.period, SETTINGS.cells)
     phases = phases[phases < 0.0]
     short = settled_from(grid.count) < SETTLING
     if short:
         phases = phases[phases > SETTINGS.late]
-    number = sample_cycles(grid.count)
+    number = sample_cycles(grid.count, SETTINGS.cycles)
     number = number[number >= max(settled_from(grid.count) - 1, 0)]
     slips = grid.first + grid.period * number
     cells = cycles_on_grid(even, np.asarray(slips, np.float64), grid.period, phases)
