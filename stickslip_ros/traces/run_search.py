@@ -22,7 +22,7 @@ from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles, without_ringing
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
-from stickslip_ros.traces.ringing import Ringing, fit_ringing
+from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
 from stickslip_ros.traces.run_growth import check_run, grow_run
 from stickslip_ros.traces.slip_edges import COARSEST, edge_kernel, find_edges
 
@@ -91,7 +91,7 @@ def search_runs(
         fits = [] if ringing is None else _count_all(even, seen, ringing, period)
         chosen = choose_apart(fits, [])
         if fits and len(chosen) == len(seen) and do_explain_all(even, chosen):
-            return _in_order(chosen)
+            return sorted((one.grid for one in chosen), key=lambda one: one.first)
     if ringing is None:
         return seen
     report("runs behind the ringing")
@@ -100,18 +100,19 @@ def search_runs(
     fits += _count_all(even, _search(sawtooth, edges, period), ringing, period)
     chosen = choose_apart(fits, [])
     report("other runs")
-    others_of = [] if do_explain_all(even, chosen) else list_other_periods(chosen, period)
-    for other in others_of:  # other runs have the same drive, most likely
+    periods = [] if period is None else [period]
+    for own in [] if do_explain_all(even, chosen) else [one.grid.period for one in chosen]:
+        if all(abs(own / other - 1.0) > SETTINGS.same_period for other in periods):
+            periods.append(own)
+    # Other runs have the same drive, most likely.
+    for other in periods if period is None else periods[1:]:
         for samples in (even, sawtooth):
             known = [one.grid for one in chosen]
             found = _search(samples, list(find_edges(samples, other)), other, known)
             more = [one for one in found if one not in known]
             chosen += choose_apart(_count_all(even, more, ringing, other, known), chosen)
-    return _in_order(chosen) or [replace(one, explained=False) for one in seen]
-
-
-def _in_order(chosen: list[CycleFit]) -> list[SlipGrid]:
-    return sorted((one.grid for one in chosen), key=lambda one: one.first)
+    grids = sorted((one.grid for one in chosen), key=lambda one: one.first)
+    return grids or [replace(one, explained=False) for one in seen]
 
 
 def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
@@ -139,6 +140,11 @@ def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
 
 def choose_apart(fits: list[CycleFit], chosen: list[CycleFit]) -> list[CycleFit]:
     """Return the runs that explain most and overlap neither each other nor those chosen."""
+
+    def weigh(fit: CycleFit) -> float:  # by how much of the motion it explains, and for how long
+        duration = fit.grid.end - fit.grid.begin
+        return duration * math.log(fit.spread / max(fit.residual, fit.noise))
+
     kept: list[CycleFit] = []
     for fit in sorted(fits, key=weigh, reverse=True):
         if not any(do_overlap(fit.grid, other.grid) for other in [*chosen, *kept]):
@@ -146,47 +152,33 @@ def choose_apart(fits: list[CycleFit], chosen: list[CycleFit]) -> list[CycleFit]
     return kept
 
 
-def list_other_periods(fits: list[CycleFit], period: float | None) -> list[float]:
-    """Return the periods (s) of runs that were not known."""
-    periods = [] if period is None else [period]
-    for fit in fits:
-        own = fit.grid.period
-        if all(abs(own / other - 1.0) > SETTINGS.same_period for other in periods):
-            periods.append(own)
-    return periods if period is None else periods[1:]
-
-
 def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None:
     """Return the ringing after the runs that most of them agree on."""
-    found = []
-    for grid in grids:
-        following = [one.begin for one in grids if one.first > grid.end]
-        rest = min([even.end, *following])
-        last = find_fall(even, grid, grid.end)
-        ends = [last + min(late * grid.period, SETTINGS.late) for late in SETTINGS.rings_from]
-        windows = [[even.between(begin, min(begin + SETTINGS.rings_for, rest))] for begin in ends]
-        if grid.period > SETTINGS.rings_for:
-            slips = grid.slips[-SETTINGS.slow_slips - 1 : -1]
-            begins = [find_fall(even, grid, one) + SETTINGS.late for one in slips]
-            windows.append([even.between(one, one + 0.9 * SETTINGS.rings_for) for one in begins])
-        for window in windows:
-            one = fit_ringing([part for part in window if len(part[0]) > SETTINGS.samples])
-            if one is not None and one.frequency > HUMMING and one.decay > 0.0:
-                found.append(one)
 
-    for grid in grids if not found else ():  # the record ends with the last slip, say
-        inner = [even.between(one + 0.1 * grid.period, one + 0.9 * grid.period)
-                 for one in grid.slips[:-1]]  # fmt: skip
-        one = fit_ringing(inner)
+    def add(window: list[Window]) -> None:
+        one = fit_ringing([part for part in window if len(part[0]) > SETTINGS.samples])
         if one is not None and one.frequency > HUMMING and one.decay > 0.0:
             found.append(one)
 
-    def like(one: Ringing) -> int:
-        return sum(
-            abs(one.frequency / other.frequency - 1.0) < SETTINGS.same_ringing for other in found
-        )
-
-    return max(found, key=like, default=None)
+    found: list[Ringing] = []
+    for grid in grids:
+        rest = min([even.end, *(one.begin for one in grids if one.first > grid.end)])
+        last = find_fall(even, grid, grid.end)
+        for late in SETTINGS.rings_from:
+            begin = last + min(late * grid.period, SETTINGS.late)
+            add([even.between(begin, min(begin + SETTINGS.rings_for, rest))])
+        if grid.period > SETTINGS.rings_for:
+            slips = grid.slips[-SETTINGS.slow_slips - 1 : -1]
+            begins = [find_fall(even, grid, one) + SETTINGS.late for one in slips]
+            add([even.between(one, one + 0.9 * SETTINGS.rings_for) for one in begins])
+    for grid in grids if not found else ():  # the record ends with the last slip, say
+        period = grid.period
+        add([even.between(one + 0.1 * period, one + 0.9 * period) for one in grid.slips[:-1]])
+    alike = [
+        sum(abs(one.frequency / other.frequency - 1.0) < SETTINGS.same_ringing for other in found)
+        for one in found
+    ]
+    return found[int(np.argmax(alike))] if found else None
 
 
 def find_fall(even: EvenSamples, grid: SlipGrid, slip: float) -> float:
@@ -199,12 +191,6 @@ def find_fall(even: EvenSamples, grid: SlipGrid, slip: float) -> float:
     return slip - reach + even.tick * (int(np.argmax(fall)) + width)
 
 
-def weigh(fit: CycleFit) -> float:
-    """Return how much of the motion a run explains, for how long."""
-    duration = fit.grid.end - fit.grid.begin
-    return duration * math.log(fit.spread / max(fit.residual, fit.noise))
-
-
 def _count_all(
     even: EvenSamples,
     grids: list[SlipGrid],
@@ -212,34 +198,29 @@ def _count_all(
     period: float | None,
     known: Sequence[SlipGrid] = (),
 ) -> list[CycleFit]:
-    """Count the cycles of the runs, each up to its neighbours."""
-    every = [*grids, *known]
-    fits = [_count_cycles(even, one, every, ringing, period) for one in grids]
-    return [one for one in fits if one is not None]
-
-
-def _count_cycles(
-    even: EvenSamples, grid: SlipGrid, grids: list[SlipGrid], ringing: Ringing, period: float | None
-) -> CycleFit | None:
-    """Return a run with all cycles that rise and fall alike; None if there are none."""
-    begin = max([even.begin, *(one.end for one in grids if one.end < grid.first)])
-    end = min([even.end, *(one.begin for one in grids if one.first > grid.end)])
-    known = period is not None and may_have_period(grid, period)
-    if known and period is not None:
-        grid = replace(grid, period=period)
-    fit = fit_cycles(even, grid, ringing, begin, end, known)
-    if fit is not None and not known:
-        longer = (fit.every(k) for k in range(2, min(grid.count // 2, SETTINGS.multiples) + 1))
-        if (every := next((one for one in longer if one is not None), None)) is not None:
-            fit = fit_cycles(even, every, ringing, begin, end)
-    seen, fit = fit, _settle_count(even, fit, begin, end, known)
-    if fit is None and known:  # as it was seen: its period speaks for it
-        return None if seen is None else replace(seen, grid=replace(grid, explained=False))
-    return fit
+    """Return the runs with all cycles that rise and fall alike, each up to its neighbours."""
+    fits = []
+    for grid in grids:
+        others = [*grids, *known]
+        begin = max([even.begin, *(one.end for one in others if one.end < grid.first)])
+        end = min([even.end, *(one.begin for one in others if one.first > grid.end)])
+        is_known = period is not None and may_have_period(grid, period)
+        if is_known and period is not None:
+            grid = replace(grid, period=period)
+        seen = fit_cycles(even, grid, ringing, begin, end, is_known)
+        if seen is not None and not is_known:
+            multiples = range(2, min(grid.count // 2, SETTINGS.multiples) + 1)
+            longer = [one for one in map(seen.every, multiples) if one is not None]
+            seen = fit_cycles(even, longer[0], ringing, begin, end) if longer else seen
+        fit = _settle_count(even, seen, begin, end, is_known)
+        if fit is None and is_known and seen is not None:  # its period speaks for it
+            fit = replace(seen, grid=replace(grid, explained=False))
+        fits += [] if fit is None else [fit]
+    return fits
 
 
 def _settle_count(
-    even: EvenSamples, fit: CycleFit | None, begin: float, end: float, known: bool = False
+    even: EvenSamples, fit: CycleFit | None, begin: float, end: float, known: bool
 ) -> CycleFit | None:
     """Return the fit with as many cycles as rise and fall alike; None if it explains nothing."""
     fitted = 0 if fit is None else fit.grid.count  # cycles when the clock was fitted
@@ -277,12 +258,15 @@ def _search(
     if others and not known:
         _find_all(even, edges, found, None)
     largest = max((one.step for one in found), default=0.0)
-    kept = [
-        one
-        for one in found
-        if one.step > SETTINGS.smallest * largest
-        and not any(is_ringing_of(one, other) for other in found)
-    ]
+
+    def only_rings(one: SlipGrid) -> bool:  # after the last slip of another run
+        return any(
+            one.period < 0.5 * other.period
+            and -other.period < one.begin - other.end < 2.0 * other.period
+            for other in found
+        )
+
+    kept = [one for one in found if one.step > SETTINGS.smallest * largest and not only_rings(one)]
     return sorted(kept, key=lambda one: one.first)
 
 
@@ -370,12 +354,6 @@ def may_have_period(grid: SlipGrid, period: float) -> bool:
     return abs(grid.period / period - 1.0) < min(
         SETTINGS.same_period, max(SETTINGS.off / grid.count, SETTINGS.clocks)
     )
-
-
-def is_ringing_of(one: SlipGrid, other: SlipGrid) -> bool:
-    """Return whether one is nothing but the ringing after the last slip of another run."""
-    after = one.begin - other.end
-    return one.period < 0.5 * other.period and -other.period < after < 2.0 * other.period
 
 
 def are_same(one: SlipGrid, other: SlipGrid) -> bool:
