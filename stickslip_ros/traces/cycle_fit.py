@@ -219,7 +219,7 @@ def fit_cycles(
     )
     slip = after > -SETTINGS.seen
     return CycleFit(
-        grid, ringing, number[slip], *sizes[:, slip],
+        grid, ringing, number[slip], sizes[0, slip], sizes[1, slip],
         np.minimum(before, after)[slip] > SETTINGS.seen,
         errors[:, slip],
         total([float(np.mean(residuals**2)) for *_, residuals in fits]),
