@@ -26,6 +26,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.traces.even_samples import (
+    PHASES,
     EvenSamples,
     SlipGrid,
     correlation_time,
@@ -57,7 +58,7 @@ class JointFitSettings:
     rest_rows: int = 400  #: of a rest, at most: it has but place and drift
     rest_samples: int = 12  #: of a rest, at least
     phases: int = 4  #: of a cycle, at least
-    cells: int = 100  #: of a cycle, at most: a mean over a cell loses nothing that cycles share
+    cells: int = 20_000  #: of a run, about: time for no gain in runs of hundreds of cycles
     cycles: int = 320  #: of a run, at most
     whole: float = 0.5  #: part of a cycle that is known, at least
     still: float = 0.05  #: part of a step by which the runner moves in a rest, at most
@@ -282,12 +283,12 @@ class RidgeFit:
 
 
 def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> FitRows | None:
-    phases = phases_of(even, grid.period, SETTINGS.cells)
+    number = sample_cycles(grid.count, SETTINGS.cycles)
+    phases = phases_of(even, grid.period, min(PHASES, SETTINGS.cells // len(number)))
     phases = phases[phases < 0.0]
     short = settled_from(grid.count) < SETTLING
     if short:
         phases = phases[phases > SETTINGS.late]
-    number = sample_cycles(grid.count, SETTINGS.cycles)
     number = number[number >= max(settled_from(grid.count) - 1, 0)]
     slips = grid.first + grid.period * number
     cells = cycles_on_grid(even, np.asarray(slips, np.float64), grid.period, phases)
