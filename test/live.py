@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
     from stickslip_ros.ros.axis_node import AxisNode
-    from stickslip_ros.ros.spin_thread import SpinThread
+    from stickslip_ros.ros.process import SpinThread
 
 TIMEOUT = 60.0  # s, far more than anything takes, for a machine that is busy with other things
 

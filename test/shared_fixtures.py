@@ -195,7 +195,7 @@ def ros_domain(stickslip_domain: int) -> int:
 @pytest.fixture
 def ros(ros_domain: int) -> Iterator[Ros]:
     """Give a :class:`Ros` in a domain of its own."""
-    from stickslip_ros.ros.spin_thread import SpinThread
+    from stickslip_ros.ros.process import SpinThread
 
     spin = SpinThread("ros", ros_domain)
     try:

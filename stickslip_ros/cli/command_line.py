@@ -54,8 +54,7 @@ SUBCOMMANDS = {
 
 #: Modules that do not have the name of the subcommand, with _ for -.
 _MODULES = {
-    "elongate": "shape",
-    "guide": "predict",
+    **dict.fromkeys(("predict", "guide", "shape", "elongate"), "design"),
     "send": "running_axis",
     "watch": "running_axis",
     "demo": "installation",

@@ -17,14 +17,16 @@ from stickslip_ros.measurement.verdict import Judgement
 from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual, settled_bands
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, format_si, scale_of
-from stickslip_ros.reporting.page import PlotPlace, ResultPage, versions
-from stickslip_ros.reporting.plots import (
+from stickslip_ros.reporting.page import (
     Figure,
+    PlotPlace,
+    ResultPage,
     axis_of,
     layout_of,
     line_of,
     stretch_of,
     thin_columns,
+    versions,
 )
 from stickslip_ros.traces.motion import Motion
 

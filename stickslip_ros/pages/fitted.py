@@ -15,9 +15,10 @@ from stickslip_ros.identification.profile import listed
 from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
-from stickslip_ros.reporting.page import PlotPlace, ResultPage
-from stickslip_ros.reporting.plots import (
+from stickslip_ros.reporting.page import (
     Figure,
+    PlotPlace,
+    ResultPage,
     axis_of,
     digits_of,
     layout_of,

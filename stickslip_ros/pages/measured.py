@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
-from stickslip_ros.reporting.page import PlotPlace, ResultPage
-from stickslip_ros.reporting.plots import (
+from stickslip_ros.reporting.page import (
     Figure,
+    PlotPlace,
+    ResultPage,
     axis_of,
     layout_of,
     line_of,

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from stickslip_ros.pages.measured import TINTS
 from stickslip_ros.reporting import CONFIDENCE, MEASURED, SIMULATED, format_si
-from stickslip_ros.reporting.page import PlotPlace, ResultPage, page
-from stickslip_ros.reporting.plots import (
+from stickslip_ros.reporting.page import (
     Figure,
+    PlotPlace,
+    ResultPage,
     axis_of,
     layout_of,
     line_of,
+    page,
     stretch_of,
     thin_columns,
 )

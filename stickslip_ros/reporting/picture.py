@@ -20,7 +20,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import AutoLocator
 
 from stickslip_ros.files import whole_file
-from stickslip_ros.reporting.plots import Figure
+from stickslip_ros.reporting.page import Figure
 
 #: Width of one and of two columns of a journal, and of a pixel of a page, inches.
 COLUMN, TWO_COLUMNS, _PIXEL = 85.0 / 25.4, 170.0 / 25.4, 1.0 / 130.0

@@ -59,7 +59,9 @@ class Diagnostics:
             self._timing(axis, sim_loop),
         ]
 
-    def _status(self, name: str, level: bytes, message: str, **values: object) -> DiagnosticStatus:
+    def _status(
+        self, name: str, level: bytes, message: str, values: dict[str, object]
+    ) -> DiagnosticStatus:
         return diagnostic_status(f"{self._node}: {name}", level, message, values, self._node)
 
     def axis_status(self, axis: Axis, overload: str, news: str = "") -> DiagnosticStatus:
@@ -74,35 +76,31 @@ class Diagnostics:
             level, message = WARN, f"held at the {status.held_at} end of the travel"
         else:
             level, message = (WARN, overload or news) if overload or news else (OK, status.state)
-        return self._status(
-            "axis",
-            level,
-            message,
-            **{
-                "state": status.state,
-                "moving": status.moving,
-                "paused": status.paused,
-                "target reached": status.target_reached,
-                "target (m)": status.target,
-                "following error (m)": status.following_error,
-                "measured position (m)": status.position,
-                "zero offset (m)": status.zero_offset,
-                "velocity (m/s)": status.velocity,
-                "steps commanded": status.step_count,
-                "steps done": status.steps_done,
-                "steps left": status.steps_left,
-                "amplitude (V)": status.amplitude,
-                "frequency (Hz)": status.frequency,
-                "scan level (V)": status.scan_level,
-                "load (N)": status.load,
-                "held at": status.held_at,
-                "limits hit": status.limits_hit,
-                "injected faults": status.injected,
-                "refused commands": status.refused,
-                "last error": status.last_error,
-                "overload": overload,
-            },
-        )
+        values: dict[str, object] = {
+            "state": status.state,
+            "moving": status.moving,
+            "paused": status.paused,
+            "target reached": status.target_reached,
+            "target (m)": status.target,
+            "following error (m)": status.following_error,
+            "measured position (m)": status.position,
+            "zero offset (m)": status.zero_offset,
+            "velocity (m/s)": status.velocity,
+            "steps commanded": status.step_count,
+            "steps done": status.steps_done,
+            "steps left": status.steps_left,
+            "amplitude (V)": status.amplitude,
+            "frequency (Hz)": status.frequency,
+            "scan level (V)": status.scan_level,
+            "load (N)": status.load,
+            "held at": status.held_at,
+            "limits hit": status.limits_hit,
+            "injected faults": status.injected,
+            "refused commands": status.refused,
+            "last error": status.last_error,
+            "overload": overload,
+        }
+        return self._status("axis", level, message, values)
 
     def _friction(self, axis: Axis, status: AxisStatus) -> DiagnosticStatus:
         state, plant = axis.state, axis.plant
@@ -112,48 +110,41 @@ class Diagnostics:
             level, message = WARN, LOAD_MOVES
         elif zero is None or status.stroke <= zero:
             level, message = WARN, "the amplitude is not above the 0-amplitude: no steps"
-        return self._status(
-            "friction",
-            level,
-            message,
-            **{
-                "model": axis.parameters.friction.model,
-                "preload (N)": axis.parameters.friction.preload,
-                "z_ba (m)": plant.contact.z_ba,
-                "z_ss (m)": plant.contact.z_ss,
-                "stiffness (N/m)": plant.contact.sigma_0,
-                "deflection (m)": state.z,
-                "friction force (N)": state.force,
-                "regime": regime_now(axis.simulation),
-                "phase": phase_now(axis.simulation),
-                "last step size (m)": status.last_step,
-                "backstep (m)": status.backstep,
-                "mean step size (m)": status.mean_step,
-                "0-amplitude (m)": zero,
-                "ringing frequency (Hz)": plant.ringing_frequency,
-                "energy lost per cycle (J)": status.lost,
-            },
-        )
+        values: dict[str, object] = {
+            "model": axis.parameters.friction.model,
+            "preload (N)": axis.parameters.friction.preload,
+            "z_ba (m)": plant.contact.z_ba,
+            "z_ss (m)": plant.contact.z_ss,
+            "stiffness (N/m)": plant.contact.sigma_0,
+            "deflection (m)": state.z,
+            "friction force (N)": state.force,
+            "regime": regime_now(axis.simulation),
+            "phase": phase_now(axis.simulation),
+            "last step size (m)": status.last_step,
+            "backstep (m)": status.backstep,
+            "mean step size (m)": status.mean_step,
+            "0-amplitude (m)": zero,
+            "ringing frequency (Hz)": plant.ringing_frequency,
+            "energy lost per cycle (J)": status.lost,
+        }
+        return self._status("friction", level, message, values)
 
     def _timing(self, axis: Axis, sim_loop: SimLoop) -> DiagnosticStatus:
         pacer, blocks, report = sim_loop.pacer, sim_loop.blocks, sim_loop.last_report
         missed_now, self._missed = pacer.missed - self._missed, pacer.missed
         message = f"{missed_now} deadlines missed" if missed_now else "on time"
-        return self._status(
-            "timing",
-            WARN if missed_now or report.overload else OK,
-            overload(axis, report) or message,
-            **{
-                "real-time factor": report.factor,
-                "time dropped (s)": 1e-9 * sim_loop.pace.dropped,
-                "missed deadlines": pacer.missed,
-                "lag (s)": pacer.lag,
-                "worst lag (s)": pacer.worst_lag,
-                "block execution time, mean (s)": sum(blocks) / max(len(blocks), 1),
-                "block execution time, worst (s)": max(blocks, default=0.0),
-                "real-time priority": sim_loop.priority,
-            },
-        )
+        values: dict[str, object] = {
+            "real-time factor": report.factor,
+            "time dropped (s)": 1e-9 * sim_loop.pace.dropped,
+            "missed deadlines": pacer.missed,
+            "lag (s)": pacer.lag,
+            "worst lag (s)": pacer.worst_lag,
+            "block execution time, mean (s)": sum(blocks) / max(len(blocks), 1),
+            "block execution time, worst (s)": max(blocks, default=0.0),
+            "real-time priority": sim_loop.priority,
+        }
+        late = WARN if missed_now or report.overload else OK
+        return self._status("timing", late, overload(axis, report) or message, values)
 
     def _zero_amplitude(self, axis: Axis) -> tuple[float | None, str]:
         """Return the 0-amplitude, or None and the reason.

@@ -18,7 +18,7 @@ from stickslip_ros.ros.axis_host import axis_or_host
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.emulation import Emulation
-from stickslip_ros.ros.spin_thread import SpinThread
+from stickslip_ros.ros.process import SpinThread
 
 
 class InProcess:

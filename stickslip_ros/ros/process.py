@@ -1,19 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a node of this package runs as a process: signals, exit codes, errors in one line."""
+"""How nodes are spun: as a process, with signals and exit codes, or in a thread of a program."""
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import gc
 import os
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import rclpy
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -26,9 +31,11 @@ from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
 _ROUND = 0.1  # s, the longest that the executor waits for something to do
+_WARN_PERIOD = 1.0  # s, between errors in the log
 _POLL = 0.05  # s, between checks whether a signal asks to end
 
 StopRequested = Callable[[], bool]
+N = TypeVar("N", bound=Node)
 
 
 class Runnable(Protocol):
@@ -179,7 +186,7 @@ def _spin(program: str, node: Runnable, executor: Executor) -> int:
                     raise
                 node.nodes[0].get_logger().error(
                     f"error of the middleware, going on: {' '.join(str(error).split())}",
-                    throttle_duration_sec=1.0,
+                    throttle_duration_sec=_WARN_PERIOD,
                 )
         node.finished.result()
         return DONE
@@ -210,3 +217,61 @@ def _executor() -> Executor:
 def _fail(program: str, error: Exception, code: int) -> int:
     print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
     return code
+
+
+# -- in a thread
+
+
+class SpinThread:
+    """Spins the given nodes until it is closed; then they are destroyed.
+
+    An exception in a callback is logged and does not end the thread, which all nodes need.
+    """
+
+    def __init__(self, name: str = "stickslip_spin", domain_id: int | None = None) -> None:
+        """Start; name is that of the thread, domain_id None for that of the environment."""
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain_id)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self._nodes: list[Node] = []
+        self._ending = False
+        self._thread = threading.Thread(target=self._spin, name=name, daemon=True)
+        self._thread.start()
+        # A program that ends without closing would be aborted in the middle of a wait.
+        atexit.register(self.close)
+
+    def add(self, node: N) -> N:
+        """Spin a node made with :attr:`context` and destroy it at the end; return it."""
+        self._nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def close(self) -> None:
+        """End all of it; twice does no harm."""
+        if self._ending:
+            return
+        self._ending = True
+        atexit.unregister(self.close)
+        self.executor.create_task(lambda: None)  # a round ends with work, not because it was woken
+        self._thread.join()
+        self.executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+        self.context.try_shutdown()
+
+    def _spin(self) -> None:
+        # Shut down in the middle of `spin`, the executor falls over what it waits for.
+        while not self._ending:
+            try:
+                self.executor.spin_once(timeout_sec=1.0)
+            except ExternalShutdownException:
+                return
+            except InvalidHandle:
+                # Another thread destroyed something that the executor was about to wait for.
+                continue
+            except Exception:
+                # Otherwise no node would receive messages any more, and callers would wait in vain.
+                get_logger(self._thread.name).error(
+                    f"passed over, the thread goes on:\n{traceback.format_exc()}",
+                    throttle_duration_sec=_WARN_PERIOD,
+                )

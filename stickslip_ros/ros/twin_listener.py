@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.pages.twin import TwinStory
 from stickslip_ros.recordings.cdr import nanoseconds
 from stickslip_ros.reporting import CONFIDENCE
-from stickslip_ros.ros.spin_thread import SpinThread
+from stickslip_ros.ros.process import SpinThread
 from stickslip_ros.twin import TrackedParameter
 
 _DEPTH = 1000  # messages that may wait

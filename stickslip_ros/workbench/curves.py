@@ -19,7 +19,7 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.compared import PHASES
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import format_si, scale_of, to_json
-from stickslip_ros.reporting.plots import thin_columns
+from stickslip_ros.reporting.page import thin_columns
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import TraceError
 from stickslip_ros.traces.analysis import find_runs

@@ -259,15 +259,15 @@ def test_a_subcommand_loads_no_other() -> None:
     loaded = child.stdout.splitlines()[-1].split()
     assert [name.removeprefix("stickslip_ros.cli.") for name in loaded] == [
         "command_line",
+        "design",
         "main",
         "options",
         "outputs",
-        "predict",
     ]
 
 
 def test_every_subcommand_in_a_module_is_listed() -> None:
-    found = {"elongate"}  # which has the options of shape
+    found = {"elongate"}  # whose options are those of shape
     for file in (REPOSITORY / "stickslip_ros" / "cli").glob("*.py"):
         for own in re.findall(r"^def (\w+_)?arguments\(", file.read_text("utf-8"), re.MULTILINE):
             found.add((own.removesuffix("_") or file.stem).replace("_", "-"))

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stickslip_ros.files import WriteError
+from stickslip_ros.reporting.page import Figure, axis_of, layout_of, line_of, thin_columns
 from stickslip_ros.reporting.picture import picture_of, picture_of_plots, save_picture
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 
 X = np.linspace(0.0, 1.0, 20)
 

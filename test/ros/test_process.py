@@ -21,8 +21,7 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.ros import child_process
 from stickslip_ros.ros.child_process import ChildError, ChildProcess
-from stickslip_ros.ros.process import DONE, run
-from stickslip_ros.ros.spin_thread import SpinThread
+from stickslip_ros.ros.process import DONE, SpinThread, run
 
 
 class CountingFuture(Future):

@@ -34,7 +34,7 @@ from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
 from stickslip_ros.ros.axis_host import compile_axis
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient
-from stickslip_ros.ros.spin_thread import SpinThread
+from stickslip_ros.ros.process import SpinThread
 from validation.campaigns.processes import ended, waited
 
 ROOT = Path(__file__).resolve().parents[2]

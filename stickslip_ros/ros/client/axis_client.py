@@ -35,7 +35,7 @@ from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.reporting.terminal import announce_if_slow
 from stickslip_ros.ros.client.listener import Answer, AxisListener
 from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command
-from stickslip_ros.ros.spin_thread import SpinThread
+from stickslip_ros.ros.process import SpinThread
 from stickslip_ros.ros.topics import SET_POINT_LOG
 
 _LAST_WORDS = 1.0  # s
