@@ -268,7 +268,11 @@ def _show(axis: AxisClient, args: argparse.Namespace) -> None:
 
     positions: deque[float] = deque(maxlen=_SHOWN)
     news: deque[str] = deque(maxlen=_KEPT)
-    bars = _bars_for(sys.stdout.encoding)
+    bars = _BARS
+    try:
+        _BARS.encode(sys.stdout.encoding or "ascii")
+    except UnicodeEncodeError:
+        bars = _PLAIN_BARS
     seen = axis.status["refused commands"], axis.status["last error"]
     with Live(auto_refresh=False) as live:
         for now in _ticks(args):
@@ -279,14 +283,6 @@ def _show(axis: AxisClient, args: argparse.Namespace) -> None:
                 news.append(f"{now:.1f} s: {refusal[1]}")
                 seen = refusal
             live.update(_table(axis, positions, news, bars), refresh=True)
-
-
-def _bars_for(encoding: str | None) -> str:
-    try:
-        _BARS.encode(encoding or "ascii")
-    except UnicodeEncodeError:
-        return _PLAIN_BARS
-    return _BARS
 
 
 def _table(axis: AxisClient, positions: Sequence[float], news: Sequence[str], bars: str) -> Table:

@@ -12,7 +12,6 @@ import os
 import re
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -73,15 +72,6 @@ class Span(NamedTuple):
     size: int
 
 
-@dataclass
-class Index:
-    """The index at the end of a file; the spans are its chunks."""
-
-    statistics: Statistics | None = None
-    spans: list[Span] = field(default_factory=list)
-    compressions: set[str] = field(default_factory=set)
-
-
 class McapFile:
     """An open file.
 
@@ -91,6 +81,9 @@ class McapFile:
     :ivar allowance: what its chunks may still unpack to.
     :ivar findings: what is wrong with it, a sentence each; None if it has to be sound.
     :ivar dropped_bytes: how much of it was of no use so far.
+    :ivar statistics: counts in its index, None if it has none.
+    :ivar spans: where messages are, by its index its chunks.
+    :ivar compressions: of its chunks, in words.
     """
 
     def __init__(self, path: Path, findings: list[str] | None = None) -> None:
@@ -103,6 +96,9 @@ class McapFile:
         self.findings = findings
         self.dropped_bytes = 0
         self.channels = Channels()
+        self.statistics: Statistics | None = None
+        self.spans: list[Span] = []
+        self.compressions: set[str] = set()
         with reading(path):
             self.stream, whole = open_storage(path)
             try:
@@ -156,7 +152,7 @@ class McapFile:
         footer: Footer = parse(Footer, body_at(self.stream, place))
         return footer
 
-    def index(self, footer: Footer) -> Index:
+    def read_index(self, footer: Footer) -> None:
         """Read the index, and learn topics and metadata unless its checksum is wrong.
 
         :raises ValueError: it is broken, or its checksum is wrong.
@@ -171,18 +167,17 @@ class McapFile:
                 at += len(piece)
             if crc != footer.summary_crc:
                 raise ValueError("the checksum of its index is wrong")
-        index = Index()
         while start < end:
             place = place_at(self.stream, start, end)
             start = place.end
             if place.opcode == Opcode.CHUNK_INDEX:
                 chunk = parse(ChunkIndex, body_at(self.stream, place))
-                index.compressions.add(chunk.compression)
+                self.compressions.add(chunk.compression)
                 times = chunk.message_start_time, chunk.message_end_time
                 where = chunk.chunk_start_offset, chunk.chunk_length
-                index.spans.append(Span(*times, *where, chunk.uncompressed_size))
+                self.spans.append(Span(*times, *where, chunk.uncompressed_size))
             elif place.opcode == Opcode.STATISTICS:
-                index.statistics = parse(Statistics, body_at(self.stream, place))
+                self.statistics = parse(Statistics, body_at(self.stream, place))
             elif place.opcode == Opcode.METADATA_INDEX:
                 found = place_at(
                     self.stream, parse(MetadataIndex, body_at(self.stream, place)).offset, self.size
@@ -192,7 +187,6 @@ class McapFile:
                 self.channels.learn(found.opcode, body_at(self.stream, found))
             elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self.channels.learn(place.opcode, body_at(self.stream, place))
-        return index
 
     # -- block by block
 

@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Header
 
 from stickslip_ros.recordings.errors import BagError, damaged, reading
-from stickslip_ros.recordings.mcap_file import Index, McapFile, Span
+from stickslip_ros.recordings.mcap_file import McapFile, Span
 from stickslip_ros.recordings.mcap_records import (
     LARGEST_CHUNK,
     MAGIC,
@@ -52,8 +52,6 @@ class McapReader(McapFile):
     """A finished MCAP file; its content is known when it has been opened.
 
     :ivar counts: of the messages, by topic.
-    :ivar spans: where the messages are.
-    :ivar compressions: of its chunks, in words.
     """
 
     def __init__(self, path: Path) -> None:
@@ -63,7 +61,6 @@ class McapReader(McapFile):
         """
         super().__init__(path)
         self.counts: Counter[str] = Counter()
-        self.compressions: set[str] = set()
         self._times: tuple[int, int] | None = None
         try:
             with reading(path):
@@ -72,11 +69,10 @@ class McapReader(McapFile):
                 if first.opcode != Opcode.HEADER:
                     raise ValueError("its first record is not a header")
                 self.library: str = parse(Header, body_at(self.stream, first)).library
-                index = self.index(footer) if footer.summary_start else None
-                if index and self._is_complete(index):
-                    self.spans = index.spans
-                else:
-                    self.spans = self._read_everything(footer.summary_start or self.records_end)
+                if footer.summary_start:
+                    self.read_index(footer)
+                if not self._is_complete():
+                    self._read_everything(footer.summary_start or self.records_end)
         except BaseException:
             self.close()
             raise
@@ -93,12 +89,12 @@ class McapReader(McapFile):
         )
         return FileSummary(self.path.name, self.stored_size, count, start, end)
 
-    def _is_complete(self, index: Index) -> bool:
+    def _is_complete(self) -> bool:
         """Use the index; return False if it lacks needed information."""
-        statistics, topics = index.statistics, self.channels.topics
+        statistics, topics = self.statistics, self.channels.topics
         if statistics is None:
             return False
-        counts, chunks = statistics.channel_message_counts, len(index.spans)
+        counts, chunks = statistics.channel_message_counts, len(self.spans)
         if (
             len(topics) < statistics.channel_count
             or chunks < statistics.chunk_count
@@ -107,7 +103,7 @@ class McapReader(McapFile):
             or (counts and not chunks)
         ):
             return False
-        unpacked = sum(span.size for span in index.spans)
+        unpacked = sum(span.size for span in self.spans)
         self.allowance.spend(unpacked)
         if statistics.message_count > unpacked // SMALLEST_MESSAGE:
             raise ValueError(
@@ -116,20 +112,19 @@ class McapReader(McapFile):
             )
         for channel, count in counts.items():
             self.counts[topics[channel].name] += count
-        self.compressions = index.compressions
         self._times = statistics.message_start_time, statistics.message_end_time
         return True
 
-    def _read_everything(self, end: int) -> list[Span]:
+    def _read_everything(self, end: int) -> None:
         """Find and count the messages of a file without a full index."""
-        spans: list[Span] = []
+        self.spans, self.compressions = spans, compressions = list[Span](), set[str]()
         run_end = 0  # of the run of records outside of chunks that the last span is, 0 if none
         for (_, at, following), records, chunk in self.blocks(end):
             channels, times, _ = messages_in(records, self.channels.learn)
             for channel, count in Counter(channels).items():
                 self.counts[self._name_of(channel)] += count
             if chunk or times:
-                self.compressions.add(chunk.compression if chunk else "")
+                compressions.add(chunk.compression if chunk else "")
             if not times:
                 continue
             start_ns, end_ns = min(times), max(times)
@@ -140,7 +135,6 @@ class McapReader(McapFile):
             size = len(records) if chunk else following - at
             spans.append(Span(start_ns, end_ns, at, following - at, size))
             run_end = 0 if chunk else following
-        return spans
 
     def _name_of(self, channel: int) -> str:
         if channel not in self.channels.topics:

@@ -219,8 +219,9 @@ class _DamagedFile(McapFile):
             self.find("has no end: what its writer had not written yet is missing")
             return None
         try:
-            known = footer.summary_start and footer.summary_crc
-            return self.index(footer).statistics if known else None
+            if footer.summary_start and footer.summary_crc:
+                self.read_index(footer)
+            return self.statistics
         except BROKEN as error:
             self.find(f"has a damaged index, which is not believed: {short(error)}")
             return None
