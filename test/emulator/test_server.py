@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The emulator as a server: floods, many clients, clients that do not read, its command line."""
+"""Lines are cut the same however they come in; many, slow and rude clients are served."""
 
+import io
 import random
 import select
 import signal
@@ -9,18 +10,49 @@ import struct
 import subprocess
 import sys
 import threading
+import tracemalloc
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cpu_time import cpu_seconds
+from hypothesis import example, given
+from hypothesis import strategies as st
 
+from stickslip_ros.emulator.controller import Lines
 from stickslip_ros.emulator.server import MOST_CLIENTS
 
-pytestmark = pytest.mark.slow
+STREAMS = st.lists(st.sampled_from([b"a", b"bc", b"\r", b"\n", b"\r\n", b"\xff"]), max_size=40)
+
+
+@example(parts=[b"a", b"\r\n"], cuts=[2, 2])
+@given(STREAMS, st.lists(st.integers(0, 60), max_size=8))
+def test_lines_are_those_of_python_however_they_are_cut(
+    parts: list[bytes], cuts: list[int]
+) -> None:
+    stream = b"".join(parts)
+    lines = Lines(1000)
+    ends = [0, *sorted(cuts), len(stream)]
+    found = [line for a, b in pairwise(ends) for line in lines.take(stream[a:b])]
+    read = io.TextIOWrapper(io.BytesIO(stream + b"."), encoding="latin-1", newline=None).read()
+    assert found == [line.encode("latin-1") for line in read.split("\n")[:-1]]
+
+
+def test_a_long_line_is_told_once_and_takes_no_memory() -> None:
+    lines = Lines(10)
+    assert lines.take(b"0123456789\n") == [b"0123456789"]
+    tracemalloc.start()
+    for _ in range(1000):
+        assert lines.take(b"x" * 1000) == []
+    assert tracemalloc.get_traced_memory()[0] < 10_000
+    tracemalloc.stop()
+    assert lines.take(b"\nshort\n" + b"y" * 11 + b"\n") == [None, b"short", None]
+
+
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main", "emulate")
 
 
@@ -122,6 +154,7 @@ def withstand(
     assert used[2] - used[1] < 2000, used  # kB
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
 @pytest.mark.parametrize(
     ("name", "question", "lines"),
@@ -137,6 +170,7 @@ def test_noise_and_clients(
     withstand(start, name, lines, 50, question)
 
 
+@pytest.mark.slow
 def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs")
     with ExitStack() as stack:
@@ -147,6 +181,7 @@ def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) 
         assert clients[0].ask(":GNC") == ":N1"
 
 
+@pytest.mark.slow
 def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs")
     with emulated.client() as deaf, emulated.client() as other:
@@ -157,6 +192,7 @@ def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any
         assert other.ask(":GNC") == ":N1"
 
 
+@pytest.mark.slow
 def test_the_command_says_where_it_listens_and_ends_with_0(
     start: Callable[..., subprocess.Popen[str]],
 ) -> None:
@@ -175,6 +211,7 @@ def test_the_command_says_where_it_listens_and_ends_with_0(
     assert (out, err) == ("", "")
 
 
+@pytest.mark.slow
 def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> None:
     process = start("scu", "--port", "0", "--axes", "a", "--watch", "--page", "--set", "gain=5e-9")
     assert process.stdout
@@ -191,6 +228,7 @@ def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> No
     assert process.wait(20.0) == 0
 
 
+@pytest.mark.slow
 def test_a_client_that_has_gone_is_not_written_to(
     emulate: Callable[..., Any], caplog: pytest.LogCaptureFixture
 ) -> None:

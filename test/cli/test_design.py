@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip shape`` and ``stickslip elongate``: what they find can be used as it is printed."""
+"""``stickslip guide`` prints Table 5; what ``shape`` and ``elongate`` find can be used."""
 
 import json
 from pathlib import Path
@@ -11,9 +11,25 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.traces import run_steps
 
-pytestmark = pytest.mark.slow
+
+def test_table_5_is_what_it_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["guide"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == ["A", "74.3", "mN"]
+    assert lines[6] == ["sum", "0.566", "N"]
+    assert lines[8] == ["ratio", "2.83"]
 
 
+def test_json_in_si_units(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--mass", "0.003", "--inclination", "0", "--preload", "1.0", "--json"]
+    assert main(["guide", *arguments]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["forces"]["E"] == pytest.approx(0.5**0.5)  # upright: nothing across the axis
+    assert found["sum"] == pytest.approx(sum(found["forces"].values()))
+    assert found["ratio"] == pytest.approx(8.0**0.5)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "waveform"),
     [
@@ -44,6 +60,7 @@ def test_json_table_and_file_say_the_same(
     assert waveform in printed.values()
 
 
+@pytest.mark.slow
 def test_holds_that_play_no_part_do_not_come_back(capsys: pytest.CaptureFixture[str]) -> None:
     """A sawtooth ignores holds; the shaped slip found for it has none."""
     values = ("hold_before=0.5", "frequency=1000", "creep=0.02", "dwell_growth=0.01")
