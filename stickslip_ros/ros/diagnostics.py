@@ -59,11 +59,6 @@ class Diagnostics:
             self._timing(axis, sim_loop),
         ]
 
-    def _status(
-        self, name: str, level: bytes, message: str, values: dict[str, object]
-    ) -> DiagnosticStatus:
-        return diagnostic_status(f"{self._node}: {name}", level, message, values, self._node)
-
     def axis_status(self, axis: Axis, overload: str, news: str = "") -> DiagnosticStatus:
         """Return the status axis; overload is its reason, empty if there is none.
 
@@ -100,7 +95,7 @@ class Diagnostics:
             "last error": status.last_error,
             "overload": overload,
         }
-        return self._status("axis", level, message, values)
+        return diagnostic_status(self._node, "axis", level, message, values)
 
     def _friction(self, axis: Axis, status: AxisStatus) -> DiagnosticStatus:
         state, plant = axis.state, axis.plant
@@ -127,7 +122,7 @@ class Diagnostics:
             "ringing frequency (Hz)": plant.ringing_frequency,
             "energy lost per cycle (J)": status.lost,
         }
-        return self._status("friction", level, message, values)
+        return diagnostic_status(self._node, "friction", level, message, values)
 
     def _timing(self, axis: Axis, sim_loop: SimLoop) -> DiagnosticStatus:
         pacer, blocks, report = sim_loop.pacer, sim_loop.blocks, sim_loop.last_report
@@ -144,7 +139,9 @@ class Diagnostics:
             "real-time priority": sim_loop.priority,
         }
         late = WARN if missed_now or report.overload else OK
-        return self._status("timing", late, overload(axis, report) or message, values)
+        return diagnostic_status(
+            self._node, "timing", late, overload(axis, report) or message, values
+        )
 
     def _zero_amplitude(self, axis: Axis) -> tuple[float | None, str]:
         """Return the 0-amplitude, or None and the reason.
@@ -175,22 +172,23 @@ def description(node: str, axis: Axis) -> list[DiagnosticStatus]:
     flat, name = p.flat(), p.node.axis_name
     joints = [f"{name}{joint}" for joint in (SLIDER, PIEZO, CONTACT)]
     about = {"version": __version__, "axis_name": name, "joints": joints}
-    found = [_status(node, "description", "simulated stick-slip axis", about)]
+    found = [diagnostic_status(node, "description", OK, "simulated stick-slip axis", about)]
     for row in PARAMETERS.values():
         values: dict[str, Any] = {"value": flat[row.name]}
         if row.kind not in (str, bool):
-            values |= {"unit": row.unit, "low": row.low, "high": row.high}
+            values |= {"unit": row.unit, **_finite(low=row.low, high=row.high)}
         values["mutable"] = row.mutable
-        found.append(_status(node, f"parameter {row.name}", row.description, values))
+        text = f"parameter {row.name}"
+        found.append(diagnostic_status(node, text, OK, row.description, values))
     for command in COMMANDS.values():
         if command.limits:
             low, high = command.limits(p)
-            limits = {"unit": command.unit, "low": low, "high": high}
-            found.append(_status(node, f"command {command.name}", command.meaning, limits))
+            limits = {"unit": command.unit, **_finite(low=low, high=high)}
+            text = f"command {command.name}"
+            found.append(diagnostic_status(node, text, OK, command.meaning, limits))
     return found
 
 
-def _status(node: str, name: str, text: str, values: dict[str, Any]) -> DiagnosticStatus:
-    # An infinite bound has no place in a text that people read as a number.
-    bare = {k: v for k, v in values.items() if not (isinstance(v, float) and math.isinf(v))}
-    return diagnostic_status(f"{node}: {name}", DiagnosticStatus.OK, text, bare, node)
+def _finite(**bounds: float) -> dict[str, float]:
+    """Return finite bounds: an infinite one has no place in a text that people read as a number."""
+    return {name: bound for name, bound in bounds.items() if not math.isinf(bound)}

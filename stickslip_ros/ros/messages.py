@@ -52,12 +52,12 @@ def fill_joints(message: JointState, time: Time, axis_name: str, joints: Joints)
 
 
 def diagnostic_status(
-    name: str, level: bytes, message: str, values: Mapping[str, Any], hardware_id: str
+    node: str, what: str, level: bytes, message: str, values: Mapping[str, Any]
 ) -> DiagnosticStatus:
-    """Return a status with every value as text; floats in full, lists as JSON."""
+    """Return a status of a node with every value as text; floats in full, lists as JSON."""
     pairs = [KeyValue(key=key, value=value_text(value)) for key, value in values.items()]
     return DiagnosticStatus(
-        level=level, name=name, message=message, hardware_id=hardware_id, values=pairs
+        level=level, name=f"{node}: {what}", message=message, hardware_id=node, values=pairs
     )
 
 
@@ -70,13 +70,8 @@ def diagnostic_array(time: Time, statuses: list[DiagnosticStatus]) -> Diagnostic
 
 def event_status(node: str, event: Event) -> DiagnosticStatus:
     """Return an event as message, with all digits of its simulation time."""
-    return diagnostic_status(
-        f"{node}: event",
-        bytes([event.level]),
-        f"{event.name} {event.outcome}",
-        event_texts(event),
-        node,
-    )
+    text = f"{event.name} {event.outcome}"
+    return diagnostic_status(node, "event", bytes([event.level]), text, event_texts(event))
 
 
 # -- commands

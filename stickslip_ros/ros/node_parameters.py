@@ -26,29 +26,26 @@ from stickslip_ros.ros.process import given_parameters
 
 @dataclass(frozen=True)
 class OwnParameter:
-    """Name, type, default and meaning of a parameter.
+    """Name, default and meaning of a parameter; its type is that of the default.
 
     An empty list has no element type in ROS: the default of a list of texts is one empty text.
     """
 
     name: str
-    type: RosParameter.Type
     default: Any
     description: str
 
+    @property
+    def type(self) -> RosParameter.Type:
+        """The type in ROS."""
+        return RosParameter.Type.from_parameter_value(self.default)
+
 
 #: Parameters of the process, not of an axis. An empty name stands for no axes.
-AXES = OwnParameter(
-    "axes", RosParameter.Type.STRING_ARRAY, [""], "names of the axes to host; none: one axis"
-)
-EMULATE = OwnParameter(
-    "emulate", RosParameter.Type.STRING, "", "controller to emulate beside the topics; empty: none"
-)
+AXES = OwnParameter("axes", [""], "names of the axes to host; none: one axis")
+EMULATE = OwnParameter("emulate", "", "controller to emulate beside the topics; empty: none")
 EMULATE_PORT = OwnParameter(
-    "emulate_port",
-    RosParameter.Type.INTEGER,
-    -1,
-    "its TCP port on loopback, -1: the controller's own",
+    "emulate_port", -1, "its TCP port on loopback, -1: the controller's own"
 )
 _OF_PROCESS = [row.name for row in (AXES, EMULATE, EMULATE_PORT)]
 

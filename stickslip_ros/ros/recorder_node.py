@@ -18,7 +18,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
@@ -44,24 +43,18 @@ STOP_LINGER = 0.3  # s
 #: Requests that come while a bag is closed wait in line; with the usual ten, all others are lost.
 SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 
-_TEXT, _TEXTS = Parameter.Type.STRING, Parameter.Type.STRING_ARRAY
-_NUMBER, _SWITCH = Parameter.Type.DOUBLE, Parameter.Type.BOOL
 PARAMETERS = (
-    OwnParameter(
-        "output", _TEXT, "", "folder of the new bag; empty: stickslip_<date>-<time> right here"
-    ),
-    OwnParameter("topics", _TEXTS, [""], "topics to record; none: all topics of the axes"),
-    OwnParameter("regex", _TEXT, "", "record every topic whose full name matches, too"),
-    OwnParameter("axis", _TEXT, f"/{AXIS_NODE}", "full name of the axis node"),
-    OwnParameter("axes", _TEXTS, [""], "full names, where there are several axes"),
-    OwnParameter("compression", _TEXT, "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
-    OwnParameter("max_size", _NUMBER, 0.0, "MB after which a new file begins; 0: never"),
-    OwnParameter("max_duration", _NUMBER, 0.0, "s after which a new file begins; 0: never"),
-    OwnParameter(
-        "fsync", _SWITCH, True, "bring the bag to the disk twice a second; off: at its end"
-    ),
-    OwnParameter("wait", _SWITCH, False, "record from ~/start to ~/stop, as often as asked"),
-    OwnParameter("status_period", _NUMBER, 10.0, "s between lines in the log; 0: none"),
+    OwnParameter("output", "", "folder of the new bag; empty: stickslip_<date>-<time> right here"),
+    OwnParameter("topics", [""], "topics to record; none: all topics of the axes"),
+    OwnParameter("regex", "", "record every topic whose full name matches, too"),
+    OwnParameter("axis", f"/{AXIS_NODE}", "full name of the axis node"),
+    OwnParameter("axes", [""], "full names, where there are several axes"),
+    OwnParameter("compression", "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
+    OwnParameter("max_size", 0.0, "MB after which a new file begins; 0: never"),
+    OwnParameter("max_duration", 0.0, "s after which a new file begins; 0: never"),
+    OwnParameter("fsync", True, "bring the bag to the disk twice a second; off: at its end"),
+    OwnParameter("wait", False, "record from ~/start to ~/stop, as often as asked"),
+    OwnParameter("status_period", 10.0, "s between lines in the log; 0: none"),
 )
 
 
@@ -272,7 +265,7 @@ class RecorderNode(GuardedNode):
                 **{f"lost on {name}": count for name, count in recording.losses()},
             }
         name = self.get_fully_qualified_name().lstrip("/")
-        status = diagnostic_status(f"{name}: recording", level, message, values, name)
+        status = diagnostic_status(name, "recording", level, message, values)
         self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), [status]))
 
 

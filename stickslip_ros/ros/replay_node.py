@@ -18,7 +18,6 @@ from typing import Any, TypeVar
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
@@ -47,13 +46,13 @@ LATE = 0.2
 _SLEEP = 0.05
 
 PARAMETERS = (
-    OwnParameter("bag", Parameter.Type.STRING, "", "folder of the bag, or one of its files"),
-    OwnParameter("rate", Parameter.Type.DOUBLE, 1.0, "speed: 2 plays in half the time"),
-    OwnParameter("loop", Parameter.Type.BOOL, False, "play again and again"),
-    OwnParameter("start", Parameter.Type.DOUBLE, 0.0, "s after the beginning to start at"),
-    OwnParameter("duration", Parameter.Type.DOUBLE, 0.0, "s to play; 0 plays to the end"),
-    OwnParameter("topics", Parameter.Type.STRING_ARRAY, [""], "topics to play; none: all"),
-    OwnParameter("clock", Parameter.Type.DOUBLE, 0.0, "Hz at which /clock is published; 0: never"),
+    OwnParameter("bag", "", "folder of the bag, or one of its files"),
+    OwnParameter("rate", 1.0, "speed: 2 plays in half the time"),
+    OwnParameter("loop", False, "play again and again"),
+    OwnParameter("start", 0.0, "s after the beginning to start at"),
+    OwnParameter("duration", 0.0, "s to play; 0 plays to the end"),
+    OwnParameter("topics", [""], "topics to play; none: all"),
+    OwnParameter("clock", 0.0, "Hz at which /clock is published; 0: never"),
 )
 
 

@@ -20,7 +20,6 @@ from geometry_msgs.msg import PointStamped
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -64,16 +63,14 @@ _CHANGES = 20  # the last ones, which estimates tell
 _LEVELS = {"ok": DiagnosticStatus.OK, "unlike the model": DiagnosticStatus.ERROR}
 
 PARAMETERS = (
-    OwnParameter("config", Parameter.Type.STRING, "", "parameter file of the axis, as of identify"),
-    OwnParameter("axis", Parameter.Type.STRING, f"/{AXIS_NODE}", "full name of the axis node"),
-    OwnParameter("joint", Parameter.Type.STRING, "", "joint in measured; empty: the first slider"),
-    OwnParameter(
-        "direction", Parameter.Type.DOUBLE_ARRAY, [1.0, 0.0, 0.0], "of the axis in measured_point"
-    ),
-    OwnParameter("unit", Parameter.Type.DOUBLE, 1.0, "m, unit of the positions that are measured"),
-    OwnParameter("patience", Parameter.Type.DOUBLE, 0.1, "s that readings wait for commands"),
+    OwnParameter("config", "", "parameter file of the axis, as of identify"),
+    OwnParameter("axis", f"/{AXIS_NODE}", "full name of the axis node"),
+    OwnParameter("joint", "", "joint in measured; empty: the first slider"),
+    OwnParameter("direction", [1.0, 0.0, 0.0], "of the axis in measured_point"),
+    OwnParameter("unit", 1.0, "m, unit of the positions that are measured"),
+    OwnParameter("patience", 0.1, "s that readings wait for commands"),
     *(
-        OwnParameter(name, Parameter.Type.DOUBLE, getattr(TwinSettings, name), f"{unit}, {about}")
+        OwnParameter(name, getattr(TwinSettings, name), f"{unit}, {about}")
         for name, (unit, about) in ASKED.items()
     ),
 )
@@ -234,18 +231,16 @@ class TwinNode(GuardedNode):
         now = self.get_clock().now().to_msg()
         statuses = [
             diagnostic_status(
-                f"{name}: {one.name}", DiagnosticStatus.OK, "seen" if one.seen else "held",
+                name, one.name, DiagnosticStatus.OK, "seen" if one.seen else "held",
                 {f"value ({one.unit})": one.value, f"low ({one.unit})": one.low,
-                 f"high ({one.unit})": one.high}, name,
+                 f"high ({one.unit})": one.high},
             )
             for one in estimates
         ]  # fmt: skip
         for number, change in enumerate(twin.changes[-_CHANGES:], 1):
             times = {"since (s)": self._epoch(change.onset), "told (s)": self._epoch(change.told)}
-            what = f"{name}: change {number}"
-            statuses.append(
-                diagnostic_status(what, DiagnosticStatus.WARN, change.text, times, name)
-            )
+            what, warn = f"change {number}", DiagnosticStatus.WARN
+            statuses.append(diagnostic_status(name, what, warn, change.text, times))
         heard = now if math.isnan(twin.t) else self._stamp(twin.t)
         self._out["~/estimates"].publish(diagnostic_array(heard, statuses))
         rate, deviation = twin.drift
@@ -265,7 +260,7 @@ class TwinNode(GuardedNode):
 
     def _say(self, what: str, level: bytes, message: str, values: dict[str, Any]) -> None:
         name = self.get_fully_qualified_name().lstrip("/")
-        status = diagnostic_status(f"{name}: {what}", level, message, values, name)
+        status = diagnostic_status(name, what, level, message, values)
         self._out["/diagnostics"].publish(
             diagnostic_array(self.get_clock().now().to_msg(), [status])
         )
