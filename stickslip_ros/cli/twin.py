@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -103,7 +104,7 @@ def _live(args: argparse.Namespace) -> int:
         from stickslip_ros.ros.twin_listener import TwinListener
     from stickslip_ros.workbench.server import TwinPanel
 
-    with TwinListener(args.node) as twin:
+    with closing(TwinListener(args.node)) as twin:
         return serve(TwinPanel(twin.story), args, "twin")
 
 

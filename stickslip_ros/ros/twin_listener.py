@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from types import TracebackType
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -20,7 +19,7 @@ _DEPTH = 1000  # messages that may wait
 
 
 class TwinListener:
-    """Follows a twin by its full name until it is left; `story` is what it said so far."""
+    """Follows a twin by its full name until it is closed; `story` is what it said so far."""
 
     def __init__(self, twin: str) -> None:
         """Subscribe; there need not be such a twin yet."""
@@ -36,13 +35,7 @@ class TwinListener:
             node.create_subscription(kind, topic, take, _DEPTH)
         self._own.add(node)
 
-    def __enter__(self) -> TwinListener:
-        """Return itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
         """Listen no more."""
         self._own.close()
 

@@ -3,6 +3,7 @@
 
 import json
 import xml.etree.ElementTree as ET
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,7 @@ def test_a_twin_beside_an_axis(ros: Ros, make_axis: MakeAxis, start_node: Start)
     assert {"stickslip_twin: twin", "stickslip_twin: prediction"} <= names
     estimates = {one.name for m in heard["/stickslip_twin/estimates"] for one in m.status}
     assert "stickslip_twin: preload" in estimates
-    with follower as heard_by_page:
+    with closing(follower) as heard_by_page:
         story = heard_by_page.story
         assert story.level == "ok" and story.stepping > 1.0
         _, measured, predicted, deviation = story.readings[-1]
