@@ -196,10 +196,13 @@ def find_steps(
     even = resample_evenly(t, x, _MOST, noise if kept.all() else None)
     seen, shorter = _search(even, period, report)
     report("steps")
-    parts = [_part(t, even, one, seen) for one in seen]
-    grids, ringings = [], []
-    for part, one in zip(parts, seen, strict=True):
+    parts, grids, ringings = [], [], []
+    for one in seen:
+        last = min([even.end, *(other.begin for other in seen if other.first > one.end)])
+        after = min(one.end + _AFTER * one.period, last)
+        part = slice(*np.searchsorted(t, [one.begin - _BEFORE * one.period, after]))
         grid, ringing = _with_onset(t[part], x[part], one)
+        parts.append(part)
         grids.append(grid)
         ringings.append(ringing)
     estimates, disturbances = fit_steps(even, grids, ringings)
@@ -278,13 +281,6 @@ def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Ar
     if not np.ptp(position) > 0.0:
         raise TraceError("the runner does not move in the trace")
     return time, position, actuator
-
-
-def _part(t: Array, even: EvenSamples, grid: SlipGrid, grids: list[SlipGrid]) -> slice:
-    """Return the samples that the analysis of a run sees, those of the next run left out."""
-    last = min([even.end] + [one.begin for one in grids if one.first > grid.end])
-    after = min(grid.end + _AFTER * grid.period, last)
-    return slice(*np.searchsorted(t, [grid.begin - _BEFORE * grid.period, after]))
 
 
 def analyse_grid(t: Array, x: Array, grid: SlipGrid, estimate: MeasuredValue) -> Run:

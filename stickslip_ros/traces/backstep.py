@@ -205,15 +205,10 @@ def _fit_bottom(t: Array, x: Array, swing: float, lasts: float) -> MeasuredValue
             break
         at = moved
     near = np.abs(t - at) <= width
-    return _value_of_polynomial(t[near], x[near], at, 4)
-
-
-def _value_of_polynomial(t: Array, x: Array, at: float, degree: int) -> MeasuredValue:
-    """Return the value (m) at a time (s) of a polynomial fitted to places."""
-    scale = float(np.max(np.abs(t - at))) or 1.0
-    design = np.vander((t - at) / scale, degree + 1, increasing=True)
+    t, x = t[near], x[near]
+    design = np.vander((t - at) / (float(np.max(np.abs(t - at))) or 1.0), 5, increasing=True)
     found, *_ = np.linalg.lstsq(design, x, rcond=None)
     left = x - design @ found
-    variance = float(left @ left) / max(len(x) - degree - 1, 1)
+    variance = float(left @ left) / max(len(x) - 5, 1)
     error = math.sqrt(variance * float(np.linalg.pinv(design.T @ design)[0, 0]))
     return MeasuredValue(float(found[0]), error)

@@ -103,7 +103,14 @@ def doubts_of(
     before, after = _rests_beside(even, run, others, ringing)
     if before is None and after is None:
         found.append("no rest beside the run, so step and drift cannot be told apart")
-    found += _moved_within(before, after, abs(step.value))
+    for rest, name in ((before, "before"), (after, "after")):
+        moved = 0.0 if rest is None else float(np.quantile(rest, 0.98) - np.quantile(rest, 0.02))
+        if moved > SETTINGS.moved * abs(step.value):
+            found.append(
+                f"the runner moves by {1e9 * moved:.1f} nm {name} the run, about as far as in a "
+                "step"
+            )
+            break
     confirmed = False
     if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
@@ -118,7 +125,14 @@ def doubts_of(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
     if fit is not None and not (confirmed or unlikely):
-        found += _miscounted(fit)
+        numbers = {run.count}
+        for number, odd, seen in zip(fit.number, fit.odds, fit.seen, strict=True):
+            if number in (0, run.count - 1) and seen and odd < SETTINGS.likely:
+                numbers.add(run.count - 1)
+            elif number in (-1, run.count) and seen and odd > -SETTINGS.likely:
+                numbers.add(run.count + 1)
+        if len(numbers) > 1:  # cycles at an end are hardly told from none
+            found.append(" or ".join(map(str, sorted(numbers))) + " steps")
     near = SETTINGS.mains / (run.end - run.begin)
     swings = 0.0 if ringing is None else ringing.frequency
     if not (swings or given) and any(abs(1.0 / run.period - one) < near for one in MAINS):
@@ -219,31 +233,6 @@ def fit_ends(
     begin = max([even.begin, *(one.end for one in others if one.first < run.first)])
     end = min([even.end, *(one.begin for one in others if one.first > run.first)])
     return fit_cycles(even, run, ringing, begin, end, tuned=True)
-
-
-def _miscounted(fit: CycleFit) -> list[str]:
-    """Return the doubt about the number of steps if cycles at an end are hardly told from none."""
-    count = fit.grid.count
-    numbers = {count}
-    for number, odd, seen in zip(fit.number, fit.odds, fit.seen, strict=True):
-        if number in (0, count - 1) and seen and odd < SETTINGS.likely:
-            numbers.add(count - 1)
-        elif number in (-1, count) and seen and odd > -SETTINGS.likely:
-            numbers.add(count + 1)
-    return [" or ".join(map(str, sorted(numbers))) + " steps"] if len(numbers) > 1 else []
-
-
-def _moved_within(before: Array | None, after: Array | None, step: float) -> list[str]:
-    """Return the doubt about rests in which the runner moves like in steps; else empty."""
-    for rest, name in ((before, "before"), (after, "after")):
-        if rest is not None:
-            moved = float(np.quantile(rest, 0.98) - np.quantile(rest, 0.02))
-            if moved > SETTINGS.moved * step:
-                return [
-                    f"the runner moves by {1e9 * moved:.1f} nm {name} the run, about as far as in "
-                    "a step"
-                ]
-    return []
 
 
 def _unevenness(even: EvenSamples, run: SlipGrid) -> float:

@@ -94,18 +94,13 @@ def noise_of(x: Array) -> float:
     """Return the standard deviation (m) of the noise of a sample."""
     if len(x) < 8:
         return 0.0
-    part = x if len(x) <= _LOOKED_AT else _spread(x)
-    third = np.diff(part, 3)  # removes smooth motion; its variance is 20 times that of the noise
+    if len(x) > _LOOKED_AT:  # stretches of neighbouring samples from all over
+        count = _LOOKED_AT // _STRETCH_OF_NOISE
+        starts = np.linspace(0, len(x) - _STRETCH_OF_NOISE, count).astype(np.int64)
+        x = np.concatenate([x[k : k + _STRETCH_OF_NOISE] for k in starts])
+    third = np.diff(x, 3)  # removes smooth motion; its variance is 20 times that of the noise
     usual = robust_std(third) / math.sqrt(20.0)
-    floor = _noise_beside_lines(third)
-    return floor if _LINE * floor < usual else usual
-
-
-def _noise_beside_lines(third: Array) -> float:
-    """Return the noise (m) from the spectrum of third differences, which lines hardly change.
-
-    Ringing of two to four samples a swing is no smooth motion, but few frequencies.
-    """
+    # Ringing of two to four samples a swing is no smooth motion, but few lines of the spectrum.
     width = min(len(third), _STRETCH_OF_NOISE)
     window = np.hanning(width + 2)[1:-1]
     parts = third[: len(third) // width * width].reshape(-1, width) * window
@@ -113,7 +108,8 @@ def _noise_beside_lines(third: Array) -> float:
     upper = slice(len(power) // 2, None)
     white = (2.0 * np.sin(np.pi * np.fft.rfftfreq(width))) ** 6
     median_of_mean = (1.0 - 1.0 / (9.0 * len(parts))) ** 3  # of powers of chance, as parts of it
-    return math.sqrt(float(np.median(power[upper] / white[upper])) / median_of_mean)
+    floor = math.sqrt(float(np.median(power[upper] / white[upper])) / median_of_mean)
+    return floor if _LINE * floor < usual else usual
 
 
 def correlation_time(left: Array) -> float:
@@ -131,13 +127,6 @@ def correlation_time(left: Array) -> float:
     total = np.cumsum(2.0 * correlation / correlation[0]) - 1.0
     window = np.arange(count) >= 5.0 * np.maximum(total, 1.0)
     return max(1.0, float(total[int(np.argmax(window))] if window.any() else total[-1]))
-
-
-def _spread(x: Array) -> Array:
-    """Return stretches of neighbouring samples from all over x."""
-    count = _LOOKED_AT // _STRETCH_OF_NOISE
-    starts = np.linspace(0, len(x) - _STRETCH_OF_NOISE, count).astype(np.int64)
-    return np.asarray(np.concatenate([x[k : k + _STRETCH_OF_NOISE] for k in starts]))
 
 
 def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
@@ -261,7 +250,14 @@ def find_unbroken(
 
 def mean_cycle(rows: Array) -> Array:
     """Return the median row minus its mean, (phases,)."""
-    common = _medians(rows - row_means(rows)[:, None])
+    if not len(rows):
+        return np.zeros(rows.shape[1])
+    ordered = np.sort(rows - row_means(rows)[:, None], axis=0)  # nan comes last
+    count = np.isfinite(ordered).sum(axis=0)[None, :]
+    low, high = (
+        np.take_along_axis(ordered, np.maximum(k, 0), 0)[0] for k in ((count - 1) // 2, count // 2)
+    )
+    common = 0.5 * (low + high)
     known = np.isfinite(common)
     return np.where(known, common - (common[known].mean() if known.any() else 0.0), 0.0)
 
@@ -272,18 +268,6 @@ def row_means(rows: Array) -> Array:
     count = known.sum(axis=1)
     total = np.where(known, rows, 0.0).sum(axis=1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _medians(rows: Array) -> Array:
-    """Return the median of each column without nan, (phases,); nan for a column of nan."""
-    if not len(rows):
-        return np.full(rows.shape[1], np.nan)
-    ordered = np.sort(rows, axis=0)  # nan comes last
-    count = np.isfinite(rows).sum(axis=0)[None, :]
-    pair = [
-        np.take_along_axis(ordered, np.maximum(k, 0), 0)[0] for k in ((count - 1) // 2, count // 2)
-    ]
-    return np.asarray(0.5 * (pair[0] + pair[1]))
 
 
 def similarity(rows: Array, mean: Array) -> Array:

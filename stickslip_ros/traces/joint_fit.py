@@ -316,21 +316,14 @@ def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> Fi
     weight = math.sqrt(max((phases[1] - phases[0]) * grid.period / even.tick, 1.0))
     x = np.where(known, cells, 0.0).reshape(-1, 1)
     columns = without(np.stack(own, axis=1))
-    off = _unsettled(cells, grid, ringing) if short else 0.0
-    settled = grid.count - settled_from(grid.count)
+    first, off = settled_from(grid.count), 0.0
+    if short:  # the ringing of a cycle lasts into the next ones and shifts where their slips begin
+        about = cells - np.nanmean(cells, axis=1, keepdims=True)
+        decays = SETTINGS.decays if ringing is None else max(ringing.decay, 0.0) * grid.period
+        swing = 0.5 * float(np.nanmax(about) - np.nanmin(about))
+        off = swing * math.exp(-decays * first) / (grid.count - first)
+    settled = grid.count - first
     return FitRows(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
-
-
-def _unsettled(cells: Array, grid: SlipGrid, ringing: Ringing | None) -> float:
-    """Return how far off (m) the mean step of a run is that is too short to settle.
-
-    The ringing of a cycle lasts into the next ones and shifts where their slips begin.
-    """
-    about = cells - np.nanmean(cells, axis=1, keepdims=True)
-    first = settled_from(grid.count)
-    decays = SETTINGS.decays if ringing is None else max(ringing.decay, 0.0) * grid.period
-    swing = 0.5 * float(np.nanmax(about) - np.nanmin(about))
-    return swing * math.exp(-decays * first) / (grid.count - first)
 
 
 def cut_rests(

@@ -84,7 +84,9 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     (two of them) hold 95 % of the decays; without it, 76 %.
     """
     # Every second sample of a slow cycle would show another frequency; later ones do not ring.
-    windows = [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in _spread(windows) if len(t) >= 8]
+    some = np.unique(np.linspace(0, max(len(windows) - 1, 0), _CYCLES).astype(int))
+    windows = [windows[k] for k in some if k < len(windows)]
+    windows = [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in windows if len(t) >= 8]
     if not windows:
         return None
     span = float(np.median([t[-1] for t, _ in windows]))
@@ -214,12 +216,6 @@ def _from_spectrum(windows: Sequence[Window], span: float) -> float | None:
     frequency = np.fft.rfftfreq(size, span / (count - 1))
     power[frequency < _FEWEST_PERIODS / span] = 0.0
     return float(frequency[int(np.argmax(power))]) if power.max() > 0.0 else None
-
-
-def _spread(windows: Sequence[Window]) -> list[Window]:
-    if not windows:
-        return []
-    return [windows[k] for k in np.unique(np.linspace(0, len(windows) - 1, _CYCLES).astype(int))]
 
 
 def _cut(window: Window, first: float, last: float) -> Window:

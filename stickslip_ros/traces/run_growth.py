@@ -91,7 +91,12 @@ def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
         if not np.ptp(mean[rise]) > 0.0:
             return None
         like = similarity(rows[:, rise], mean[rise] - mean[rise].mean())
-        first, last = find_extent(like, number, grid.count)
+        known = np.isfinite(like)
+        if not known.any():
+            return None
+        # A cycle that is not known (a gap) counts if those beside it do.
+        like = np.interp(number, number[known], like[known], left=0.0, right=0.0)
+        first, last = find_unbroken(like > SETTINGS.similar, number, grid.count)
         if last - first < 1:
             return None
         longer = replace(grid, first=grid.first + first * grid.period, count=last - first + 1)
@@ -154,16 +159,6 @@ def move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
         return grid
     at = float(place[near][int(np.argmax(fall[near]))])
     return replace(grid, first=grid.first + at * grid.period)
-
-
-def find_extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, int]:
-    """Return numbers of the first and the last cycle of the unbroken run about the middle."""
-    # A cycle that is not known (a gap) counts if those beside it do.
-    known = np.isfinite(like)
-    if not known.any():
-        return 0, -1
-    good = np.interp(number, number[known], like[known], left=0.0, right=0.0) > SETTINGS.similar
-    return find_unbroken(good, number, count)
 
 
 def refine(even: EvenSamples, grid: SlipGrid) -> SlipGrid:

@@ -276,12 +276,24 @@ def _find_all(
     found: list[SlipGrid],
     period: float | None,
 ) -> None:
-    """Add to the runs found those that the edges are part of; of that period (s) if it is given."""
+    """Add to the runs found those that the edges are part of; of that period (s) if it is given.
+
+    Edges are extended to whole runs; of these, that is taken which explains most of the motion.
+    """
+
+    grids: list[SlipGrid] = []
 
     @cache
     def whole(seed: SlipGrid) -> SlipGrid | None:
         grid = grow_run(even, seed)
         return grid and check_run(even, grid, given=period is not None)
+
+    def consider(seed: SlipGrid) -> None:
+        grid = whole(seed)
+        if grid is None or any(do_overlap(grid, other) for other in found):
+            return
+        if period is None or may_have_period(grid, period):
+            grids.append(grid)
 
     apart = [one for one in edges if not any(do_overlap(one, run) for run in found)]
     highest = sorted(apart, key=lambda one: -one.score)
@@ -296,57 +308,34 @@ def _find_all(
                     break
                 if not any(are_same(one, other) for other in seeds):
                     seeds.append(one)
-        grid = _find_best(even, seeds, found, period, whole)
-        if grid is None:
+        grids.clear()
+        for seed in seeds:
+            if not any(are_same(seed, other) for other in grids):
+                consider(seed)
+        if not grids:
             return
-        found.append(grid)
+        best = max(grids, key=lambda one: one.score)
+        # Ringing may repeat after a part of the period, and so do long cycles after several of
+        # them.
+        for factor in (1.0 / 3.0, 0.5, 2.0, 3.0) if period is None else ():
+            count = round(best.count / factor)
+            if count >= 2 and factor * best.period > COARSEST * even.tick:
+                consider(replace(best, period=factor * best.period, count=count))
+        best = max(grids, key=lambda one: one.score)
+        # A motion with a period also repeats after twice the period.
+        rivals = [
+            one
+            for one in grids
+            if do_overlap(one, best)
+            and one.period < best.period
+            and one.score > SETTINGS.rival * best.score
+            and one.dissimilarity < 1.5 * best.dissimilarity + SETTINGS.rival_differs
+        ]
+        best = min(rivals, key=lambda one: one.period, default=best)
+        found.append(best)
         highest, longest = (
-            [one for one in chains if not do_overlap(one, grid)] for chains in (highest, longest)
+            [one for one in chains if not do_overlap(one, best)] for chains in (highest, longest)
         )
-
-
-def _find_best(
-    even: EvenSamples,
-    seeds: list[SlipGrid],
-    found: list[SlipGrid],
-    period: float | None,
-    whole: Callable[[SlipGrid], SlipGrid | None],
-) -> SlipGrid | None:
-    """Return the run that contains one of the seeds and explains most of the motion.
-
-    whole extends a seed to its whole run.
-    """
-    grids: list[SlipGrid] = []
-
-    def consider(seed: SlipGrid) -> None:
-        grid = whole(seed)
-        if grid is None or any(do_overlap(grid, other) for other in found):
-            return
-        if period is None or may_have_period(grid, period):
-            grids.append(grid)
-
-    for seed in seeds:
-        if not any(are_same(seed, other) for other in grids):
-            consider(seed)
-    if not grids:
-        return None
-    best = max(grids, key=lambda one: one.score)
-    # Ringing may repeat after a part of the period, and so do long cycles after several of them.
-    for factor in (1.0 / 3.0, 0.5, 2.0, 3.0) if period is None else ():
-        count = round(best.count / factor)
-        if count >= 2 and factor * best.period > COARSEST * even.tick:
-            consider(replace(best, period=factor * best.period, count=count))
-    best = max(grids, key=lambda one: one.score)
-    # A motion with a period also repeats after twice the period.
-    rivals = [
-        one
-        for one in grids
-        if do_overlap(one, best)
-        and one.period < best.period
-        and one.score > SETTINGS.rival * best.score
-        and one.dissimilarity < 1.5 * best.dissimilarity + SETTINGS.rival_differs
-    ]
-    return min(rivals, key=lambda one: one.period, default=best)
 
 
 def may_have_period(grid: SlipGrid, period: float) -> bool:

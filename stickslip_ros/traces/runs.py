@@ -195,10 +195,14 @@ class Run:
         balance = self.balance
         rings = not math.isnan(self.ringing_frequency)
         damps = f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical"
+        how = ""  # the backstep is an estimate, if it is one; a simulation without noise shows it
+        if not math.isnan(self.backstep) and self.mean_backstep.method != SAMPLES:
+            arc = self.mean_backstep.method == ARC
+            how = ", estimated by " + ("a curve through the falls" if arc else "the ringing")
         rows = [
             ("cycles", f"{self.steps} of {format_si(self.period, 's')}, from {self.span}"),
             ("step size", nanometres(self.step_size, self.step_size_error)),
-            ("backstep", f"{nanometres(self.backstep, self.backstep_error)}{self._backstep_from}"),
+            ("backstep", f"{nanometres(self.backstep, self.backstep_error)}{how}"),
             ("ringing", f"{self.ringing_frequency:.1f} Hz" if rings else "none visible"),
             ("decay", (damps if self._damps else "not determined") if rings else "-"),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro_prefix()}m/s"),
@@ -219,14 +223,6 @@ class Run:
     def _damps(self) -> bool:
         """Whether the samples determine the decay of the ringing."""
         return self.ringing is not None and not math.isinf(self.ringing.decay_error)
-
-    @property
-    def _backstep_from(self) -> str:
-        """How the backstep is an estimate, if it is one; a simulation without noise shows it."""
-        if math.isnan(self.backstep) or self.mean_backstep.method == SAMPLES:
-            return ""
-        what = "a curve through the falls" if self.mean_backstep.method == ARC else "the ringing"
-        return f", estimated by {what}"
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with one row for each cycle, SI units; needs pandas."""

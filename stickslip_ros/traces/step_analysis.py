@@ -259,7 +259,9 @@ def _points(
         if rise is not None:
             rising = _between(t, cycles.direction * u, start, start + 2.0 * period)
             rate = float(np.polyfit(*rising, 1)[0]) if len(rising[0]) > 2 else math.nan
-            found["B"][k] = start + _as_fast(rise, ringing, rate)
+            swing, design = _first_swing(ringing)
+            fast = np.gradient(design @ rise, swing)[1:] >= rate  # as fast as the actuator
+            found["B"][k] = start + (swing[1:][np.argmax(fast)] if fast.any() else math.nan)
     return found
 
 
@@ -269,11 +271,3 @@ def _first_swing(ringing: Ringing) -> tuple[Array, Array]:
     period = 1.0 / ringing.frequency
     times = np.linspace(0.0, period, _LOOKS)
     return times, _design(times, 0.0, period, ringing)
-
-
-def _as_fast(fit: Array, ringing: Ringing, rate: float) -> float:
-    """Return when the runner first is as fast as the actuator, which goes at rate (m/s)."""
-    times, design = _first_swing(ringing)
-    speed = np.gradient(design @ fit, times)
-    fast = speed[1:] >= rate
-    return float(times[1:][np.argmax(fast)]) if fast.any() else math.nan
