@@ -289,7 +289,10 @@ def analyse_grid(t: Array, x: Array, grid: SlipGrid, estimate: MeasuredValue) ->
     step = run.mean_step
     if math.isfinite(estimate.value):
         step = MeasuredValue(grid.direction * estimate.value, estimate.error)
-    error = math.hypot(step.error, _change_of(run.step_sizes), wander_of(run.step_sizes))
+    # Slips without visible ringing are known to a sample, and so is the time that all steps take.
+    late = 0.0 if run.ringing is not None else float(np.median(np.diff(t)))
+    clock = abs(step.value) * late / (grid.count * grid.period) if step.error > 0.0 else 0.0
+    error = math.hypot(step.error, _change_of(run.step_sizes), wander_of(run.step_sizes), clock)
     return replace(run, mean_step=replace(step, error=error), explained=grid.explained)
 
 
