@@ -26,7 +26,7 @@ from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
-from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run
 
@@ -110,7 +110,7 @@ class Experiment:
         return begin, end
 
     def simulate(self, p: Parameters, starts: Array, times: Array) -> tuple[Array, Array]:
-        """Return position (m) and velocity (m/s) at times (s), which must not fall.
+        """Return position (m) and velocity (m/s), behind the sensor, at times (s) that rise.
 
         The axis has the parameters p, rests at x = 0 before its first run, and begins its runs at
         starts (s). ParameterError, SolverError.
@@ -144,7 +144,8 @@ class Experiment:
             seen = simulation.sample(np.maximum(times[at:until] - origin, simulation.t))
             x[at:until], v[at:until] = seen.x, seen.v
             at = until
-        return x, v
+        behind = through_bandwidth(p, Motion("axis", times, x, v))
+        return behind.x, v if behind.v is None else behind.v
 
 
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:

@@ -58,16 +58,17 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     probability = min(1.0, *(one.chance * len(found) for one in found))
     gains = _gains(problem, best)
     free = max(len(best.residuals) - problem.size, 1)
-    lags = gains.get(_LAG, 0.0) > MISFIT.lag * best.deviance / free
-    if not (probability < MISFIT.chance or lags):
+    least = MISFIT.slow * best.deviance / free
+    slow = max(_SLOW, key=lambda name: gains.get(name, 0.0))
+    if not (probability < MISFIT.chance or gains.get(slow, 0.0) > least):
         return None
     within, along, between = max(runs, key=lambda three: sum(one.size for one in three))
     text = f"{within.text}; {along.text}; {between.text}"
     changed = between.size > MISFIT.changed * within.size
     if changed or along.size > MISFIT.part_changed * within.size:
         text += ", so the axis changed during the run: its preload, its track or its load"
-    if lags and gains[_LAG] == max(gains.values()):
-        return Misfit(f"{text}; {_LAG} explains it: identify again with --fit-lag", probability)
+    if gains.get(slow, 0.0) == max([least, *gains.values()]):
+        return Misfit(f"{text}; {slow} explains it: {_SLOW[slow]}", probability)
     beyond = sum(max(one.beyond for one in three) for three in runs)
     return Misfit(f"{text}; {_best_explanation(gains, beyond)}", probability)
 
@@ -156,7 +157,12 @@ def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
     return _Finding(chance, beyond, float(np.sqrt(np.mean(means**2))), text)
 
 
-_LAG = "a lag of the amplifier"
+_LAG, _SENSOR = "a lag of the amplifier", "a slow sensor"
+#: Effects that pass for constants of the contact, so that little is left of them, and their cures.
+_SLOW = {
+    _LAG: "identify again with --fit-lag",
+    _SENSOR: "set sensor_bandwidth in the parameters, the intervals do not hold without it",
+}
 #: What may explain the residuals, and how the parameters express them.
 _EXPLANATIONS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
     "another slewrate (a slower amplifier)": lambda p, part: p.replace(
@@ -164,6 +170,9 @@ _EXPLANATIONS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
     ),
     _LAG: lambda p, part: p.replace(
         amplifier_bandwidth=p.actuator.amplifier_bandwidth or 1.0 / (2.0 * math.pi * FREE.lag_start)
+    ),
+    _SENSOR: lambda p, part: p.replace(
+        sensor_bandwidth=p.sensor.sensor_bandwidth or MISFIT.sensor_bandwidth
     ),
     "another gain of the actuator": lambda p, part: p.replace(gain=p.actuator.gain * (1.0 + part)),
     "viscous friction (sigma_2)": lambda p, part: p.replace(
@@ -195,7 +204,7 @@ def _gains(problem: Problem, best: Point) -> dict[str, float]:
         slope = problem.derivatives(best, changes)
         slope = slope - basis @ (basis.T @ slope)
         power, along = float(slope @ slope), float(slope @ best.residuals)
-        if power > 0.0 and not (name == _LAG and along > 0.0):  # nothing lags by less than none
+        if power > 0.0 and not (name in _SLOW and along > 0.0):  # none is quicker than at once
             gains[name] = along**2 / power
     return gains
 

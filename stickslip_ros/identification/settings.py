@@ -154,7 +154,8 @@ class MisfitSettings:
     part_changed: float = 1.0  #: parts of a run, likewise
     takes_up: float = 0.3  #: part of the residuals that an effect has to explain to be named
     named: int = 2  #: effects at most: the third best hardly ever is the cause
-    lag: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand
+    slow: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand
+    sensor_bandwidth: float = 1e5  #: Hz, of a slow sensor: its effect grows with the square
     part: float = 0.01  #: change of a parameter for its derivative
 
 

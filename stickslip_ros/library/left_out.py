@@ -16,7 +16,7 @@ OF_A_CYCLE = (*OF_ONE_CONTACT, "amplifier_bandwidth", "amplifier_slew", "actuato
 #: All that differ from a rigid actuator on one contact
 EFFECTS = (*OF_A_CYCLE, "contacts")
 #: What a fit of several runs leaves out, which computes them with actuator and memory
-OF_A_FIT = ("surface_spread", "slip_spread", "sensor_bandwidth")
+OF_A_FIT = ("surface_spread", "slip_spread")
 
 
 def left_out(p: Parameters, effects: Sequence[str] = PASSING) -> tuple[str, ...]:
