@@ -6,6 +6,7 @@ import pytest
 from bench_traces import Axis, Drive
 from experiments import holds, truth_of
 from other_axes import Other, other_trace
+from scipy.signal import lfilter
 
 from stickslip_ros.identification import Fit, identify
 from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
@@ -56,6 +57,25 @@ def test_a_lag_of_the_amplifier_is_named() -> None:
 
 
 @pytest.mark.long
+def test_a_slow_sensor_is_named_unless_its_bandwidth_is_set() -> None:
+    """It moved sigma_0ss by 13 %, out of its interval, and nothing was said."""
+    drive, rate = Drive(12, frequency=400.0, amplitude=280.0, pause=5e-3), 4e6
+    t, x = other_trace(AXIS, Other(), drive, rate, 0.0, 3)
+    share = 1.0 - np.exp(-2.0 * np.pi * 4e4 / rate)
+    x = lfilter([share], [1.0, share - 1.0], x)[::8]
+    motion = Motion("lab", t[::8], x + 1e-9 * np.random.default_rng(3).standard_normal(len(x)))
+    start = {name: 1.5 * value for name, value in truth_of(AXIS).items()}
+    unset = identify([(Parameters.of({**KNOWN, **start}), motion)])
+    assert unset.misfit is not None
+    assert "a slow sensor explains it: set sensor_bandwidth" in unset.misfit.text
+    found = identify([(Parameters.of({**KNOWN, **start, "sensor_bandwidth": 4e4}), motion)])
+    assert found.misfit is None
+    for name, true in truth_of(AXIS).items():
+        one = found.parameters[name]
+        assert holds(one.low, true, one.high), name
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(("lag", "within"), [(5e-7, 0.1), (1.5e-6, 0.2)])
 def test_a_lag_is_allowed_for_unasked(lag: float, within: float) -> None:
     """Half a microsecond moved sigma_0ss far out of its interval, and was taken for hum."""
@@ -82,6 +102,12 @@ def test_twelve_lagging_cycles_are_those_of_the_integrator(lag: float) -> None:
     free, start = free_parameters([p]).with_lag(lag), np.array([5e-3])
     found, _ = experiment.simulate(free.applied(p, free.start), start, motion.t)
     without, _ = experiment.simulate(p, start, motion.t)
+    seen, _ = experiment.simulate(
+        free.applied(p.replace(sensor_bandwidth=2e4), free.start), start, motion.t
+    )
+    share = 1.0 - np.exp(-2.0 * np.pi * 2e4 * 2e-6)  # of what is left, in a sample's time
+    late = lfilter([share], [1.0, share - 1.0], motion.x)
+    assert np.abs(seen - np.interp(motion.t, motion.t - 1e-6, late)).max() < 0.02 * np.ptp(motion.x)
     assert np.abs(found - motion.x).max() < 1e-10
     assert np.abs(found - motion.x).max() < 0.03 * np.abs(without - motion.x).max()
 
