@@ -211,7 +211,7 @@ def check_record(experiment: Experiment) -> Iterator[str]:
     """Yield messages about a record before it is fitted, one line each."""
     p, motion = experiment.parameters, experiment.motion
     ringing = experiment.ringing.frequency if experiment.ringing else Plant.of(p).ringing_frequency
-    rate = 1.0 / motion.spacing
+    rate, stroke = 1.0 / motion.spacing, p.drive.amplitude * p.actuator.gain_in_force
     if rate < RECORD.samples_a_swing * ringing:
         yield (
             f"{motion.source}: {rate / ringing:.2g} samples in a swing of the ringing at "
@@ -229,21 +229,6 @@ def check_record(experiment: Experiment) -> Iterator[str]:
                 f"{motion.source}: the run at {run.start:.4g} s has {abs(run.steps)} steps; "
                 f"measure {RECORD.few_steps} or more"
             )
-    yield from _sizes(experiment)
-    noise, stated = noise_of(motion.x), p.sensor.sensor_noise
-    given = stated > 0.0 and stated != PARAMETERS["sensor_noise"].default
-    if given and not 1.0 / RECORD.noise_factor < noise / stated < RECORD.noise_factor:
-        yield (
-            f"{motion.source}: the noise is {format_si(noise, 'm', 2)} a sample, the parameters "
-            f"say {format_si(stated, 'm', 2)}; is the unit of the position right?"
-        )
-
-
-def _sizes(experiment: Experiment) -> Iterator[str]:
-    """Yield whether steps are longer than the actuator goes, or hardly there."""
-    p, motion = experiment.parameters, experiment.motion
-    stroke = p.drive.amplitude * p.actuator.gain_in_force
-    for run in experiment.runs:
         ends = run.start + np.array([0.0, abs(run.steps)]) / run.frequency
         begin, end = np.interp(ends, motion.t, motion.x)
         step = abs(float(end - begin)) / abs(run.steps)
@@ -252,6 +237,13 @@ def _sizes(experiment: Experiment) -> Iterator[str]:
                 f"{motion.source}: steps of {format_si(step, 'm', 3)}, where the actuator goes "
                 f"{format_si(stroke, 'm', 3)}; check the units of the record, amplitude and gain"
             )
+    noise, stated = noise_of(motion.x), p.sensor.sensor_noise
+    given = stated > 0.0 and stated != PARAMETERS["sensor_noise"].default
+    if given and not 1.0 / RECORD.noise_factor < noise / stated < RECORD.noise_factor:
+        yield (
+            f"{motion.source}: the noise is {format_si(noise, 'm', 2)} a sample, the parameters "
+            f"say {format_si(stated, 'm', 2)}; is the unit of the position right?"
+        )
 
 
 def is_too_coarse(experiment: Experiment, found: Parameters) -> bool:

@@ -70,7 +70,13 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     if gains.get(slow, 0.0) == max([least, *gains.values()]):
         return Misfit(f"{text}; {slow} explains it: {_SLOW[slow]}", probability)
     beyond = sum(max(one.beyond for one in three) for three in runs)
-    return Misfit(f"{text}; {_best_explanation(gains, beyond)}", probability)
+    named = []
+    for name in sorted(gains, key=lambda one: -gains[one])[: MISFIT.named]:
+        share = min(gains[name] / max(beyond, 1e-9), 1.0)
+        if share > MISFIT.takes_up:
+            named.append(f"{name} would take up {100.0 * share:.0f} % of it")
+    causes = ", or ".join(named) or "no single effect of the model takes it up"
+    return Misfit(f"{text}; {causes}", probability)
 
 
 @dataclass(frozen=True)
@@ -207,12 +213,3 @@ def _gains(problem: Problem, best: Point) -> dict[str, float]:
         if power > 0.0 and not (name in _SLOW and along > 0.0):  # none is quicker than at once
             gains[name] = along**2 / power
     return gains
-
-
-def _best_explanation(gains: Mapping[str, float], beyond: float) -> str:
-    """Return in words which effects explain most of what the deviance is beyond chance."""
-    likely = sorted(gains, key=lambda one: -gains[one])[: MISFIT.named]
-    shares = [(name, min(gains[name] / max(beyond, 1e-9), 1.0)) for name in likely]
-    named = [f"{name} would take up {100.0 * share:.0f} % of it"
-             for name, share in shares if share > MISFIT.takes_up]  # fmt: skip
-    return ", or ".join(named) or "no single effect of the model takes it up"

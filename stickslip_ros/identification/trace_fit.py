@@ -109,7 +109,10 @@ class Bins:
             dense |= (since < end - begin) & (place > 0) & (place < abs(run.steps) + 0.5)
         dense &= count > 2
         nodes, owner, weight = _nodes(t, number, middle, spread, dense, count)
-        return cls(middle, mean, count, nodes, owner, weight, _noise(close, few))
+        # Second differences of the finer bins show the noise of a sample.
+        second = scipy.stats.median_abs_deviation(np.diff(close, 2), scale="normal") / _SECOND
+        noise = max(float(second * np.sqrt(np.median(few))), 1e-13)
+        return cls(middle, mean, count, nodes, owner, weight, noise)
 
 
 def _means(t: Array, x: Array, width: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
@@ -143,13 +146,6 @@ def _nodes(
     order = np.argsort(times, kind="stable")
     times, owner = times[order], owner[order]
     return times, owner, 1.0 / np.bincount(owner, minlength=len(middle))[owner]
-
-
-def _noise(x: Array, count: Array) -> float:
-    """Return the standard deviation (m) of a sample from second differences of bins."""
-    second = np.diff(x, 2)
-    size = float(scipy.stats.median_abs_deviation(second, scale="normal")) / _SECOND
-    return max(size * float(np.sqrt(np.median(count))), 1e-13)
 
 
 #: Unit of the starts and of the rate of the clock in the search: s, s/s.

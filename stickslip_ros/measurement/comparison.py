@@ -15,6 +15,7 @@ from stickslip_ros.measurement.metrics import (
     ComparisonMetric,
     RunPair,
     align_runs,
+    match_slips,
     most_different,
     pair_runs,
 )
@@ -39,9 +40,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-
-#: Part of a period by which slips of both may be apart and be the same.
-_MET = 0.25
 
 
 @dataclass(frozen=True)
@@ -326,9 +324,9 @@ def _cycle_table(
     for run, measured in ((one.run, one.measured) for one in pairs):
         if run is None or measured is None:
             continue
-        slips, there = run.slips, alignment.run_time(measured.slips)
-        nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
-        scale = np.where(np.abs(there[nearest] - slips) < _MET * run.period, alignment.gain, np.nan)
+        slips = run.slips
+        nearest, same = match_slips(slips, run.period, measured, alignment)
+        scale = np.where(same, alignment.gain, np.nan)
         at = np.searchsorted(samples.t, np.append(slips, slips[-1] + run.period))
         with np.errstate(invalid="ignore"):
             rmse = np.sqrt(np.diff(squares[at]) / np.diff(at))

@@ -198,7 +198,10 @@ def pair_runs(
                 slips = cycles.slips
                 # Where the periods differ, slips apart are no errors of the search.
                 if abs(one.period / cycles.period - 1.0) * one.steps < _MET:
-                    slips = _shared_slips(cycles, one, alignment)
+                    # The search may miss the first one, and count one after the last.
+                    slips = slips[match_slips(slips, cycles.period, one, alignment)[1]]
+                    if not len(slips):
+                        raise TraceError("its steps are at other times")
                     if len(slips) < one.steps:
                         there = alignment.measurement_time(slips)
                         one = _with_slips(measurement, measured, one, there)
@@ -216,18 +219,13 @@ def pair_runs(
     return found
 
 
-def _shared_slips(cycles: Cycles, measured: Run, alignment: Alignment) -> Array:
-    """Return the slips (s) of the run's cycles that a measured run has too, (slips,).
-
-    The search for steps may miss the first one, and count one after the last. Raises TraceError
-    where none is shared.
-    """
+def match_slips(
+    slips: Array, period: float, measured: Run, alignment: Alignment
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the measured slip nearest to each slip (s) of the run, and whether it is the same."""
     there = alignment.run_time(measured.slips)
-    nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), cycles.slips)
-    shared = cycles.slips[np.abs(there[nearest] - cycles.slips) < _MET * cycles.period]
-    if not len(shared):
-        raise TraceError("its steps are at other times")
-    return np.asarray(shared)
+    nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
+    return nearest, np.abs(there[nearest] - slips) < _MET * period
 
 
 def _with_slips(measurement: Motion, runs: Sequence[Run], run: Run, slips: Array) -> Run:
