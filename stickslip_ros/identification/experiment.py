@@ -144,7 +144,8 @@ class Experiment:
             seen = simulation.sample(np.maximum(times[at:until] - origin, simulation.t))
             x[at:until], v[at:until] = seen.x, seen.v
             at = until
-        behind = through_bandwidth(p, Motion("axis", times, x, v))
+        fine = replace(p, sensor=replace(p.sensor, sensor_rate=RECORD.sensor_rate))
+        behind = through_bandwidth(fine, Motion("axis", times, x, v))
         return behind.x, v if behind.v is None else behind.v
 
 

@@ -15,6 +15,7 @@ class RecordSettings:
     ringing_over_drive: float = 2.0  #: least ratio of ringing to drive frequency
     near_hum: float = 0.05  #: part of a harmonic of the mains within which ringing may be hum
     rest_before: float = 0.05  #: periods without which the axis may have stepped before
+    sensor_rate: float = 1e6  #: Hz, of a sensor with a bandwidth: lines between bend by 0.01 %
     lead_in: int = 10  #: cycles simulated before the start of the record
     compared_steps: int = 4  #: of runs that have to be alike; fewer scatter too much
     changed_part: float = 0.08  #: of a step, by which alike runs differ if the axis changed
