@@ -155,7 +155,9 @@ class CoarseFit:
 
     def __init__(self, fit: TraceFit) -> None:
         """Choose bins outside of slips, within the first cycles of the first run."""
-        self.experiment = fit.experiment
+        # The low-pass of a sensor takes longer than the axis, and hardly moves an optimum.
+        known = fit.parameters.replace(sensor_bandwidth=None)
+        self.experiment = replace(fit.experiment, parameters=known)
         self._starts = fit.starts
         run, (begin, end), bins = fit.experiment.runs[0], fit.experiment.unsure, fit.bins
         begin = max(begin, run.start - 1.0 / run.frequency)
