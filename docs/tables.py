@@ -14,10 +14,9 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
-from stickslip_ros.axis.command import FLOAT64, INT32, Command
+from stickslip_ros.axis.command import FLOAT64, INT32, STATES, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
-from stickslip_ros.axis.state_machine import STATES
 from stickslip_ros.gym import SCORES, TASKS
 from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN

@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
+from stickslip_ros.axis.faults import Travel
 from stickslip_ros.axis.sensor import SensorDynamics, has_bandwidth
-from stickslip_ros.axis.travel import Travel
 from stickslip_ros.model import DriveCycle
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.solver import State
@@ -202,7 +202,7 @@ class Actuation:
 
     def faults_changed(self) -> None:
         """Let the faults on demand act from now on; a lost preload with the next cycle."""
-        self.travel.confine(self.config, self.cycles_run)
+        self.travel.confine(self.config.faults, self.config.offset, self.cycles_run)
         self._expect_motion()
         if self.kind == CYCLES:
             self._plan()
@@ -350,7 +350,7 @@ class Actuation:
         fit = cycles_that_fit(self._room(self._sign), self.config.stroke(self._amplitude()))
         left = self.config.faults.steps_left(self.cycles_run)
         if not left:
-            self.travel.confine(self.config, self.cycles_run)
+            self.travel.confine(self.config.faults, self.config.offset, self.cycles_run)
         self._check = self.sim.cycles_done + min(fit, _AT_ONCE, int(min(left or ANY, ANY)))
 
     def _last_cycle(self) -> tuple[int, float]:

@@ -3,7 +3,7 @@
 
 A new command replaces the rest of the running command; all changes happen between drive cycles.
 Time is an argument: the axis never reads a clock, and the same commands at the same times give
-the same motion to the last bit, however often its state is read. States: `state_machine.py`.
+the same motion to the last bit, however often its state is read. States: `command.py`.
 """
 
 from __future__ import annotations
@@ -15,12 +15,11 @@ from dataclasses import replace
 from typing import Any
 
 from stickslip_ros.axis.closed_loop import ClosedLoop
-from stickslip_ros.axis.command import Command
+from stickslip_ros.axis.command import AxisStatus, Command, refusal
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.events import TRIP, CommandRefused, Event
 from stickslip_ros.axis.faults import REFUSE
-from stickslip_ros.axis.state_machine import AxisStatus, refusal
 from stickslip_ros.axis.tasks import StepTask
 from stickslip_ros.axis.trajectory import Point
 from stickslip_ros.model import Plant

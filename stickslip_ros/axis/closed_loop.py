@@ -15,8 +15,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ANY, CYCLES, RAMP, REST, Actuation
+from stickslip_ros.axis.command import HOLDING, TARGETING
 from stickslip_ros.axis.trajectory import Trajectory
 from stickslip_ros.model.friction import Contact
 
@@ -127,7 +127,7 @@ class ClosedLoop:
     @property
     def state(self) -> str:
         """Targeting, or holding while the position stays within the tolerance of the end."""
-        return state_machine.HOLDING if self.reached else state_machine.TARGETING
+        return HOLDING if self.reached else TARGETING
 
     @property
     def reached(self) -> bool:

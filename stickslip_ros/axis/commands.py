@@ -13,31 +13,29 @@ from dataclasses import replace
 
 from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import (
+    DISABLED,
     FLOAT64,
     INT32,
     INT32_RANGE,
+    JOGGING,
     JOINT_STATE,
+    REFUSED,
+    SAME,
+    SCANNING,
     SET_BOOL,
     SET_PARAMETERS,
+    STEPPING,
+    STOPPED,
+    TARGETING,
     TRAJECTORY,
     TRIGGER,
     WRENCH,
     Command,
-)
-from stickslip_ros.axis.device import Device
-from stickslip_ros.axis.events import digests_of
-from stickslip_ros.axis.state_machine import (
-    DISABLED,
-    JOGGING,
-    REFUSED,
-    SAME,
-    SCANNING,
-    STEPPING,
-    STOPPED,
-    TARGETING,
     Row,
     row,
 )
+from stickslip_ros.axis.device import Device
+from stickslip_ros.axis.events import digests_of
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask
 from stickslip_ros.axis.trajectory import Point, Trajectory, check_trajectory
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters

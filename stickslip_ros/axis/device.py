@@ -12,9 +12,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize, expected_loss
+from stickslip_ros.axis.command import DISABLED, FAULT, STOPPED
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.events import (
     INJECTED,
@@ -71,12 +71,12 @@ class Device:
 
     @property
     def mode(self) -> str:
-        """The state of the axis as a device, one of `state_machine.STATES`."""
+        """The state of the axis as a device, one of `command.STATES`."""
         if not self._enabled:
-            return state_machine.DISABLED
+            return DISABLED
         if self.fault:
-            return state_machine.FAULT
-        return self._task.state if self._task else state_machine.STOPPED
+            return FAULT
+        return self._task.state if self._task else STOPPED
 
     @property
     def closed_loop(self) -> ClosedLoop | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults on demand: what can be injected into an axis, and what of it acts at present.
+"""Faults on demand: what can be injected into an axis, what of it acts, how far it may travel.
 
 The parameter ``fault`` names them, as "sensor_freeze" or "sensor_spike 200nm, axis_stall 50". They
 are part of the axis: a run with them repeats to the last bit. A new one is one more entry in
@@ -12,8 +12,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import LimitParameters, ParameterError, Parameters
 from stickslip_ros.parameters.row import read_quantity
+from stickslip_ros.solver import Simulation
 
 _SPIKE_EVERY = 100  # readings
 
@@ -137,3 +138,53 @@ def _value(name: str, text: str) -> float:
         limits = f"between {fault.low:g} and {fault.high:g} {fault.unit}".rstrip()
         raise ParameterError(f"fault {name} is {text}; its value has to lie {limits}")
     return value
+
+
+#: m that a stuck runner has to either side
+_STUCK = 1e-12
+
+
+class Travel:
+    """The stops of a simulation: the ends of the travel, or narrower ones that faults set.
+
+    While a fault confines the runner, nothing is held there, and no hits are counted.
+    """
+
+    def __init__(self, sim: Simulation, limits: LimitParameters) -> None:
+        """Set the stops at the ends of the travel."""
+        self._sim = sim
+        self._ends = limits.travel_low, limits.travel_high
+        self._confined = False
+        self._hits = 0  # of the ends of the travel, until the runner was confined
+        self._other_hits = 0  # of the narrower ends
+        self._stuck_at: float | None = None  # m
+        sim.set_stops(*self._ends)
+
+    @property
+    def held(self) -> int:
+        """The end of the travel that holds the runner: -1 the lower, 1 the upper, 0 none."""
+        return 0 if self._confined else self._sim.stopped
+
+    @property
+    def hits(self) -> int:
+        """How often the runner has hit an end of the travel."""
+        return self._hits if self._confined else self._sim.stop_hits - self._other_hits
+
+    def confine(self, faults: Faults, offset: float, cycles: int) -> None:
+        """Let the runner travel as far as faults leave it.
+
+        offset (m) is the reading that counts as 0; cycles have run.
+        """
+        x, hits = self._sim.x, self.hits
+        low, high = self._ends
+        if DIRT in faults:
+            place = faults.value(DIRT) + offset
+            low, high = (low, min(place, high)) if x <= place else (max(place, low), high)
+        if faults.steps_left(cycles):
+            self._stuck_at = None
+        else:
+            self._stuck_at = x if self._stuck_at is None else self._stuck_at
+            low, high = max(low, self._stuck_at - _STUCK), min(high, self._stuck_at + _STUCK)
+        self._confined = (low, high) != self._ends
+        self._hits, self._other_hits = hits, self._sim.stop_hits - hits
+        self._sim.set_stops(low, high)

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ANY, RAMP, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop
+from stickslip_ros.axis.command import JOGGING, SCANNING, STEPPING
 
 #: Checks of the supervisor a second (Hz): a runner at 10 mm/s is caught within 0.1 mm
 _RATE = 100.0
@@ -59,7 +59,7 @@ class StepTask(_OpenLoop):
     """A number of steps."""
 
     steps: int  #: the sign is the direction
-    state = state_machine.STEPPING
+    state = STEPPING
 
     def begin(self, actuation: Actuation) -> None:
         """Start the cycles."""
@@ -71,7 +71,7 @@ class JogTask(_OpenLoop):
     """Stepping without end at the frequency of the jog."""
 
     hertz: float  #: the sign is the direction
-    state = state_machine.JOGGING
+    state = JOGGING
 
     def begin(self, actuation: Actuation) -> None:
         """Start cycles without end."""
@@ -81,7 +81,7 @@ class JogTask(_OpenLoop):
 class ScanTask(_OpenLoop):
     """The actuator goes to a level and stays there, or before a soft limit."""
 
-    state = state_machine.SCANNING
+    state = SCANNING
 
     def __init__(self, volts: float, note_limit: Callable[[str], None]) -> None:
         """Take the level (V); note_limit is called with a soft limit that ends the scan early."""

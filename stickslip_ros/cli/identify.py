@@ -24,7 +24,7 @@ from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.files import write_text
 from stickslip_ros.library.left_out import OF_A_FIT, left_out
 from stickslip_ros.parameters import PARAMETERS, Parameters, parameter, yaml_text
-from stickslip_ros.parameters.ros_file import read_values
+from stickslip_ros.parameters.bounded_files import read_values
 from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting import format_si
 from stickslip_ros.shared_files import config_file

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.state_machine import FAULT, STOPPED
+from stickslip_ros.axis.command import FAULT, STOPPED
 from stickslip_ros.emulator.controller import (
     Controller,
     Dialogue,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, TARGETING
+from stickslip_ros.axis.command import DISABLED, FAULT, HOLDING, TARGETING
 
 LONGEST_LINE = 4096  # bytes; a pattern of 256 numbers takes a thousand
 

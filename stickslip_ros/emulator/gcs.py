@@ -13,7 +13,7 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.state_machine import HOLDING, TARGETING
+from stickslip_ros.axis.command import HOLDING, TARGETING
 from stickslip_ros.emulator.controller import (
     Channel,
     Controller,

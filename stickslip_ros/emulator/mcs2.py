@@ -15,7 +15,7 @@ from collections import deque
 from typing import Any
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.state_machine import HOLDING, JOGGING, SCANNING, TARGETING
+from stickslip_ros.axis.command import HOLDING, JOGGING, SCANNING, TARGETING
 from stickslip_ros.emulator.controller import (
     Controller,
     Dialogue,

@@ -18,7 +18,7 @@ from enum import IntEnum
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
-from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, JOGGING, SCANNING, TARGETING
+from stickslip_ros.axis.command import DISABLED, FAULT, HOLDING, JOGGING, SCANNING, TARGETING
 from stickslip_ros.emulator import controller
 from stickslip_ros.emulator.controller import (
     Controller,

@@ -239,7 +239,7 @@ def read_yaml(path: str | PathLike[str]) -> Parameters:
 
     As `Parameters.of` with a path. Raises ParameterError that names the file.
     """
-    from stickslip_ros.parameters.ros_file import read_values  # most runs name no file
+    from stickslip_ros.parameters.bounded_files import read_values  # most runs name no file
 
     values = read_values(path, PARAMETERS)
     try:
@@ -253,7 +253,7 @@ def yaml_text(p: Parameters, given: Collection[str] = ()) -> str:
 
     Those with a name in given are in it, too.
     """
-    from stickslip_ros.parameters.ros_file import parameter_file_text
+    from stickslip_ros.parameters.bounded_files import parameter_file_text
 
     usual = Parameters().flat()
     return parameter_file_text(

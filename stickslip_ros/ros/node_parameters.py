@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Parameters
-from stickslip_ros.parameters.ros_file import nodes_in, values_in
+from stickslip_ros.parameters.bounded_files import nodes_in, values_in
 from stickslip_ros.parameters.row import file_names
 from stickslip_ros.ros.process import given_parameters
 

@@ -26,7 +26,7 @@ from rclpy.utilities import remove_ros_args, try_shutdown
 
 from stickslip_ros.errors import StickslipError, UsageError, ending_signals
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.parameters.ros_file import OF_EVERY_NODE
+from stickslip_ros.parameters.bounded_files import OF_EVERY_NODE
 from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2

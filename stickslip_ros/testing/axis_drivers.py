@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.state_machine import FAULT, HOLDING
+from stickslip_ros.axis.command import FAULT, HOLDING
 from stickslip_ros.testing.driver import Driver
 
 #: A drive that all of them can have; the noise of the sensor would only blur what is compared.
@@ -45,7 +45,7 @@ class AxisDriver(Driver):
         raise NotImplementedError
 
     def state(self) -> str:
-        """Return the state, one of `stickslip_ros.axis.state_machine.STATES`."""
+        """Return the state, one of `stickslip_ros.axis.command.STATES`."""
         raise NotImplementedError
 
     def set_drive(self, amplitude: float, frequency: float) -> None:

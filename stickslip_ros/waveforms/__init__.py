@@ -14,12 +14,13 @@ from collections.abc import Callable, Mapping
 
 from stickslip_ros.parameters import DriveParameters, register
 from stickslip_ros.waveforms.built_in import (
+    Shape,
     hold_shape,
     sawtooth_shape,
     shaped_shape,
     triangle_shape,
+    with_rows,
 )
-from stickslip_ros.waveforms.shape import Shape, with_rows
 from stickslip_ros.waveforms.table import table_shape
 
 #: Waveforms by the name that the parameter ``waveform`` takes.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from stickslip_ros.parameters import DriveParameters, ParameterError
 from stickslip_ros.parameters.bounded_files import FileVersion, read_rows
-from stickslip_ros.waveforms.shape import Shape
+from stickslip_ros.waveforms.built_in import Shape
 
 _FORM = "one column of levels, or two of time share and level"
 

@@ -8,8 +8,8 @@ import pytest
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis.command import REFUSED, SAME, STATES
 from stickslip_ros.axis.commands import COMMANDS, state_table
-from stickslip_ros.axis.state_machine import REFUSED, SAME, STATES
 
 TABLE = state_table()
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "states.md"

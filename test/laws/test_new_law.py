@@ -50,7 +50,7 @@ WAVEFORM = '''
 from __future__ import annotations
 from dataclasses import dataclass
 from stickslip_ros.parameters.row import number
-from stickslip_ros.waveforms.shape import Shape, with_rows
+from stickslip_ros.waveforms.built_in import Shape, with_rows
 
 @dataclass(frozen=True)
 class Saw:
