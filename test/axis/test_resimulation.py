@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run comes out again from its events, whatever was commanded and whenever it was looked at."""
+"""A run comes out again from its events, which go into texts and come back as they were."""
 
+import math
+from array import array
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import pytest
-from table_1 import TABLE_1
+from hypothesis import given
+from hypothesis import strategies as st
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, Event
-from stickslip_ros.axis.events import event_texts
+from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
@@ -132,3 +136,36 @@ def test_a_file_that_is_missing_or_another_is_told_before_anything_runs(
         Rerun(events)
     path.write_text(text)
     assert Rerun(events).advance(0.3).state == state
+
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(time=finite, value=finite | st.integers(-(2**31), 2**31) | st.booleans())
+def test_what_goes_in_comes_out(time: float, value: float | int | bool) -> None:
+    event = Event(time, "steps", "applied", {"value": value})
+    back = Event.of(event_texts(event))
+    assert back == event
+    assert type(back.details["value"]) is type(value)
+
+
+def test_every_kind_of_detail_comes_back() -> None:
+    for details in [
+        {},
+        {"joints": ["axis_slider"], "points": [[0.5, 1e-6], [1.0, -2.5e-7]]},
+        {**table_1().flat(), "version": "1.2.3"},
+        {"waveform_table": "7", "preload": 2.0},
+    ]:
+        event = Event(0.1, "start", "applied", details)
+        assert Event.of(event_texts(event)) == event
+
+
+def test_what_is_no_event_is_none() -> None:
+    assert Event.of({"state": "stopped"}) is None
+
+
+def test_values_are_written_in_full() -> None:
+    assert value_text(0.1 + 0.2) == "0.30000000000000004"
+    assert value_text(math.nan) == value_text(None) == "nan"
+    assert value_text(True) == "True"
+    assert value_text({"mass": array("d", [0.5])}) == '{"mass": [0.5]}'
