@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from stickslip_ros.laws.contact import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, FOREIGN
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, FOREIGN
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import Parameters

@@ -18,7 +18,7 @@ from typing import NamedTuple
 from stickslip_ros.axis.actuation import ANY, CYCLES, RAMP, REST, Actuation
 from stickslip_ros.axis.command import HOLDING, TARGETING
 from stickslip_ros.axis.trajectory import Trajectory
-from stickslip_ros.model.friction import Contact
+from stickslip_ros.laws.law import Contact
 
 #: Readings that are averaged at rest: their noise is a third of that of one
 _AVERAGED = 10

@@ -17,9 +17,8 @@ from typing import Any
 
 from stickslip_ros.laws.ceim import CEIM, CEIM_WITHOUT_MU
 from stickslip_ros.laws.ceim_ageing import CEIM_AGEING
-from stickslip_ros.laws.elastoplastic import EPM_CALC, EPM_FIX
 from stickslip_ros.laws.law import LEFT_TO_LAW, Law, smaller, value_or
-from stickslip_ros.laws.lugre import LUGRE
+from stickslip_ros.laws.lugre import EPM_CALC, EPM_FIX, LUGRE
 from stickslip_ros.parameters import FrictionParameters, register
 
 #: Friction laws by the name that the parameter ``model`` takes.

@@ -7,8 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from stickslip_ros.laws.contact import ELASTOPLASTIC, Contact
-from stickslip_ros.laws.law import Law, smaller, value_or
+from stickslip_ros.laws.law import ELASTOPLASTIC, Contact, Law, smaller, value_or
 from stickslip_ros.parameters import FrictionParameters
 
 #: sigma_0,ss in N/m. The paper gives none; with this one the drive of Table 1 steps 134 nm

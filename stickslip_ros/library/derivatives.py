@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import report_compilation
+from stickslip_ros.laws import LAWS
 from stickslip_ros.laws.ceim_ageing import CEIM_AGEING, Ageing
 from stickslip_ros.library.run import check_steps
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator_chain import has_chain
-from stickslip_ros.model.friction import LAWS
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource, parameter
 from stickslip_ros.solver import SolverError

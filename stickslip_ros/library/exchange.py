@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import report_compilation
-from stickslip_ros.laws.contact import ALWAYS_PLASTIC
+from stickslip_ros.laws.law import ALWAYS_PLASTIC
 from stickslip_ros.model import Plant
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import has_chain

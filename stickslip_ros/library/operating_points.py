@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.laws import value_or
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator import strokes
-from stickslip_ros.model.friction import is_defined, value_or
+from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.model.waveforms import command_of, drives_of, largest_slip

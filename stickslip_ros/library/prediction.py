@@ -33,9 +33,9 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.laws.law import ELASTOPLASTIC
 from stickslip_ros.library.left_out import EFFECTS, left_out
 from stickslip_ros.model import Plant
-from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.model.waveforms import drive_of, drives_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, ParameterSource
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The physics: friction laws, runner and loads, actuator and excitation. SI units throughout."""
 
-from stickslip_ros.model.friction import LAWS, Contact, alpha_of, friction_force, z_rate
-from stickslip_ros.model.guide import GRAVITY
+from stickslip_ros.laws import LAWS
+from stickslip_ros.laws.law import Contact
+from stickslip_ros.model.contacts import GRAVITY
+from stickslip_ros.model.friction import alpha_of, friction_force, z_rate
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.model.waveforms import (
     WAVEFORMS,

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.plant import NEARLY_SLIDING, Plant
 from stickslip_ros.parameters import ActuatorParameters, Parameters
 

@@ -200,6 +200,8 @@ def resonate(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDAr
     """Write the deflection of the resonant actuator into out; a piece ends with that of nodes."""
     u, v = state[DEFLECTION], state[RATE]
     lag, flexible = 2.0 * chain.zeta / chain.omega, 1.0 / (chain.omega * chain.omega)
+    # of the free oscillation
+    decay, omega = chain.zeta * chain.omega, chain.omega * math.sqrt(1.0 - chain.zeta * chain.zeta)
     out[0, 0], out[1, 0], written = nodes[0, 0], u, 1
     for k in range(1, count):
         t, s, bend = nodes[0, k - 1], nodes[1, k - 1], nodes[2, k]
@@ -211,13 +213,16 @@ def resonate(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDAr
         drift = rate - lag * bend
         level = s - lag * drift - flexible * bend
         a, b = u - level, v - drift
+        side = (b + decay * a) / omega
         at, free, free_rate = 0.0, a, b
         while at < span:
             if written >= out.shape[1] - 4:
                 return -1
             to = at + _ringing_span(chain, free, free_rate, v)
             to = to if to < span else span
-            free, free_rate = _free(chain, a, b, to)
+            fading, cosine, sine = math.exp(-decay * to), math.cos(omega * to), math.sin(omega * to)
+            x = a * cosine + side * sine
+            free, free_rate = fading * x, fading * ((side * cosine - a * sine) * omega - decay * x)
             u_end = level + (drift + 0.5 * bend * to) * to + free
             v_end, h = drift + bend * to + free_rate, to - at
             # The integral of s - u along the piece, and that of u - s from the equation of motion
@@ -253,15 +258,3 @@ def _ringing_span(chain: Chain, u: float, v: float, rate: float) -> float:
         faster = away + math.sqrt(away * away + 2.0 * left / steepest)
     errors = error, IN_TIME * error, _ONE_OF_MANY * error
     return _piece_span(min(steepest, jerk + half), errors, min(faster, _EVEN / omega), chain.runner)
-
-
-@compiled
-def _free(chain: Chain, a: float, b: float, t: float) -> tuple[float, float]:
-    """Return the free oscillation (m) and its rate (m/s) at t (s); at 0 they are a and b."""
-    decay = chain.zeta * chain.omega
-    omega_d = chain.omega * math.sqrt(1.0 - chain.zeta * chain.zeta)
-    fading = math.exp(-decay * t)
-    cosine, sine = math.cos(omega_d * t), math.sin(omega_d * t)
-    side = (b + decay * a) / omega_d
-    x = a * cosine + side * sine
-    return fading * x, fading * ((side * cosine - a * sine) * omega_d - decay * x)

@@ -170,12 +170,6 @@ def _commanded(state: NDArray, durations: NDArray, rates: NDArray, nodes: NDArra
 
 
 @compiled
-def _play(value: float, y: float, threshold: float) -> float:
-    """Return the state of a play after its input has reached y."""
-    return max(y - threshold, min(y + threshold, value))
-
-
-@compiled
 def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
     """Write the deflection with hysteresis into out; a piece ends where a play begins to move."""
     operators = len(chain.thresholds)
@@ -204,11 +198,16 @@ def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: N
                 return -1
             here = nodes[1, k] if share == 1.0 else y + share * way
             for i in range(operators):
-                plays[i] = _play(plays[i], here, chain.thresholds[i])
+                gap = chain.thresholds[i]
+                plays[i] = max(here - gap, min(here + gap, plays[i]))
             out[0, written] = nodes[0, k]
             if share < 1.0:
-                bent = bend != 0.0
-                gone = _passed(share * way, rate, bend, span) if bent else share * span
+                gone = share * span
+                if bend != 0.0:  # when rate t + bend t^2 / 2 has gone that part of the way
+                    passed = share * way
+                    root = math.sqrt(max(rate * rate + 2.0 * bend * passed, 0.0))
+                    whole = abs(rate) + root
+                    gone = min(2.0 * abs(passed) / whole, span) if whole > 0.0 else span
                 out[0, written] = t + gone
             out[1, written] = chain.elastic * here + _weighted(chain, plays)
             out[2, written] = 0.0
@@ -217,14 +216,6 @@ def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: N
             written += 1
             last, before = share, here
     return written
-
-
-@compiled
-def _passed(way: float, rate: float, bend: float, span: float) -> float:
-    """Return when (s) rate t + bend t^2 / 2 has gone a way (m), within the span (s)."""
-    root = math.sqrt(max(rate * rate + 2.0 * bend * way, 0.0))
-    whole = abs(rate) + root
-    return min(2.0 * abs(way) / whole, span) if whole > 0.0 else span
 
 
 @compiled

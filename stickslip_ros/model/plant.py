@@ -13,21 +13,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip_ros.laws import own_constants
+from stickslip_ros.laws import own_constants, value_or
+from stickslip_ros.laws.law import Contact
 from stickslip_ros.model.contacts import (
+    GRAVITY,
     build_contacts,
     columns_of_contacts,
     mean_contact,
     scale_contact,
 )
-from stickslip_ros.model.friction import (
-    Contact,
-    contact_of,
-    contacts_of,
-    has_own_rate,
-    value_or,
-)
-from stickslip_ros.model.guide import GRAVITY
+from stickslip_ros.model.friction import contact_of, contacts_of, has_own_rate
 from stickslip_ros.parameters import ParameterError, Parameters
 
 #: Acceleration (m/s^2) that a load may give a runner without friction

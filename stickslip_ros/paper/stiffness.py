@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.model.contacts import Geometry, forces_by_preload, preload_ratio
 from stickslip_ros.model.derivations import (
     Elastic,
     sigma_0_of_asperities,
     sigma_0_of_mindlin,
     sigma_0_of_ringing,
 )
-from stickslip_ros.model.guide import Geometry, forces_by_preload, preload_ratio
 from stickslip_ros.paper.claim import Result, Values, paired
 from stickslip_ros.paper.materials import POISSON, RADIUS, RUBY, maximum, peaks, tops
 from stickslip_ros.paper.parameter_sets import (

@@ -129,7 +129,7 @@ def _preview(
     s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished
     if contacts is not None and ahead is not None:
         for i in range(len(contacts)):
-            contacts[i].now_z, contacts[i].now_inner = ahead[i].now_z, ahead[i].now_inner
+            contacts[i].now_z, contacts[i].now_second = ahead[i].now_z, ahead[i].now_second
 
 
 @compiled

@@ -16,7 +16,7 @@ from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
 from stickslip_ros.solver.cycles import ArcLimits
-from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after, takes_steps
+from stickslip_ros.solver.general_arcs import force_of, general_arc, second_after, takes_steps
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.within_arc import (
     begin_arc,
@@ -54,7 +54,7 @@ def friction_at(z: float, w: float, plant: np.record, contacts: NDArray | None) 
         return friction_force(z, w, plant)
     force = 0.0
     for c in contacts:
-        force += force_of(c, c.now_z, c.now_inner, w)
+        force += force_of(c, c.now_z, c.now_second, w)
     return force
 
 
@@ -66,7 +66,7 @@ def sample_anchor(s: np.record, contacts: NDArray | None, drive: NDArray, tracki
     _place_sample(s, drive, s.tau)
     if contacts is not None:
         for c in contacts:
-            c.now_z, c.now_inner = c.z, c.inner
+            c.now_z, c.now_second = c.z, c.second
 
 
 @compiled
@@ -92,10 +92,22 @@ def sample_within(
     sample_anchor(s, contacts, drive, tracking)
     if not 0.0 < ahead < math.inf:
         return
-    at = _skip_tables(arc, plant, outlook.limit, ahead) if contacts is None else ahead
+    at = ahead
+    if contacts is None and arc.kind == TABULATED:  # through the arcs that it is made of
+        limit = outlook.limit
+        next_arc(arc, plant, limit, False)
+        while arc.length <= at:
+            at -= arc.length
+            limit -= arc.length
+            _next_part(arc, plant, limit)
     dr, z, w = within_arc(arc, plant, at)
     if contacts is not None:
-        z = _sample_contacts(arc, contacts, dr, at)
+        force = stiffness = 0.0
+        for c in contacts:
+            c.now_z, c.now_second = deflection_after(arc, c, dr, at), second_after(arc, c, at)
+            force += c.sigma_0 * c.now_z
+            stiffness += c.sigma_0
+        z = force / stiffness
     if s.stopped == 0:
         s.now_x = min(max(arc.x + dr + carried(arc, at), s.low), s.high)
     s.now_rate = rate_after(arc, at)
@@ -133,39 +145,12 @@ def turn_of_arc(
 
 
 @compiled
-def _skip_tables(arc: np.record, plant: np.record, limit: float, ahead: float) -> float:
-    """Go through a tabulated arc, which has nothing within, arc by arc up to ahead (s).
-
-    Returns how far ahead (s) that is within the last of them.
-    """
-    if arc.kind == TABULATED:
-        next_arc(arc, plant, limit, False)
-        while arc.length <= ahead:
-            ahead -= arc.length
-            limit -= arc.length
-            _next_part(arc, plant, limit)
-    return ahead
-
-
-@compiled
 def _next_part(part: np.record, plant: np.record, limit: float) -> None:
     """Let a part of a tabulated arc be the one that follows, at most limit (s) long."""
     h = part.length
     state = part.x + part.path + carried(part, h), part.z_end, part.w_end
     begin_arc(part, plant, state, rate_after(part, h), part.bend)
     next_arc(part, plant, limit, False)
-
-
-@compiled
-def _sample_contacts(arc: np.record, contacts: NDArray, dr: float, t: float) -> float:
-    """Set ``now_z`` to that after t (s) and the path dr (m); return the mean by stiffness."""
-    force = stiffness = 0.0
-    for c in contacts:
-        c.now_z = deflection_after(arc, c, dr, t)
-        c.now_inner = inner_after(arc, c, t)
-        force += c.sigma_0 * c.now_z
-        stiffness += c.sigma_0
-    return force / stiffness
 
 
 @compiled

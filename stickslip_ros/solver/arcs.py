@@ -8,13 +8,13 @@ import math
 import numpy as np
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, z_limit
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC
+from stickslip_ros.model.friction import z_limit
 from stickslip_ros.solver.branches import branch_at, held_at_jump, is_flat
 from stickslip_ros.solver.closed_arcs import elastic_end, glide, glide_end, rest_line
 from stickslip_ros.solver.layout import ELASTIC, FREE, GLIDE, REST, TABULATED, TAYLOR, TURN
-from stickslip_ros.solver.oscillator import Oscillator
+from stickslip_ros.solver.oscillator import Oscillator, bisection
 from stickslip_ros.solver.plants import precompute
-from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.stiff import implicit_arc, rates
 from stickslip_ros.solver.tables import burst, point_above, reversal, slide, swing
 from stickslip_ros.solver.taylor import (
@@ -68,22 +68,16 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
         arc.mirror = 1.0 if w > 0.0 or (w == 0.0 and net > 0.0) else -1.0
     if tables and _tabulated_arc(arc, plant, inward, limit):
         return
-    if inward:
-        _elastic_arc(arc, plant, limit)
-    else:
+    if not inward:
         _plastic_arc(arc, plant, limit, tables and not plastic)
-
-
-@compiled
-def _elastic_arc(arc: np.record, plant: np.record, limit: float) -> None:
-    """Fill an arc with alpha = 0."""
+        return
     line = rest_line(arc, plant)
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
-    end = elastic_end(arc.z, arc.w, line, o, plant.z_ba, limit)
+    end = elastic_end(z, w, line, o, plant.z_ba, limit)
     arc.kind = ELASTIC
     arc.line, arc.line_rate = line
     arc.z_max, arc.z_min = end.z_max, end.z_min
-    end_at(arc, end.t, end.z, end.w, end.z - arc.z)
+    end_at(arc, end.t, end.z, end.w, end.z - z)
 
 
 @compiled
@@ -130,8 +124,13 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
     floor = plant.v_edge if flat else 0.0
     if w != 0.0 and _glides(arc, plant, pull, flat, floor):
         t, slowed = glide_end(glide_of(arc, plant), floor, limit)
-        if not flat:
-            t, slowed = _while_held(arc, plant, t, slowed)
+        if not flat:  # only as long as the jump of alpha holds z
+            g = glide_of(arc, plant)
+            acceleration = abs(g.net - g.damping * g.w) / g.mass
+            if acceleration * t > _SHARE_OF_V_S * plant.v_s:
+                t, slowed = _SHARE_OF_V_S * plant.v_s / acceleration, False
+            if not _stays_held(t, (arc, plant)):
+                t, slowed = _end_of_hold((arc, plant), 0.0, t), False
         end = TaylorEnd(t, TURN if slowed and floor == 0.0 else FREE, math.nan)
     else:
         branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
@@ -139,8 +138,11 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
             expand_along(arc.work, plant, branch, w)
         else:
             expand(arc.work, plant, branch, z, w)
-        share = _share(arc, plant, branch) * plant.tolerance
-        h = step_length(arc.work, share, arc.weight, branch.stribeck)
+        rare = plant.precomputed > 0 and plant.kind == ELASTOPLASTIC and plant.slides == 0
+        error = _PER_CURVED_STEP if branch.stribeck else _PER_STEP
+        if rare and plant.sigma_2 == 0.0 and not branch.stribeck:
+            error = _PER_RARE_STEP if arc.bend == 0.0 else _PER_BENT_STEP
+        h = step_length(arc.work, error * plant.tolerance, arc.weight, branch.stribeck)
         if implicit_arc(arc, plant, branch, min(h, limit), limit):
             return
         arc.kind = TAYLOR
@@ -212,18 +214,6 @@ def _steady(arc: np.record, plant: np.record, pull: float) -> float:
 
 
 @compiled
-def _while_held(arc: np.record, plant: np.record, t: float, slowed: bool) -> tuple[float, bool]:
-    """Shorten a glide of t (s) at a jump of alpha to the time at which the jump releases z."""
-    g, z = glide_of(arc, plant), arc.mirror * arc.z_slide
-    acceleration = abs(g.net - g.damping * g.w) / g.mass
-    if acceleration * t > _SHARE_OF_V_S * plant.v_s:
-        t, slowed = _SHARE_OF_V_S * plant.v_s / acceleration, False
-    if held_at_jump(plant, z, glide(g, t)[1], arc.mirror):
-        return t, slowed
-    return _end_of_hold((arc, plant), 0.0, t), False
-
-
-@compiled
 def _stays_held(t: float, args: tuple[np.record, np.record]) -> bool:
     arc, plant = args
     w = glide(glide_of(arc, plant), t)[1]
@@ -231,14 +221,3 @@ def _stays_held(t: float, args: tuple[np.record, np.record]) -> bool:
 
 
 _end_of_hold = bisection(_stays_held)
-
-
-@compiled
-def _share(arc: np.record, plant: np.record, branch: Branch) -> float:
-    """Return the error of one step of a series, as share of the tolerance."""
-    if branch.stribeck:
-        return _PER_CURVED_STEP
-    rare = plant.precomputed > 0 and plant.kind == ELASTOPLASTIC and plant.slides == 0
-    if not (rare and plant.sigma_2 == 0.0):
-        return _PER_STEP
-    return _PER_RARE_STEP if arc.bend == 0.0 else _PER_BENT_STEP

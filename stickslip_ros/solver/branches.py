@@ -8,15 +8,9 @@ import math
 import numpy as np
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import (
-    ALWAYS_PLASTIC,
-    ELASTOPLASTIC,
-    ELASTOPLASTIC_CALC,
-    FOREIGN,
-    alpha_at,
-    z_limit,
-)
-from stickslip_ros.solver.roots import newton
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC, ELASTOPLASTIC_CALC, FOREIGN
+from stickslip_ros.model.friction import alpha_at, z_limit
+from stickslip_ros.solver.oscillator import newton
 from stickslip_ros.solver.taylor import BAND, Branch, alpha_deficit, limit_and_slope
 
 #: Share of the tolerance below which the Stribeck curve counts as flat

@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, alpha_at, z_limit
-from stickslip_ros.solver.dop853 import ERRORS, STEP, A
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
+from stickslip_ros.model.friction import alpha_at, z_limit
+from stickslip_ros.solver.general_arcs import ERRORS, STEP, A
 
 #: The numbers of a runner, before those of its contacts: kg, N, N/m; the constants of ageing, 0, m,
 #: s; time over which ringing is measured, s

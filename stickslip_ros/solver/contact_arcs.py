@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.model.friction import ALWAYS_PLASTIC
+from stickslip_ros.laws.law import ALWAYS_PLASTIC
 from stickslip_ros.solver.branches import beyond_steady
 from stickslip_ros.solver.closed_arcs import glide, glide_end, rest_line
 from stickslip_ros.solver.layout import (
@@ -36,15 +36,17 @@ from stickslip_ros.solver.layout import (
     TURN,
 )
 from stickslip_ros.solver.oscillator import (
+    CLOSE,
     Oscillator,
     Span,
     first_turn,
+    newton,
     next_turn,
     overdamped_end,
     passes,
     propagate,
+    within,
 )
-from stickslip_ros.solver.roots import CLOSE, newton, within
 from stickslip_ros.solver.taylor import (
     PER_NEXT,
     P,
@@ -75,8 +77,14 @@ def contacts_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: flo
         return
     arc.mirror = 1.0 if w > 0.0 or (w == 0.0 and net > 0.0) else -1.0
     slide, room = _choose_branches(contacts, arc.mirror)
-    if slide and w != 0.0 and _is_settled(arc, plant, contacts):
-        _glide_arc(arc, plant, contacts, limit)
+    if slide and w != 0.0 and _is_settled(arc, plant, contacts):  # to the z_end of each
+        z = mean_at_end(contacts)
+        arc.kind, arc.z_slide, arc.settling = GLIDE, z, 0.0
+        arc.net = arc.mirror * (arc.force - plant.spring * arc.x - plant.sigma_0 * z)
+        g = glide_of(arc, plant)
+        t, slowed = glide_end(g, 0.0, limit)
+        dr, w_end = glide(g, t) if t < math.inf else (math.inf, g.w)
+        end_at(arc, t, z, 0.0 if slowed else arc.mirror * w_end, arc.mirror * dr)
     elif slide:
         _series_arc(arc, plant, contacts, room, limit)
     else:
@@ -89,7 +97,7 @@ def stay(arc: np.record, contacts: NDArray, t: float, w: float) -> None:
     arc.kind = REST
     end_at(arc, t, arc.z, w, 0.0)
     for c in contacts:
-        c.z_end, c.inner_end = c.z, c.inner
+        c.z_end, c.second_end = c.z, c.second
 
 
 @compiled
@@ -167,19 +175,6 @@ def _is_settled(arc: np.record, plant: np.record, contacts: NDArray) -> bool:
             return False
         c.z_end = arc.mirror * (z - beyond / slope)
     return True
-
-
-@compiled
-def _glide_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: float) -> None:
-    """Fill an arc of steady sliding, to the z_end of each contact: until w is 0."""
-    mirror = arc.mirror
-    z = mean_at_end(contacts)
-    arc.kind, arc.z_slide, arc.settling = GLIDE, z, 0.0
-    arc.net = mirror * (arc.force - plant.spring * arc.x - plant.sigma_0 * z)
-    g = glide_of(arc, plant)
-    t, slowed = glide_end(g, 0.0, limit)
-    dr, w_end = glide(g, t) if t < math.inf else (math.inf, g.w)
-    end_at(arc, t, z, 0.0 if slowed else mirror * w_end, mirror * dr)
 
 
 # -- some slide

@@ -66,9 +66,9 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
         for c in contacts:
             if not abs(c.z - c.cycle_z) <= close:
                 s.steady = 0
-            if not abs(c.inner - c.cycle_inner) <= REPEATED * abs(c.inner):
+            if not abs(c.second - c.cycle_second) <= REPEATED * abs(c.second):
                 s.steady = 0
-            c.cycle_z, c.cycle_inner = c.z, c.inner
+            c.cycle_z, c.cycle_second = c.z, c.second
 
 
 @compiled

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ALWAYS_PLASTIC
+from stickslip_ros.laws.law import ALWAYS_PLASTIC
 from stickslip_ros.solver.any_arc import (
     find_arc,
     sample_anchor,
@@ -279,7 +279,7 @@ def _take_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDA
     for c in contacts:
         stored += 0.5 * c.sigma_0 * (c.z_end * c.z_end - c.z * c.z)
         damped += c.sigma_1 * (c.z_end - c.z)
-        c.z, c.inner = c.z_end, c.inner_end
+        c.z, c.second = c.z_end, c.second_end
     s.dissipated -= stored
     if s.stopped != 0:
         s.dissipated -= s.rate * damped

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
-from stickslip_ros.laws.contact import Contact
+from stickslip_ros.laws.law import Contact
 
 #: Order of the Taylor polynomials, and the rows that `taylor.expand` fills
 ORDER, ROWS = 10, 10
@@ -180,7 +180,7 @@ CONTACT = _record(
     # its deflection, m: at the anchor, at the end of the arc, at the time asked for, and at the
     # start of the cycle; the same of the second state of its law
     *_numbers("f8", "z z_end now_z cycle_z"),
-    *_numbers("f8", "inner inner_end now_inner cycle_inner"),
+    *_numbers("f8", "second second_end now_second cycle_second"),
     ("branch", "i8"),  # within the arc: STICKS, GRADED or PLASTIC
     ("series", "f8", (CONTACT_SERIES, ORDER + 1)),  # coefficients within the arc, mirrored
 )

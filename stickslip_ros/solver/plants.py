@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, DISTANCES, ELASTOPLASTIC
 from stickslip_ros.model import Contact, Plant
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, DISTANCES, ELASTOPLASTIC
 from stickslip_ros.model.plant import NEARLY_SLIDING
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
@@ -108,7 +108,7 @@ def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> 
     axis[:] = _NEVER_MOVED
     if contacts is not None:
         records = contact_records(contacts)
-        for name in ("now_z", "cycle_z", "now_inner", "cycle_inner"):
+        for name in ("now_z", "cycle_z", "now_second", "cycle_second"):
             records[name] = 0.0
 
 
@@ -168,7 +168,7 @@ def begin_cycles(
     s.done = s.segment = s.steady = 0
     if contacts is not None:
         for c in contacts_in(contacts, False):
-            c.z, c.inner = c.now_z, c.now_inner
+            c.z, c.second = c.now_z, c.now_second
 
 
 @compiled

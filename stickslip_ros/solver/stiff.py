@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, alpha_at, z_limit
+from stickslip_ros.laws.law import ALWAYS_PLASTIC
+from stickslip_ros.model.friction import alpha_at, z_limit
 from stickslip_ros.solver.layout import STIFF
-from stickslip_ros.solver.roots import bisection
+from stickslip_ros.solver.oscillator import bisection
 from stickslip_ros.solver.taylor import BAND, Branch, W, Z, limit_and_slope
 
 _ROOT = math.sqrt(6.0)

@@ -21,9 +21,9 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.any_arc import find_arc, friction_at
 from stickslip_ros.solver.contact_arcs import deflection_after, stay
-from stickslip_ros.solver.general_arcs import force_of, inner_after
+from stickslip_ros.solver.general_arcs import force_of, second_after
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
-from stickslip_ros.solver.roots import bisection
+from stickslip_ros.solver.oscillator import bisection
 from stickslip_ros.solver.taylor import Z, integral
 from stickslip_ros.solver.within_arc import carried, end_at, rate_after, turn_from, within_arc
 
@@ -46,7 +46,7 @@ def holding_stop(plant: np.record, s: np.record, contacts: NDArray | None) -> in
         return 0
     if contacts is not None:
         for c in contacts:
-            c.now_z, c.now_inner = c.z, c.inner
+            c.now_z, c.now_second = c.z, c.second
     push = plant.force - plant.spring * s.x - friction_at(s.z, -s.rate, plant, contacts)
     for side in (-1, 1):
         at_stop = s.x == (s.low if side < 0 else s.high)
@@ -116,10 +116,10 @@ def _friction_after(
 ) -> float:
     """Return F (N) of Eq. 1 after t (s), path (m) and z (m) of an arc of a runner at rest."""
     (t, dr, z), w, force = at, -arc.rate, 0.0
-    if contacts is None:
+    if contacts is None:  # an argument, or numba would compile what follows for None as well
         return friction_force(z, w, plant)
     for c in contacts:
-        force += force_of(c, deflection_after(arc, c, dr, t), inner_after(arc, c, t), w)
+        force += force_of(c, deflection_after(arc, c, dr, t), second_after(arc, c, t), w)
     return force
 
 

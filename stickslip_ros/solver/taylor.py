@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, alpha_at
+from stickslip_ros.laws.law import ALWAYS_PLASTIC
+from stickslip_ros.model.friction import alpha_at
 from stickslip_ros.solver.layout import FREE, ORDER, TURN
-from stickslip_ros.solver.roots import CLOSE, bisection, newton, within
+from stickslip_ros.solver.oscillator import CLOSE, bisection, newton, within
 
 #: 1 / (n + 1): turns coefficient n of a derivative into coefficient n + 1 of the function
 PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)

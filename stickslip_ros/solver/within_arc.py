@@ -12,8 +12,7 @@ from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.closed_arcs import Glide, glide
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, STIFF, TABULATED, TAYLOR
-from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
-from stickslip_ros.solver.roots import bisection
+from stickslip_ros.solver.oscillator import Line, Oscillator, bisection, next_turn, propagate
 from stickslip_ros.solver.stiff import Moved, resolve
 from stickslip_ros.solver.taylor import (
     W,

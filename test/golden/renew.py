@@ -26,7 +26,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from llvmlite.binding import llvm_version_info  # type: ignore[import-untyped]
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.model.friction.laws import alpha, z_limit
+from stickslip_ros.model.friction import alpha, z_limit
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

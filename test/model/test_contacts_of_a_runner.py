@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from table_1 import table_1
 
 from stickslip_ros.model import GRAVITY, Plant
-from stickslip_ros.model.contacts import shares_of
-from stickslip_ros.model.guide import (
+from stickslip_ros.model.contacts import (
     ContactForces,
     Geometry,
     forces_by_preload,
     preload_ratio,
+    shares_of,
     system_2,
 )
 from stickslip_ros.model.plant import scale_distances

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.laws import LEFT_TO_LAW
+from stickslip_ros.laws import LEFT_TO_LAW, Law, value_or
 from stickslip_ros.model import LAWS, Contact, Plant, alpha_of, friction_force, z_rate
-from stickslip_ros.model.friction import Law, constants_in_force, contacts_of, value_or
+from stickslip_ros.model.friction import constants_in_force, contacts_of
 from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 #: Laws of the form of `Contact`, without a rate of their own

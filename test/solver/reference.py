@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.model import Contact, DriveCycle, Plant
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 from validation.whole_system import WholeSystem

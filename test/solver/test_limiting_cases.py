@@ -12,7 +12,7 @@ from stickslip_ros.compiled import compiled_anew
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
-from stickslip_ros.solver.roots import bisection, newton
+from stickslip_ros.solver.oscillator import bisection, newton
 
 SMALL = [10.0**-k for k in (6, 8, 12, 15, 20, 30, 50, 100, 200, 300)]
 #: A ten-thousandth of a nanometre

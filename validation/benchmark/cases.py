@@ -18,8 +18,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.laws.law import ELASTOPLASTIC
 from stickslip_ros.model import DriveCycle, Plant, drive_of
-from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 

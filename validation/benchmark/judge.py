@@ -15,8 +15,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.model import DriveCycle, Plant
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 
 #: Substeps of the midpoint rule: 2, 4 .. 2 COLUMNS; the order is 2 COLUMNS.
 _COLUMNS = 6
