@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stickslip_ros.axis.faults import NONE, PRELOAD_LOSS, Faults, faults_of
-from stickslip_ros.axis.sensor import Sensor
+from stickslip_ros.axis.sensor import Sensor, has_bandwidth, looks_per_reading
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.model.actuator_chain import has_chain
@@ -71,7 +71,9 @@ class Config:
                 f"soft_low is {limits.soft_low:g} m; it has to be less than soft_high, "
                 f"{limits.soft_high:g} m"
             )
-        self.plant()
+        plant = self.plant()
+        if has_bandwidth(self.parameters.sensor):
+            looks_per_reading(self.parameters.sensor, plant.ringing_frequency)
         for frequency in (self.frequency, *jogs):
             self.check_drive(self.rounded("amplitude", self.amplitude), frequency)
 

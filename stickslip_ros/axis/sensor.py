@@ -25,7 +25,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.parameters import SensorParameters
+from stickslip_ros.parameters import ParameterError, SensorParameters
 
 #: Readings whose noise is drawn together: one call of the generator costs as much as hundreds
 _BLOCK = 1024
@@ -35,6 +35,8 @@ _SEEDS = 2**32
 _OCTAVES = 24
 #: Least samples in a second and in a period of the ringing
 _GRID, _PER_PERIOD = 250e3, 40.0
+#: Samples in a second at most, which cost a minute of processor: for a ringing of 2.5 MHz
+_MOST_SAMPLES = 1e8
 #: s between looks whether the runner is still; also of samples at a time, for these take memory
 _LOOK = 0.016
 #: m that a runner which stands still, and the output, move at most between looks: a hundredth of
@@ -200,7 +202,16 @@ def has_bandwidth(p: SensorParameters) -> bool:
 
 
 def looks_per_reading(p: SensorParameters, ringing: float) -> int:
-    """Return the number of samples per reading; ringing is the frequency of the runner, Hz."""
+    """Return the number of samples per reading; ringing is the frequency of the runner, Hz.
+
+    Raises ParameterError for a ringing too fast to be followed.
+    """
+    if not _PER_PERIOD * ringing <= _MOST_SAMPLES:
+        raise ParameterError(
+            f"sensor_bandwidth is set, and the runner rings at {ringing:.3g} Hz, "
+            f"{_MOST_SAMPLES / _PER_PERIOD:g} Hz is the upper limit then: set sensor_bandwidth to "
+            "0, lower the stiffness of the contact, or raise mass"
+        )
     return math.ceil(max(_GRID, _PER_PERIOD * ringing) / p.sensor_rate)
 
 

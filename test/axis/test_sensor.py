@@ -15,7 +15,7 @@ from table_1 import TABLE_1, table_1
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.sensor import LowPass, Sensor
 from stickslip_ros.model import Plant
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Samples, Simulation
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.motion import Motion, read_steps, through_bandwidth
@@ -296,3 +296,13 @@ def test_readings_at_rest_are_those_of_every_sample() -> None:
         parts.advance(t)
         assert whole.measured == parts.measured
         assert whole.measured == pytest.approx(y, abs=6e-11)
+
+
+def test_a_ringing_too_fast_for_the_filter_is_refused() -> None:
+    """Its samples, 2e9 in a second, took minutes in which nobody was heard."""
+    stiff = {"sigma_0": 3.7e14, "sensor_bandwidth": 1e3}
+    with pytest.raises(ParameterError, match=r"rings at 4\.84e\+07 Hz, 2\.5e\+06 Hz is the upper"):
+        Axis({**TABLE_1, **stiff})
+    axis = Axis({**TABLE_1, **stiff, "sensor_bandwidth": 0.0})
+    with pytest.raises(CommandRefused, match="set sensor_bandwidth to 0"):
+        axis.set_parameters(stiff)
