@@ -19,9 +19,8 @@ SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
 SHARED = {
-    "__init__", "compiled", "errors", "extensions", "files", "lazy_names", "numba_internals",
-    "background_compile", "opening",
-    "shared_files", "version",
+    "__init__", "arrays", "background_compile", "compiled", "errors", "extensions", "files",
+    "lazy_names", "numba_internals", "opening", "shared_files", "version",
 }  # fmt: skip
 
 #: The rooms from the bottom up. A room may import all below it, none beside or above it.

@@ -25,6 +25,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.parameters import ParameterError, SensorParameters
 
 #: Readings whose noise is drawn together: one call of the generator costs as much as hundreds
@@ -62,7 +63,7 @@ class Sensor:
         self._drift = p.sensor_drift
         self._seed = p.sensor_seed
         self._block = -1
-        self._drawn: NDArray[np.float64] = np.empty(0)  # noise (m) of the readings of that block
+        self._drawn: Array = np.empty(0)  # noise (m) of the readings of that block
 
     def time_of(self, k: int) -> float:
         """Return when reading k is taken, s."""
@@ -89,7 +90,7 @@ class Sensor:
         return x
 
 
-def _normals(seed: list[int]) -> NDArray[np.float64]:
+def _normals(seed: list[int]) -> Array:
     """Return a block of normal numbers that depends only on the seed."""
     # The legacy generator: its numbers are the same in every version of numpy.
     return np.asarray(np.random.RandomState(seed).standard_normal(_BLOCK))
@@ -108,7 +109,7 @@ def _flicker_weight(p: SensorParameters) -> float:
     return math.sqrt(1.5 * math.log(2.0) * density)
 
 
-def _flicker_of(seed: int, block: int) -> NDArray[np.float64]:
+def _flicker_of(seed: int, block: int) -> Array:
     """Return 1/f noise of the readings of a block, (_BLOCK,): a sum of octaves.
 
     Each part runs straight between normal numbers that stand 2^j readings apart (after R. F. Voss,
@@ -161,7 +162,7 @@ class LowPass:
         self._states = np.zeros((order, 1), dtype=np.complex128)
         self._zero = x  # filtered values are small, and so is their rounding
 
-    def see(self, x: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    def see(self, x: Array, v: Array) -> Array:
         """Return the output (m) at the next samples x (m) with the rates v (m/s), (samples,)."""
         y = np.zeros(len(x))
         for k, values in enumerate((x - self._zero, v * self._dt)):
@@ -182,11 +183,11 @@ _HERMITE = np.array(
 
 
 def _numerator(
-    a: NDArray[np.float64],
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
+    a: Array,
+    start: Array,
+    end: Array,
     poles: NDArray[np.complex128],
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the numerator, (order + 1,), of the filter from an input u to its first state.
 
     y[k + 1] = a y[k] + start u[k] + end u[k + 1],  a: (order, order), start and end: (order,).
@@ -233,7 +234,7 @@ class SensorDynamics:
         self._x = x  # at the last sample, m
         self.sensed = x  #: filtered position at the last reading, m
 
-    def _times(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _times(self, numbers: NDArray[np.int64]) -> Array:
         """Return the times (s) of samples; sample k * looks has exactly the time of reading k."""
         return (numbers / self._looks) / self._rate
 
@@ -247,7 +248,7 @@ class SensorDynamics:
         """Expect motion from now on."""
         self._still = False
 
-    def due(self, t: float, driven: bool = True) -> Iterator[NDArray[np.float64]]:
+    def due(self, t: float, driven: bool = True) -> Iterator[Array]:
         """Yield the times (s) of the samples up to time t (s); pass their samples to `see`.
 
         driven: whether the actuator is commanded to move until then.
@@ -263,7 +264,7 @@ class SensorDynamics:
                 first = max(-(-first // step), (self._end - 1) // step) * step
             yield self._times(np.arange(first, self._end, step))
 
-    def see(self, x: NDArray[np.float64], v: NDArray[np.float64]) -> None:
+    def see(self, x: Array, v: Array) -> None:
         """Filter positions (m) and velocities (m/s) at the samples that were due, (samples,)."""
         if not self._still:
             if self._settled:
@@ -282,7 +283,7 @@ class SensorDynamics:
             self._still = max(high, self._x) - min(low, self._x) <= _STILL
             self._range = (self._x, self._x)
 
-    def _seen(self, x: NDArray[np.float64], *output: NDArray[np.float64]) -> None:
+    def _seen(self, x: Array, *output: Array) -> None:
         """Note positions and outputs (m)."""
         low, high = self._range
         both = (x, *output)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.laws import LAWS
 from stickslip_ros.laws.ceim_ageing import CEIM_AGEING, Ageing
@@ -52,11 +52,11 @@ _DIFFERENCES = (
 class StepLengths(NamedTuple):
     """Lengths (m), or their derivatives, of each step: arrays whose last axis is (steps,)."""
 
-    position: NDArray[np.float64]  #: at the end of each drive cycle
-    backstep: NDArray[np.float64]  #: after the slip of each cycle; nan if the runner never turns
+    position: Array  #: at the end of each drive cycle
+    backstep: Array  #: after the slip of each cycle; nan if the runner never turns
     #: after the slip, peak to peak of the runner against the actuator over three ringing periods,
     #: but not beyond the next slip; nan if the contact is damped too much to ring
-    ringing: NDArray[np.float64]
+    ringing: Array
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ def _check(p: Parameters) -> None:
         raise ParameterError(f"sensitivities are without {', '.join(found)}: unset it")
 
 
-def _inputs(p: Parameters, sign: int) -> NDArray[np.float64]:
+def _inputs(p: Parameters, sign: int) -> Array:
     """Return all numbers that a run follows from: plant, contacts, durations (s), strokes (m)."""
     plant, drive = Plant.of(p), drive_of(p, sign)
     ages = p.friction.own(Ageing) if LAWS[p.friction.model] is CEIM_AGEING else Ageing(beta=0.0)
@@ -194,7 +194,7 @@ def _inputs(p: Parameters, sign: int) -> NDArray[np.float64]:
     return np.array([*numbers, *drive.durations, *(drive.durations * drive.rates)])
 
 
-def _by_parameter(p: Parameters, sign: int, name: str, size: int) -> NDArray[np.float64]:
+def _by_parameter(p: Parameters, sign: int, name: str, size: int) -> Array:
     """Return the derivatives of `_inputs` by a parameter: closed forms, by differences."""
     row, value = parameter(name), p.value(name)
     if row.kind is not float or value is None:

@@ -15,16 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 from stickslip_ros.reporting import CONFIDENCE, format_si
 from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.traces.steps import settled_mean
-
-Array = NDArray[np.float64]
 
 #: Percentiles at the ends of a band
 BAND = (2.5, 97.5)

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.laws.law import ALWAYS_PLASTIC
 from stickslip_ros.model import Plant
@@ -86,7 +86,7 @@ class SampledAxis:
         return self._simulation.x
 
     @property
-    def state(self) -> NDArray[np.float64]:
+    def state(self) -> Array:
         """Position (m), velocity (m/s), mean deflection of the contacts (m), voltage (V)."""
         now = self._simulation.state
         return np.array([now.x, now.v, now.z, self.voltage])
@@ -137,7 +137,7 @@ def control_system(
     first = SampledAxis(parameters, **values)
     reached: OrderedDict[bytes, SampledAxis] = OrderedDict({np.zeros(4).tobytes(): first})
 
-    def update(_: float, state: Any, inputs: Any, __: Any) -> NDArray[np.float64]:
+    def update(_: float, state: Any, inputs: Any, __: Any) -> Array:
         try:
             axis = copy.deepcopy(reached[(np.asarray(state, float) + 0.0).tobytes()])
         except KeyError:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.laws import value_or
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator import strokes
@@ -30,7 +31,7 @@ from stickslip_ros.solver.batch import Batch
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS, settled_mean
 
 #: (values to try, at which points) -> at which points the value is high enough
-Trial = Callable[[NDArray[np.float64], NDArray[np.bool_]], NDArray[np.bool_]]
+Trial = Callable[[Array, NDArray[np.bool_]], NDArray[np.bool_]]
 
 #: Search for the blocking preload: where it begins, the factor between its preloads, and the
 #: accuracy of the result, N.
@@ -90,7 +91,7 @@ def why_impossible(p: Parameters) -> str | None:
 
 def steps_of(
     p: Parameters, points: int, steps: int, where: NDArray[np.bool_] | None = None
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Return step size and backstep (m) of columns, each (points,), as `run_steps` does.
 
     steps: how many from rest, sign: direction. nan at impossible points and, if given, where
@@ -106,11 +107,11 @@ def steps_of(
 
 def bisect(
     is_enough: Trial,
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
+    low: Array,
+    high: Array,
     where: NDArray[np.bool_],
-    accuracy: NDArray[np.float64] | float,
-) -> NDArray[np.float64]:
+    accuracy: Array | float,
+) -> Array:
     """Return the lowest value found that is enough, shape (points,); nan where ``where`` is false.
 
     low is known not to be enough and high to be enough. Ends where the two are no further apart
@@ -127,7 +128,7 @@ def bisect(
         low = np.where(active & ~enough, middle, low)
 
 
-def blocking_preloads(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
+def blocking_preloads(p: Parameters, points: int, steps: int) -> Array:
     """Return the blocking preload (N) of columns, (points,).
 
     The preload goes up from 0.01 N in factors until the step falls below `MEASURABLE`, judged by a
@@ -136,7 +137,7 @@ def blocking_preloads(p: Parameters, points: int, steps: int) -> NDArray[np.floa
     over. nan where no preload steps, or every one does up to the end of the table's range.
     """
 
-    def blocks(preload: NDArray[np.float64], where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def blocks(preload: Array, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
         step_size, _ = steps_of(p.replace(preload=preload), points, steps, where)
         return np.abs(step_size) < MEASURABLE  # nan does not block: the law is not defined there
 
@@ -157,7 +158,7 @@ def blocking_preloads(p: Parameters, points: int, steps: int) -> NDArray[np.floa
     return bisect(blocks, low, high, stepped & np.isfinite(high), _RESOLUTION)
 
 
-def generated_forces(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
+def generated_forces(p: Parameters, points: int, steps: int) -> Array:
     """Return the generated force (N) of columns, (points,): spring times final position (Fig. 15).
 
     The runner pushes a spring, that of p or `SPRING`, until slip and stick cost as much as they
@@ -191,12 +192,12 @@ def why_no_zero_amplitude(p: Parameters, steps: int = TRIAL_STEPS) -> str:
     return LOAD_MOVES if _moves_undriven(p, 1, steps)[0] else NEVER_STEPS
 
 
-def largest_amplitude(p: Parameters) -> NDArray[np.float64]:
+def largest_amplitude(p: Parameters) -> Array:
     """Return the largest amplitude (V) that amplifier, frequency, slewrate and waveform allow."""
     return np.minimum(p.actuator.max_voltage, _SLIP_SHARE * largest_slip(p.drive))
 
 
-def zero_amplitudes(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
+def zero_amplitudes(p: Parameters, points: int, steps: int) -> Array:
     """Return the 0-amplitude (m) of columns, (points,), by the direct method.
 
     Bisection between zero and `largest_amplitude` for the largest amplitude whose step stays below
@@ -205,7 +206,7 @@ def zero_amplitudes(p: Parameters, points: int, steps: int) -> NDArray[np.float6
     """
     high = np.broadcast_to(largest_amplitude(p), (points,))
 
-    def steps_at(volts: NDArray[np.float64], where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def steps_at(volts: Array, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
         return _measurable(p.replace(amplitude=volts), points, steps, where)
 
     where = steps_at(high, ~_moves_undriven(p, points, steps))
@@ -227,7 +228,7 @@ def _measurable(
     return np.abs(step_size) >= MEASURABLE
 
 
-def intersections(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
+def intersections(p: Parameters, points: int, steps: int) -> Array:
     """Return the 0-amplitude (m) of columns, (points,), by the intersection method.
 
     Least squares through the steps at `INTERSECTION_SHARES` of the `largest_amplitude`, those left
@@ -245,9 +246,7 @@ def intersections(p: Parameters, points: int, steps: int) -> NDArray[np.float64]
     return crossings(deflection, step, step >= CLEAR_STEP * deflection)
 
 
-def crossings(
-    deflection: NDArray[np.float64], step: NDArray[np.float64], clear: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def crossings(deflection: Array, step: Array, clear: NDArray[np.bool_]) -> Array:
     """Return where straight lines through clear steps cross zero, m of actuator deflection.
 
     All of shape (amplitudes, points), lengths in m; least squares, (points,). nan where fewer than

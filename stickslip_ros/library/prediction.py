@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.laws.law import ELASTOPLASTIC
 from stickslip_ros.library.left_out import EFFECTS, left_out
@@ -43,8 +43,6 @@ from stickslip_ros.reporting.terminal import format_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 #: Steps along a path; swings that are followed
 _STEPS, _SWINGS = 200, 40

@@ -10,8 +10,8 @@ from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import plain_until_compiled, report_compilation
 from stickslip_ros.library.operating_points import zero_amplitude
 from stickslip_ros.model.waveforms import largest_slip
@@ -102,12 +102,12 @@ class SimulatedRun:
     count: int  #: steps that were asked for; the sign is the direction
 
     @property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> Array:
         """Position of the runner at the end of each drive cycle, m, shape (steps,)."""
         return self.result.position
 
     @property
-    def steps(self) -> NDArray[np.float64]:
+    def steps(self) -> Array:
         """How far the runner got in each drive cycle, m, shape (steps,)."""
         return np.diff(self.result.position, prepend=0.0)
 
@@ -154,7 +154,7 @@ class SimulatedRun:
             return trace_at_rate(self.parameters, self.count, rate)
 
     @property
-    def deflections(self) -> NDArray[np.float64]:
+    def deflections(self) -> Array:
         """Deflection of each contact at the times of the trace, m, shape (contacts, samples).
 
         >>> import stickslip_ros as ss
@@ -194,7 +194,7 @@ class SimulatedRun:
         return frame(self.table, "step")
 
     @property
-    def table(self) -> dict[str, NDArray[np.float64]]:
+    def table(self) -> dict[str, Array]:
         """Time, position and step after each drive cycle, each of shape (steps,), by their names.
 
         >>> import stickslip_ros as ss

@@ -7,8 +7,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.axis.sensor import has_bandwidth
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters, ParameterSource
@@ -34,10 +34,10 @@ class StateSpace(NamedTuple):
     (2, 2, 2)
     """
 
-    A: NDArray[np.float64]  #: shape (states, states)
-    B: NDArray[np.float64]  #: shape (states, 2): states by inputs
-    C: NDArray[np.float64]  #: shape (outputs, states): outputs by states
-    D: NDArray[np.float64]  #: shape (outputs, 2): outputs by inputs
+    A: Array  #: shape (states, states)
+    B: Array  #: shape (states, 2): states by inputs
+    C: Array  #: shape (outputs, states): outputs by states
+    D: Array  #: shape (outputs, 2): outputs by inputs
 
     @property
     def inputs(self) -> tuple[str, str]:
@@ -120,7 +120,7 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     return axis
 
 
-LowPass = tuple[NDArray[np.float64], NDArray[np.float64]]  #: A and B; the output is the first state
+LowPass = tuple[Array, Array]  #: A and B; the output is the first state
 
 
 def _low_pass(bandwidth: float, zeta: float | None) -> LowPass:

@@ -12,13 +12,11 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.parameters import Parameters
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    Array = Array
 
 _POINTS = f"{__package__}.operating_points"
 

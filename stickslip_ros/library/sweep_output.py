@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.files import writing
 from stickslip_ros.library.sweep_plan import Sweep, SweepError
 from stickslip_ros.reporting import format_si
@@ -39,9 +39,9 @@ class SweepSummary:
         self._low = np.full(len(sweep.outputs), math.inf)
         self._high = np.full(len(sweep.outputs), -math.inf)
         shape = (sweep.points, len(sweep.outputs))
-        self.kept: NDArray[np.float64] | None = np.full(shape, math.nan) if keep else None
+        self.kept: Array | None = np.full(shape, math.nan) if keep else None
 
-    def add(self, first: int, values: NDArray[np.float64]) -> None:
+    def add(self, first: int, values: Array) -> None:
         """Take the points from first on."""
         empty = ~np.isfinite(values).all(axis=1)
         if empty.any():
@@ -102,7 +102,7 @@ def write_header(sweep: Sweep, file: TextIO) -> None:
     file.write("\n".join([*definition(sweep), ",".join(heading(sweep)), ""]))
 
 
-def write_rows(sweep: Sweep, first: int, values: NDArray[np.float64], file: TextIO) -> None:
+def write_rows(sweep: Sweep, first: int, values: Array, file: TextIO) -> None:
     """Write one line a point, from point first on; values has shape (points, metrics)."""
     coordinates = sweep.coordinates(first, first + len(values))
     columns = [[repr(value) for value in column.tolist()] for column in coordinates]
@@ -174,14 +174,14 @@ class SweepTable:
                 return f"it says {found[:100]!r} where this sweep has {wanted!r}"
         return None if lines[-1].endswith(b"\n") else "its head is cut"
 
-    def append(self, first: int, values: NDArray[np.float64]) -> None:
+    def append(self, first: int, values: Array) -> None:
         """Append the points from first on; values has shape (points, metrics)."""
         with writing(self.path):
             write_rows(self._sweep, first, values, self._file)
             self._file.flush()
         self.done = first + len(values)
 
-    def rows(self) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    def rows(self) -> Iterator[tuple[int, Array]]:
         """Yield (first point, metrics) of the points that were in the file when it was opened."""
         skipped = len(self._sweep.axes)
         with self.path.open(encoding="utf-8") as file:

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.ensemble import Ensemble, ends
 from stickslip_ros.library.operating_points import batch_of, why_impossible
@@ -104,7 +105,7 @@ class GridAxis(_Axis):
         scale = ":log" if self.log else ""
         return f"{self.name}={self.start!r}:{self.stop!r}:{self.count}{scale}"
 
-    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+    def values(self, index: NDArray[np.int64]) -> Array:
         """Return the values with these indices (0 .. count - 1), shape as index."""
         pieces = max(self.count - 1, 1)
         between: NDArray[np.floating]
@@ -133,7 +134,7 @@ class ListedAxis(_Axis):
         """How many values there are."""
         return len(self.listed)
 
-    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+    def values(self, index: NDArray[np.int64]) -> Array:
         """Return the values with these indices (0 .. count - 1), shape as index."""
         return np.array(self.listed)[index]
 
@@ -185,7 +186,7 @@ class Sweep:
         """Number of operating points."""
         return math.prod(self.shape)
 
-    def coordinates(self, first: int, stop: int) -> list[NDArray[np.float64]]:
+    def coordinates(self, first: int, stop: int) -> list[Array]:
         """Return the values of each axis at points first .. stop - 1, each (stop - first,)."""
         index = np.arange(first, stop)
         indices = np.unravel_index(index, self.shape)
@@ -196,7 +197,7 @@ class Sweep:
         names = (axis.name for axis in self.axes)
         return self.base.replace(**dict(zip(names, self.coordinates(first, stop), strict=True)))
 
-    def evaluate(self, first: int, stop: int) -> NDArray[np.float64]:
+    def evaluate(self, first: int, stop: int) -> Array:
         """Return the metrics of points first .. stop - 1, shape (stop - first, outputs)."""
         points = Points(self.columns(first, stop), stop - first, self.steps)
         found = [METRICS[name].evaluate(points) for name in self.metrics]
@@ -210,7 +211,7 @@ class Sweep:
         ]
         return np.stack(columns, axis=1)
 
-    def _drawn(self, ensemble: Ensemble, first: int, stop: int) -> list[NDArray[np.float64]]:
+    def _drawn(self, ensemble: Ensemble, first: int, stop: int) -> list[Array]:
         """Return each metric of every draw at points first .. stop - 1, (points, draws)."""
         count = stop - first
         varied = {
@@ -254,7 +255,7 @@ class Sweep:
 
 def results(
     sweep: Sweep, executor: Executor, workers: int, first: int = 0
-) -> Iterator[tuple[int, NDArray[np.float64]]]:
+) -> Iterator[tuple[int, Array]]:
     """Yield (number of the first point, metrics (points, metrics)) in order, from point first on.
 
     workers is the number of parts that the executor runs at once. Only a few parts are submitted
@@ -262,7 +263,7 @@ def results(
     """
     size = part_size(sweep, workers, sweep.points - first)
     starts = iter(range(first, sweep.points, size))
-    waiting: deque[tuple[int, Future[NDArray[np.float64]]]] = deque()
+    waiting: deque[tuple[int, Future[Array]]] = deque()
     try:
         while True:
             while len(waiting) < _AHEAD * workers and (start := next(starts, None)) is not None:

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_plan import Sweep, SweepAxis
 from stickslip_ros.reporting.picture import COLUMN, LOOKS
@@ -27,7 +27,7 @@ def readable(unit: str) -> tuple[float, str]:
     return _READABLE.get(unit, (1.0, unit))
 
 
-def picture_of_sweep(sweep: Sweep, values: NDArray[np.float64]) -> Figure:
+def picture_of_sweep(sweep: Sweep, values: Array) -> Figure:
     """Return a picture with a panel for each metric; values has shape (points, metrics)."""
     count = len(sweep.metrics)
     width = len(sweep.outputs) // count
@@ -42,7 +42,7 @@ def picture_of_sweep(sweep: Sweep, values: NDArray[np.float64]) -> Figure:
     return figure
 
 
-def draw_metric(axes: Axes, sweep: Sweep, name: str, values: NDArray[np.float64]) -> None:
+def draw_metric(axes: Axes, sweep: Sweep, name: str, values: Array) -> None:
     """Draw a metric of all points, (points,): a line over one parameter, a map over two."""
     drawn = [axis for axis in sweep.axes if axis.count > 1] or [sweep.axes[0]]
     factor, unit = readable(METRICS[name].unit)
@@ -54,7 +54,7 @@ def draw_metric(axes: Axes, sweep: Sweep, name: str, values: NDArray[np.float64]
         _map(axes, drawn[0], drawn[1], shown, _label(name, unit))
 
 
-def _line(axes: Axes, axis: SweepAxis, values: NDArray[np.float64]) -> None:
+def _line(axes: Axes, axis: SweepAxis, values: Array) -> None:
     x = _scaled(axis)
     axes.plot(x, values, ".-" if len(x) <= _MARKED else "-", color=_LINE, markersize=4)
     axes.set_xlabel(_axis_label(axis))
@@ -65,7 +65,7 @@ def _line(axes: Axes, axis: SweepAxis, values: NDArray[np.float64]) -> None:
     axes.grid(alpha=0.3)
 
 
-def _band(axes: Axes, sweep: Sweep, name: str, ends: NDArray[np.float64]) -> None:
+def _band(axes: Axes, sweep: Sweep, name: str, ends: Array) -> None:
     """Shade where 95 % of the draws lie; ends has shape (points, 2). A map has no place for it."""
     drawn = [axis for axis in sweep.axes if axis.count > 1] or [sweep.axes[0]]
     if len(drawn) == 1:
@@ -73,9 +73,7 @@ def _band(axes: Axes, sweep: Sweep, name: str, ends: NDArray[np.float64]) -> Non
         axes.fill_between(_scaled(drawn[0]), low, high, color=_LINE, alpha=0.2, linewidth=0)
 
 
-def _map(
-    axes: Axes, slow: SweepAxis, fast: SweepAxis, values: NDArray[np.float64], label: str
-) -> None:
+def _map(axes: Axes, slow: SweepAxis, fast: SweepAxis, values: Array, label: str) -> None:
     axes.set_facecolor(_NO_VALUE)
     axes.grid(False)
     mesh = axes.pcolormesh(
@@ -91,7 +89,7 @@ def _map(
     bar.set_label(label + empty)
 
 
-def _scaled(axis: SweepAxis) -> NDArray[np.float64]:
+def _scaled(axis: SweepAxis) -> Array:
     return readable(axis.unit)[0] * axis.values(np.arange(axis.count))
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import plain_until_compiled, report_compilation
 from stickslip_ros.library.left_out import left_out
 from stickslip_ros.library.sweep_metrics import METRICS
@@ -92,7 +92,7 @@ def sweep(
     return SweepResult.of(plan, _evaluate(plan))
 
 
-def _evaluate(plan: Sweep) -> NDArray[np.float64]:
+def _evaluate(plan: Sweep) -> Array:
     """Return the metrics of all points, (points, metrics)."""
     if plan.points * abs(plan.steps) <= _FEW_CYCLES:
         with plain_until_compiled():
@@ -117,10 +117,10 @@ class SweepResult:
     """
 
     plan: Sweep
-    metrics: Mapping[str, NDArray[np.float64]]  #: by name, SI units, the shape of the grid
+    metrics: Mapping[str, Array]  #: by name, SI units, the shape of the grid
 
     @classmethod
-    def of(cls, plan: Sweep, values: NDArray[np.float64]) -> SweepResult:
+    def of(cls, plan: Sweep, values: Array) -> SweepResult:
         """Return the result of all points of a plan, values of shape (points, outputs)."""
         names = (name for name, _ in plan.outputs)
         return cls(plan, {n: v.reshape(plan.shape) for n, v in zip(names, values.T, strict=True)})
@@ -136,11 +136,11 @@ class SweepResult:
         return left_out(self.parameters)
 
     @property
-    def values(self) -> dict[str, NDArray[np.float64]]:
+    def values(self) -> dict[str, Array]:
         """The values of each parameter that varies, in its unit; each of shape (values,)."""
         return {axis.name: axis.values(np.arange(axis.count)) for axis in self.plan.axes}
 
-    def __getitem__(self, metric: str) -> NDArray[np.float64]:
+    def __getitem__(self, metric: str) -> Array:
         """Return a metric, SI unit, the shape of the grid; nan where a point has no value."""
         try:
             return self.metrics[metric]
@@ -156,7 +156,7 @@ class SweepResult:
         """
         return frame(dict(zip(*self.table(), strict=True)), "point")
 
-    def table(self) -> tuple[list[str], list[NDArray[np.float64]]]:
+    def table(self) -> tuple[list[str], list[Array]]:
         """Return the names of columns with their units, and the columns, each (points,)."""
         columns = self.plan.coordinates(0, self.plan.points)
         return heading(self.plan), columns + [values.ravel() for values in self.metrics.values()]

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.library.left_out import OF_ONE_CONTACT, left_out
 from stickslip_ros.library.operating_points import batch_of
@@ -137,7 +137,7 @@ def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSl
         )
     row, column = np.unravel_index(int(np.nanargmin(first)), first.shape)
 
-    def left(point: NDArray[np.float64]) -> float:
+    def left(point: Array) -> float:
         found = _ringing_or_nan(single, float(point[0]), float(point[1]) * period)
         return 1e9 * (found if math.isfinite(found) else 2.0 * ringing_before)
 
@@ -160,9 +160,7 @@ def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSl
     )  # fmt: skip
 
 
-def shaping_map(
-    p: Parameters, splits: NDArray[np.float64], latencies: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def shaping_map(p: Parameters, splits: Array, latencies: Array) -> Array:
     """Return the ringing (m) after a shaped slip, shape (splits, latencies); nan if impossible."""
     single = _single_slip(p)
     return np.array(
@@ -278,9 +276,7 @@ def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> Elong
     return ElongatedStep(*best, step_before, step, left_out(p))
 
 
-def elongation_map(
-    p: Parameters, before: NDArray[np.float64], after: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def elongation_map(p: Parameters, before: Array, after: Array) -> Array:
     """Return the settled step (m) for each pair of holds (points,); nan where they do not fit."""
     held = p.replace(hold_before=before, hold_after=after)
     batch, possible = batch_of(held, len(before), 1)
@@ -288,9 +284,7 @@ def elongation_map(
     return np.asarray((position[:, -1] - position[:, -1 - _LAST]) / _LAST)
 
 
-def _grid(
-    before: NDArray[np.float64], after: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _grid(before: Array, after: Array) -> tuple[Array, Array]:
     """Return all pairs that leave some of the period, each (points,)."""
     a, b = (one.ravel() for one in np.meshgrid(before, after, indexing="ij"))
     fits = a + b <= _MOST

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.parameters import ActuatorParameters, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_files import FileVersion, load_values, read_small_text
 
@@ -34,7 +34,7 @@ OPERATORS = 8
 _SHORTEST = 1e-9
 
 
-def _none() -> NDArray[np.float64]:
+def _none() -> Array:
     return np.empty(0)
 
 
@@ -43,8 +43,8 @@ class Actuator:
     """Deflection = elastic * voltage + sum of weights * plays, m; linear without plays."""
 
     elastic: float  #: m/V
-    thresholds: NDArray[np.float64] = field(default_factory=_none)  #: r (V), (operators,)
-    weights: NDArray[np.float64] = field(default_factory=_none)  #: m/V, (operators,)
+    thresholds: Array = field(default_factory=_none)  #: r (V), (operators,)
+    weights: Array = field(default_factory=_none)  #: m/V, (operators,)
 
     @classmethod
     def of(cls, p: ActuatorParameters) -> Actuator:
@@ -114,9 +114,9 @@ class Actuator:
     def follow(
         self,
         memory: Memory,
-        durations: NDArray[np.float64],
-        volt_rates: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], Memory]:
+        durations: Array,
+        volt_rates: Array,
+    ) -> tuple[Array, Array, Memory]:
         """Return durations (s) and rates (m/s) of the deflection, and the memory after it.
 
         durations (s) and volt_rates (V/s) of the voltage have shape (segments,). A segment in which
@@ -136,9 +136,9 @@ class Memory:
     """Memory of an actuator: the voltage and the states of its plays, V."""
 
     volts: float
-    plays: NDArray[np.float64]  #: (operators,)
+    plays: Array  #: (operators,)
 
-    def moved(self, volts: float, thresholds: NDArray[np.float64]) -> Memory:
+    def moved(self, volts: float, thresholds: Array) -> Memory:
         """Return the memory after the voltage went straight to volts."""
         plays = np.maximum(volts - thresholds, np.minimum(volts + thresholds, self.plays))
         return Memory(volts, plays)
@@ -159,7 +159,7 @@ def _hysteretic(p: ActuatorParameters) -> Actuator:
     return Actuator(elastic * scale, thresholds, weights * scale)
 
 
-def _even(width: float, full: float) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+def _even(width: float, full: float) -> tuple[float, Array, Array]:
     """Return the linear weight, thresholds (V) and weights of a loop of that width.
 
     Equal weights at equal spacing up to half of the full voltage: what an even density of plays
@@ -172,7 +172,7 @@ def _even(width: float, full: float) -> tuple[float, NDArray[np.float64], NDArra
     return 1.0 - float(weights @ (1.0 - share)), 0.5 * full * share, weights
 
 
-def read_hysteresis(path: Path) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+def read_hysteresis(path: Path) -> tuple[float, Array, Array]:
     """Return linear weight (m/V), thresholds (V) and weights (m/V) of a file; ParameterError."""
     return _read(FileVersion.of(path))
 
@@ -189,7 +189,7 @@ def hysteresis_text(actuator: Actuator, remark: str) -> str:
 
 
 @lru_cache(maxsize=8)
-def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+def _read(file: FileVersion) -> tuple[float, Array, Array]:
     path = file.path
     try:
         content = load_values(read_small_text(path))
@@ -215,7 +215,7 @@ def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.flo
     return float(elastic[0]), thresholds, weights
 
 
-def _numbers(path: Path, name: str, values: Any) -> NDArray[np.float64]:
+def _numbers(path: Path, name: str, values: Any) -> Array:
     """Return a list of finite numbers from 0 on; ParameterError for anything else."""
     given = values if isinstance(values, list) else [values]
     for number, value in enumerate(given, 1):

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.actuator import Actuator
@@ -58,9 +59,9 @@ class Chain(NamedTuple):
     lag: float  #: of the amplifier, s; 0: none
     slew: float  #: of the amplifier in terms of deflection, m/s; infinite: no limit
     elastic: float  #: share of the deflection without hysteresis
-    thresholds: NDArray[np.float64]  #: of the plays in terms of deflection, m
-    weights: NDArray[np.float64]  #: of the plays
-    creep_times: NDArray[np.float64]  #: tau_i, s
+    thresholds: Array  #: of the plays in terms of deflection, m
+    weights: Array  #: of the plays
+    creep_times: Array  #: tau_i, s
     creep_weight: float  #: w of each
     omega: float  #: of the resonance, 1/s; 0: none
     zeta: float  #: its damping ratio
@@ -69,7 +70,7 @@ class Chain(NamedTuple):
     mean_only_rate: float
     runner: float  #: angular frequency of the runner on its contact, 1/s
 
-    def rest(self) -> NDArray[np.float64]:
+    def rest(self) -> Array:
         """Return the state of an actuator that never moved, at 0."""
         return np.zeros(PLAYS + len(self.thresholds) + len(self.creep_times))
 
@@ -168,14 +169,14 @@ def same_chain(one: Chain, other: Chain) -> bool:
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
-def static_deflection(chain: Chain, state: NDArray[np.float64]) -> float:
+def static_deflection(chain: Chain, state: Array) -> float:
     """Return the deflection (m) that hysteresis and creep give at present, without resonance."""
     plays, creep = np.split(state[PLAYS:], [len(chain.thresholds)])
     slow = chain.creep_weight * float(creep.sum())
     return float(chain.elastic * state[DRIVEN] + chain.weights @ plays) + slow
 
 
-def motion_left(chain: Chain, state: NDArray[np.float64]) -> float:
+def motion_left(chain: Chain, state: Array) -> float:
     """Return approximately how far (m) the actuator still moves while the command rests."""
     creep, s = state[PLAYS + len(chain.thresholds) :], static_deflection(chain, state)
     q = s - chain.creep_weight * float(creep.sum())
@@ -186,7 +187,7 @@ def motion_left(chain: Chain, state: NDArray[np.float64]) -> float:
     return float(left)
 
 
-def adapt_state(old: Chain, new: Chain, state: NDArray[np.float64]) -> NDArray[np.float64]:
+def adapt_state(old: Chain, new: Chain, state: Array) -> Array:
     """Return the state for a changed chain.
 
     Plays and creep keep their state if their constants are the same; otherwise the memory of the

@@ -19,8 +19,8 @@ from dataclasses import astuple, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.laws.law import DISTANCES, Contact
 from stickslip_ros.model.friction import contact_of, contacts_of, is_defined
 from stickslip_ros.parameters import FrictionParameters, ParameterError, Parameters
@@ -201,7 +201,7 @@ class ContactForces:
         return float(sum(astuple(self)))
 
     @classmethod
-    def of(cls, matrix: NDArray[np.float64], right: NDArray[np.float64]) -> ContactForces:
+    def of(cls, matrix: Array, right: Array) -> ContactForces:
         """Return the forces of a system of equations.
 
         Raises ParameterError where the matrix is singular, with its rank, and where a contact would
@@ -236,9 +236,7 @@ def preload_ratio(forces: ContactForces, preload: float) -> float:
     return forces.total / preload
 
 
-def system_2(
-    geometry: Geometry, mass: float, alpha: float, preload: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def system_2(geometry: Geometry, mass: float, alpha: float, preload: float) -> tuple[Array, Array]:
     """Return matrix (6, 6) and right side (6,) of Eq. 30, 31, as M (A B C D E F) = R in N.
 
     mass kg, alpha rad, preload N.

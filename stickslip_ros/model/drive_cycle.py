@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import ParameterError
 
@@ -31,15 +32,15 @@ class DriveCycle:
     (m/s^2) are the second derivatives of bent segments, whose rates are those at their starts.
     """
 
-    durations: NDArray[np.float64]
-    rates: NDArray[np.float64]
+    durations: Array
+    rates: Array
     slip: int
     sign: int
     slip_parts: int = 1
-    bends: NDArray[np.float64] | None = None
+    bends: Array | None = None
 
     @property
-    def strokes(self) -> NDArray[np.float64]:
+    def strokes(self) -> Array:
         """How far u gets in each segment, m."""
         if self.bends is None:
             return self.durations * self.rates
@@ -102,12 +103,12 @@ class DriveCycles:
     rows of fewer segments end in durations of 0; ``slip`` and ``slip_parts`` have shape (points,).
     """
 
-    durations: NDArray[np.float64]
-    rates: NDArray[np.float64]
+    durations: Array
+    rates: Array
     slip: NDArray[np.int64]
     sign: int
     slip_parts: NDArray[np.int64]
-    bends: NDArray[np.float64] | None = None
+    bends: Array | None = None
 
     def row(self, k: int) -> DriveCycle:
         """Return the drive cycle of one point."""

@@ -30,6 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.parameters import FrictionParameters
 
@@ -111,7 +112,7 @@ def _normal(seed: int, what: int, number: int) -> float:
 
 
 @lru_cache(maxsize=64)
-def _normals(seed: int, what: int, block: int) -> NDArray[np.float64]:
+def _normals(seed: int, what: int, block: int) -> Array:
     """Return a block of normal numbers."""
     # The legacy generator: its numbers are the same in every version of numpy.
     return np.random.RandomState([seed, what, block]).standard_normal(_BLOCK)

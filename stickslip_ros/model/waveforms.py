@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import (
     Chain,
@@ -122,9 +123,7 @@ def _drive_cycle(d: DriveParameters, shape: Shape, gain: float, sign: int) -> Dr
     return cycles.row(0)
 
 
-def _cycles_of(
-    shape: Shape, strokes: NDArray[np.float64], sign: int
-) -> tuple[DriveCycles, NDArray[np.bool_]]:
+def _cycles_of(shape: Shape, strokes: Array, sign: int) -> tuple[DriveCycles, NDArray[np.bool_]]:
     """Return the shape as drive cycles of strokes (m), (points,), and which are possible.
 
     Segments of no time are left out: rows are filled with durations of 0 at the end.
@@ -149,7 +148,7 @@ def _cycles_of(
     return DriveCycles(durations, rates, slip, sign, end - slip + 1), possible
 
 
-def _columns(values: tuple[Any, ...], points: int) -> NDArray[np.float64]:
+def _columns(values: tuple[Any, ...], points: int) -> Array:
     """Return values, numbers or arrays (points,), as (points, values)."""
     if any(isinstance(value, np.ndarray) for value in values):
         return np.stack([np.broadcast_to(np.asarray(one, float), points) for one in values], axis=1)

@@ -22,13 +22,12 @@ import yaml
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from stickslip_ros.paper.parameter_sets import Array
+from stickslip_ros.arrays import Array
 from stickslip_ros.reporting import format_si, scale_of
 
 #: Columns of a CSV: names with units, arrays of equal length.
-Table = Mapping[str, NDArray[np.float64]]
+Table = Mapping[str, Array]
 #: Numbers of Python and NumPy by what they are; a pair where the joint set is shown beside Table 1.
 Values = Mapping[str, Any]
 

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.signal import find_peaks
 from scipy.stats import spearmanr
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.library.operating_points import blocking_preloads, zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
@@ -25,7 +26,6 @@ from stickslip_ros.paper.parameter_sets import (
     JOINT,
     JOINT_SENSOR,
     TABLE_1,
-    Array,
     Set,
     columns,
     forces,

@@ -7,16 +7,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.library.operating_points import generated_forces, steps_of
 from stickslip_ros.model.derivations import sigma_0_of_ringing
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 Set = Mapping[str, Any]
-Array = NDArray[np.float64]
-
 #: The actuator of Table 1: V at its full deflection, m.
 FULL_VOLTAGE, FULL_DEFLECTION = 300.0, 160e-9
 #: Vibration of Table 1, Hz, and first eigenfrequency of the actuator (Fig. 11), Hz.

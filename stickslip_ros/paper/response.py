@@ -8,6 +8,7 @@ from dataclasses import astuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.library.operating_points import zero_amplitudes
 from stickslip_ros.library.waveform_search import (
     elongate_step,
@@ -24,7 +25,6 @@ from stickslip_ros.paper.parameter_sets import (
     FULL_DEFLECTION,
     FULL_VOLTAGE,
     TABLE_1_VIBRATION,
-    Array,
     columns,
     mesh,
     steps_and_backsteps,

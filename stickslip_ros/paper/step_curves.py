@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.library.operating_points import blocking_preloads, intersections, zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.paper.claim import ClaimVerdict, Result, Values, paired
@@ -16,7 +17,6 @@ from stickslip_ros.paper.parameter_sets import (
     JOINT,
     LUGRE,
     TABLE_1,
-    Array,
     Set,
     columns,
     mesh,

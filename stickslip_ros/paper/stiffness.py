@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.contacts import Geometry, forces_by_preload, preload_ratio
 from stickslip_ros.model.derivations import (
@@ -28,7 +29,6 @@ from stickslip_ros.paper.parameter_sets import (
     TABLE_1,
     TABLE_1_VIBRATION,
     VIBRATION,
-    Array,
     Set,
     columns,
     forces,

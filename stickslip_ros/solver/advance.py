@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.solver.any_arc import friction_at
@@ -233,17 +234,17 @@ class SolverError(StickslipError, ArithmeticError):
 class KernelBuffers(NamedTuple):
     """The buffers of the kernel."""
 
-    plant: NDArray[np.float64]  #: of `plants.pack_plant`
-    axis: NDArray[np.float64]  #: of size `layout.AXIS_BUFFER`
-    contacts: NDArray[np.float64] | None  #: of `plants.contact_buffer`
-    drive: NDArray[np.float64]  #: of a cycle, see `event_loop`, (3, segments)
+    plant: Array  #: of `plants.pack_plant`
+    axis: Array  #: of size `layout.AXIS_BUFFER`
+    contacts: Array | None  #: of `plants.contact_buffer`
+    drive: Array  #: of a cycle, see `event_loop`, (3, segments)
 
 
 def run(
     buffers: KernelBuffers,
     state: np.void,
     until: tuple[float, int],
-    rows: NDArray[np.float64],
+    rows: Array,
     budget: int = PER_CYCLE,
 ) -> None:
     """Call `advance` in slices; until is t_end (s) and stop_cycle.
@@ -258,9 +259,7 @@ def run(
         rows = rows[advance(*buffers, rows) :]
 
 
-def run_samples(
-    buffers: KernelBuffers, state: np.void, times: NDArray[np.float64], samples: NDArray[np.float64]
-) -> None:
+def run_samples(buffers: KernelBuffers, state: np.void, times: Array, samples: Array) -> None:
     """Call `sample` in slices. Raises SolverError like `run`."""
     state["previewing"] = 0
     while len(times):
@@ -271,14 +270,12 @@ def run_samples(
                 break
 
 
-def run_events(
-    buffers: KernelBuffers, state: np.void, until: tuple[float, int]
-) -> list[NDArray[np.float64]]:
+def run_events(buffers: KernelBuffers, state: np.void, until: tuple[float, int]) -> list[Array]:
     """Call `find_events` in slices; return the times (s) in parts.
 
     until is t_end (s) and stop_cycle. Raises SolverError like `run`.
     """
-    parts: list[NDArray[np.float64]] = []
+    parts: list[Array] = []
     state["t_end"], state["stop_cycle"] = until
     for _ in _slices(buffers, state):
         times = np.empty(SLICE)

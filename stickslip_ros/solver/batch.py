@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model import DriveCycles, Plant
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.simulation import Simulation
@@ -24,20 +25,16 @@ class Batch:
     """Operating points, one entry or row each."""
 
     plants: list[Plant]
-    tolerance: NDArray[np.float64]  #: (points,), error in position allowed per cycle, m
+    tolerance: Array  #: (points,), error in position allowed per cycle, m
     drive_cycles: DriveCycles
 
     @classmethod
-    def of(
-        cls, plants: Plant, tolerance: NDArray[np.float64] | float, drive_cycles: DriveCycles
-    ) -> Batch:
+    def of(cls, plants: Plant, tolerance: Array | float, drive_cycles: DriveCycles) -> Batch:
         """Build the batch of a column of plants and their drive cycles."""
         points = len(drive_cycles.durations)
         return cls(plants.points(points), np.broadcast_to(tolerance, points), drive_cycles)
 
-    def run(
-        self, steps: int, where: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def run(self, steps: int, where: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Run steps from rest; return position (points, steps) and backstep, both in m.
 
         Backsteps have shape (points, steps - 1): each runs into the rise of the next cycle, which
@@ -73,7 +70,7 @@ class Batch:
 
     def run_until_still(
         self, block: int, rise: float, limit: int, where: NDArray[np.bool_]
-    ) -> NDArray[np.float64]:
+    ) -> Array:
         """Run until the position no longer rises; return it (m), shape (points,).
 
         The position at the ends of cycles is averaged over blocks of ``block`` cycles. A run ends

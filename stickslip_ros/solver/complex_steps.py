@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.model.friction import alpha_at, z_limit
@@ -68,12 +69,12 @@ class _Run(NamedTuple):
     kind: int  #: of alpha, see `Contact`
     branches: NDArray[np.int64]  #: of each contact
     quick: float  #: ringing while all contacts only bend, 1/s
-    sides: NDArray[np.float64]
+    sides: Array
     #: what errors of the state are weighed by: its deflections, and its derivatives up to now
-    scale: NDArray[np.float64]
+    scale: Array
     marks: NDArray[np.complex128]
     work: NDArray[np.complex128]  #: rates at the stages of a step, and its end
-    borders: NDArray[np.float64]  #: at the end of a step and at its start
+    borders: Array  #: at the end of a step and at its start
 
 
 @compiled

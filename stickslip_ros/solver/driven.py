@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator_chain import (
     CAPACITY,
@@ -211,7 +211,7 @@ class DrivenSimulation(Simulation):
 
     # -- time
 
-    def sample(self, times: NDArray[np.float64]) -> Samples:
+    def sample(self, times: Array) -> Samples:
         """Advance to each of the times (s), which must not fall; return what happens there."""
         parts, first = [], 0
         while True:
@@ -226,7 +226,7 @@ class DrivenSimulation(Simulation):
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return Samples(*(np.concatenate(column, axis=-1) for column in columns))
 
-    def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
+    def _run(self, t: float, stop_cycle: int, rows: Array) -> None:
         """Advance to t (s), if it is infinite to the end of cycle ``stop_cycle`` of the command."""
         while True:
             wanted = stop_cycle - self._done
@@ -242,7 +242,7 @@ class DrivenSimulation(Simulation):
                 return
             rows = self._run_through(rows)
 
-    def _run_through(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _run_through(self, rows: Array) -> Array:
         """Run the window to its end and open the next one; return the rows that are left."""
         cycles = self._cycles
         super()._run(math.inf, max(cycles, 1), rows[:cycles])
@@ -285,7 +285,7 @@ class DrivenSimulation(Simulation):
             self._chain = self._chain._replace(mean_only_rate=fastest / _NEARLY_AS_FAST**2)
             self._segments = _STANDING  # the lines of no cycle serve any more
 
-    def _open_window(self, segments: NDArray[np.float64], cycles: int) -> None:
+    def _open_window(self, segments: Array, cycles: int) -> None:
         """Open a window of a command, for all remaining cycles if it begins as the last one did."""
         again = (
             cycles > 0
@@ -317,7 +317,7 @@ class DrivenSimulation(Simulation):
         begin_window(self._axis, self._origin, max(cycles, 1), *self._slip)
         self._set_clear_range()
 
-    def _split_command(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _split_command(self, t: float) -> tuple[Array, Array]:
         """Return durations (s) and rates (m/s) of the window's command before and after t (s)."""
         durations, rates = self._segments
         if math.isinf(self._until):
@@ -333,7 +333,7 @@ class DrivenSimulation(Simulation):
         )
         return before, after
 
-    def _state_at(self, t: float) -> NDArray[np.float64]:
+    def _state_at(self, t: float) -> Array:
         """Return the chain at a time (s) within the window."""
         state = self._before.copy()
         durations, rates = self._split_command(t)[0]

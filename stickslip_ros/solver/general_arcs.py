@@ -22,6 +22,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ELASTOPLASTIC_CALC, FOREIGN
 from stickslip_ros.model.friction import has_two_states, rates_of_law
@@ -36,7 +37,7 @@ STAGES, STEP = 16, 12
 DEGREES = 8
 
 
-def _matrix(rows: list[tuple[list[int], list[float]]]) -> NDArray[np.float64]:
+def _matrix(rows: list[tuple[list[int], list[float]]]) -> Array:
     """Return rows (rows, STAGES) of which each is given by its columns and its numbers."""
     matrix = np.zeros((len(rows), STAGES))
     for row, (columns, numbers) in zip(matrix, rows, strict=True):
@@ -143,7 +144,7 @@ OUTPUT = _matrix([
 TIMES = np.sum(A, axis=1)
 
 
-def _powers() -> NDArray[np.float64]:
+def _powers() -> Array:
     """Return the output's functions x, x (1 - x), x^2 (1 - x), ... as powers of x, (7, DEGREES)."""
     found, function = np.zeros((7, DEGREES)), np.polynomial.Polynomial([1.0])
     for k in range(7):

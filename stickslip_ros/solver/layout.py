@@ -18,6 +18,7 @@ from typing import Any, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
 from stickslip_ros.laws.law import Contact
@@ -42,7 +43,7 @@ def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
     return np.dtype((np.record, list(fields)))
 
 
-def open_record(buffer: NDArray[np.float64], record: np.dtype[Any]) -> np.void:
+def open_record(buffer: Array, record: np.dtype[Any]) -> np.void:
     """Return the record at the start of a buffer, for Python: fields by ["name"]."""
     found: np.void = buffer[: record.itemsize // 8].view(plain_dtype(record))[0]
     return found

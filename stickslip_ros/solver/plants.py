@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, DISTANCES, ELASTOPLASTIC
@@ -43,7 +44,7 @@ _FASTEST = 1.25
 _POWERS = np.array([1, 1, 2, 3, 3, 4, 5, 5, 4])
 
 
-def pack_plant(plant: Plant, tolerance: float) -> NDArray[np.float64]:
+def pack_plant(plant: Plant, tolerance: float) -> Array:
     """Return the buffer of a plant; tolerance is the error in position (m) allowed per cycle."""
     buffer = np.zeros(PLANT_SIZE)
     record = open_record(buffer, PLANT)
@@ -72,17 +73,17 @@ def derive_constants(buffer: NDArray) -> None:
     plant.settling, plant.settled = settling(plant)
 
 
-def contact_buffer(plant: Plant) -> NDArray[np.float64] | None:
+def contact_buffer(plant: Plant) -> Array | None:
     """Return an empty buffer for several contacts, see `layout.contacts_in`; None for one."""
     return np.zeros(2 * len(plant.contacts) * CONTACT_SIZE) if plant.contacts else None
 
 
-def contact_records(buffer: NDArray[np.float64]) -> NDArray[Any]:
+def contact_records(buffer: Array) -> NDArray[Any]:
     """Return the records of several contacts in their buffer, for Python: fields by ["name"]."""
     return buffer[: len(buffer) // 2].view(plain_dtype(CONTACT))
 
 
-def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:
+def set_contacts(buffer: Array | None, plant: Plant) -> None:
     """Write the constants of a plant's contacts into their buffer, if there are several."""
     if buffer is None:
         return
@@ -103,7 +104,7 @@ for _name, _value in {
     open_record(_NEVER_MOVED, AXIS)[_name] = _value
 
 
-def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> None:
+def at_rest(axis: Array, contacts: Array | None) -> None:
     """Reset the buffers of an axis to rest at x = 0."""
     axis[:] = _NEVER_MOVED
     if contacts is not None:
@@ -114,8 +115,8 @@ def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> 
 
 def set_clear_range(
     s: np.void,
-    plant: NDArray[np.float64],
-    contacts: NDArray[np.float64] | None,
+    plant: Array,
+    contacts: Array | None,
     longest: float,
 ) -> None:
     """Set the range of positions from which an arc cannot reach a stop.

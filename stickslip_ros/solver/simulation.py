@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model import DriveCycle, Plant, alpha_of
 from stickslip_ros.solver.advance import (
     ENDLESS,
@@ -60,24 +60,24 @@ class State:
 class Samples:
     """States of the axis at many times, of shape (times,) except for the last; see `State`."""
 
-    x: NDArray[np.float64]  #: m
-    v: NDArray[np.float64]  #: m/s
-    z: NDArray[np.float64]  #: m
-    rate: NDArray[np.float64]  #: m/s
-    u: NDArray[np.float64]  #: m
-    force: NDArray[np.float64]  #: N
-    each: NDArray[np.float64]  #: deflection of each contact, m, of shape (contacts, times)
+    x: Array  #: m
+    v: Array  #: m/s
+    z: Array  #: m
+    rate: Array  #: m/s
+    u: Array  #: m
+    force: Array  #: N
+    each: Array  #: deflection of each contact, m, of shape (contacts, times)
 
 
 @dataclass(frozen=True)
 class CycleResults:
     """Results of cycles, each of shape (cycles,)."""
 
-    position: NDArray[np.float64]  #: at the end of each cycle, m
-    backstep: NDArray[np.float64]  #: of the last complete slip, m; nan before the first
-    z_max: NDArray[np.float64]  #: largest asperity deflection, m
-    z_min: NDArray[np.float64]  #: smallest asperity deflection, m
-    lost: NDArray[np.float64]  #: energy turned into heat in the contact, J
+    position: Array  #: at the end of each cycle, m
+    backstep: Array  #: of the last complete slip, m; nan before the first
+    z_max: Array  #: largest asperity deflection, m
+    z_min: Array  #: smallest asperity deflection, m
+    lost: Array  #: energy turned into heat in the contact, J
 
 
 def check_closed(drive_cycle: DriveCycle, count: int) -> None:
@@ -101,7 +101,7 @@ class Simulation:
         largest number of arcs of a cycle.
         """
         self._budget, self._replay = budget, replay
-        self._events: list[NDArray[np.float64]] | None = None  # s, while they are recorded
+        self._events: list[Array] | None = None  # s, while they are recorded
         self._axis = np.empty(AXIS_BUFFER)
         self._each = contact_buffer(plant)
         self._s = open_record(self._axis, AXIS)
@@ -266,7 +266,7 @@ class Simulation:
         self._run(t, ENDLESS, _NO_ROWS)
         self._t = t
 
-    def event_times(self, t: float) -> NDArray[np.float64]:
+    def event_times(self, t: float) -> Array:
         """Advance to t (s); return the times (s) of kinks and of turns of position or deflection.
 
         For a simulation without replay only: replayed cycles have no events.
@@ -278,7 +278,7 @@ class Simulation:
         finally:
             self._events = None
 
-    def sample(self, times: NDArray[np.float64]) -> Samples:
+    def sample(self, times: Array) -> Samples:
         """Advance to each of the times (s), which must not fall; return the states.
 
         Like `advance` and `state` for each time, but a hundred times faster.
@@ -307,7 +307,7 @@ class Simulation:
         self._t = self._end_of(stop)
         return CycleResults(*np.ascontiguousarray(rows.T))
 
-    def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
+    def _run(self, t: float, stop_cycle: int, rows: Array) -> None:
         if self._events is None:
             run(self._buffers(), self._s, (t, stop_cycle), rows, self._budget)
         else:
@@ -342,7 +342,7 @@ class Simulation:
         return State(self._t, x, v, z, float(s["now_u"]), rate, force)
 
     @property
-    def deflections(self) -> NDArray[np.float64]:
+    def deflections(self) -> Array:
         """The deflection of each contact at the time advanced to, m, (contacts,)."""
         if self._each is not None:
             return contact_records(self._each)["now_z"].copy()

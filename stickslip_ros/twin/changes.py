@@ -29,17 +29,15 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.twin.response import Blur, CycleCurve, Model, parts_of_cycles
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import OperatingPoint
 from stickslip_ros.twin.tracker import THETA, ReadingFilter, Seen, Tracker
-
-Array = NDArray[np.float64]
 
 #: Shifts of the mean that are looked for, in standard deviations, in and against the direction
 SHIFTS = np.array([sign * size for size in (0.25, 0.5, 1.0, 2.0, 3.0) for sign in (1.0, -1.0)])

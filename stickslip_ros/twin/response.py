@@ -14,16 +14,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.twin.timeline import RESTED, OperatingPoint, Piece
-
-Array = NDArray[np.float64]
 
 #: Cycles that are solved, after which they repeat; of these the last are the mean
 _CYCLES, _MEAN = 10, 4

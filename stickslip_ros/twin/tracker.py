@@ -23,8 +23,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import CONFIDENCE
@@ -32,7 +32,6 @@ from stickslip_ros.twin.response import Blur, Model, parts_of_cycles
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import OperatingPoint, Piece
 
-Array = NDArray[np.float64]
 Parts = Sequence[tuple[Piece, float, float]]
 
 #: Parameters that walk: the one that wears, loosens and warms, and the actuator with its amplifier

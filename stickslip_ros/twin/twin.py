@@ -13,9 +13,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import drive_of
@@ -37,8 +34,6 @@ from stickslip_ros.twin.timeline import (
     TwinCommand,
 )
 from stickslip_ros.twin.tracker import GLITCH, RATE, THETA, Seen, Tracker
-
-Array = NDArray[np.float64]
 
 OK, DRIFTING, CHANGED, UNLIKE, BLIND = "ok", "drifting", "changed", "unlike the model", "blind"
 #: Readings that are kept for the judgement of a change; those after it that it leaves out, as its

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.library.left_out import OF_A_CYCLE, left_out
 from stickslip_ros.library.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.model import Plant, drive_of
@@ -28,8 +28,6 @@ from stickslip_ros.traces.runs import main_run
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
 from stickslip_ros.traces.trace import Trace, points, sample_times
 from stickslip_ros.workbench.controls import recipes, set_names, shown_values
-
-Array = NDArray[np.float64]
 
 #: The parameters that steps are drawn over: from, to, whether by factors, points of the curve.
 #: Over the frequency a slip meets the ringing of the last one, so that curve has many turns.

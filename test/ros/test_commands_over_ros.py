@@ -17,10 +17,9 @@ from sensor_msgs.msg import JointState
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, Event
-from stickslip_ros.axis.command import FLOAT64, Command
+from stickslip_ros.axis.command import FLOAT64, SCANNING, Command, row
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.resimulation import Rerun
-from stickslip_ros.axis.command import SCANNING, row
 from stickslip_ros.axis.tasks import ScanTask
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
