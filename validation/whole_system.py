@@ -206,10 +206,11 @@ def _first_switch(
     t: float, y: NDArray, h: float, stages: NDArray, plays: NDArray,
     line: tuple[float, float], s: System, c: NDArray, end: NDArray, accuracy: tuple[float, float],
     before: NDArray,
-) -> float:  # fmt: skip
-    """Return the step (s), at most h, just behind the first switch; before is where it begins.
+) -> tuple[float, int]:  # fmt: skip
+    """Return the step (s), at most h, just behind the first switch, and how many were tried.
 
-    By straight lines between both sides, of which one that stays twice counts half.
+    before is where it begins. By straight lines between both sides, of which one that stays twice
+    counts half.
     """
     rates = np.empty_like(y)
     below, above, found = before.copy(), np.empty_like(before), np.empty_like(before)
@@ -218,7 +219,7 @@ def _first_switch(
     _step(t, y, h, stages, plays, line, s, c, end, accuracy)
     w = _rates(t + h, end, rates, plays, line, s, c)
     _switches(t + h, end, w, plays, line, s, above)
-    for _ in range(_TRIES):
+    for tried in range(_TRIES):
         share, rest = 1.0, 0.0
         for k in range(len(before)):
             if before[k] * above[k] < 0.0 and abs(before[k]) > _ROUNDING:
@@ -238,7 +239,7 @@ def _first_switch(
             low, least, below[:] = h, 1.0, found
             most = 0.5 * most if side < 0 else most
             side = -1
-    return high
+    return high, tried
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
@@ -270,10 +271,8 @@ def _piece(
         _switches(t + h, end, _rates(t + h, end, best, plays, line, s, c), plays, line, s, after)
         wider = h * min(5.0, 0.9 * max(error, 1e-10) ** (-1.0 / 8.0))
         if _turned(before, after):
-            h, last = (
-                _first_switch(t, y, h, stages, plays, line, s, c, end, accuracy, before),
-                False,
-            )
+            h, tried = _first_switch(t, y, h, stages, plays, line, s, c, end, accuracy, before)
+            last, count = False, count + tried  # a play that hardly moves may switch at each step
             _step(t, y, h, stages, plays, line, s, c, end, accuracy)
         t = duration if last else t + h
         y[:] = end
