@@ -234,7 +234,7 @@ class Axis(Device):
             return str(error), (), {}
 
 
-class Together:
+class AxisGroup:
     """The axes of a process by the names of their joints, and their common trajectories.
 
     All of them take their part of a trajectory or none does, and they end together. Each moves as

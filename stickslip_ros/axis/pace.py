@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Advances axes in simulated time, within a share of the processor.
+"""Advances axes in simulated time, within a fraction of the processor.
 
 Simulated time follows a steady clock as far as the processor allows. Simulation that does not fit
 into the budget of a callback is counted and dropped from the pace, not queued. So the caller
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.sensor import has_bandwidth
 
-#: Timers may fire early by this share of the period.
+#: Timers may fire early by this fraction of the period.
 _EARLY = 0.1
 #: Part of the deadlines, and of so many at least, that may be missed without a word: single blocks
 #: are late at times.

@@ -43,7 +43,7 @@ _LOOK = 0.016
 #: m that a runner which stands still, and the output, move at most between looks: a hundredth of
 #: usual noise. Then each reading is the position at its time.
 _STILL = 3e-11
-#: Share of a reading by which a latency may be beyond whole readings: rounding
+#: Fraction of a reading by which a latency may be beyond whole readings: rounding
 _ROUNDING = 1e-9
 #: Bandwidths (Hz) below this count as none
 LOWEST = 1.0

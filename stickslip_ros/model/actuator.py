@@ -30,7 +30,7 @@ from stickslip_ros.parameters.bounded_files import FileVersion, load_values, rea
 
 #: Play operators of a loop that is given by its width alone.
 OPERATORS = 8
-#: Pieces of a segment shorter than this share of it are taken for its ends.
+#: Pieces of a segment shorter than this fraction of it are taken for its ends.
 _SHORTEST = 1e-9
 
 
@@ -93,7 +93,7 @@ class Actuator:
         if self.is_linear or way == 0.0:
             return [(duration, self.elastic * volt_rate)], after
         direction = 1.0 if way > 0.0 else -1.0
-        # Each play is pushed from where the voltage has gone this share of its way.
+        # Each play is pushed from where the voltage has gone this fraction of its way.
         gap = memory.plays + direction * self.thresholds - memory.volts
         shares = np.clip(gap / way, 0.0, 1.0)
         kinks = [0.0]
@@ -164,7 +164,7 @@ def _even(width: float, full: float) -> tuple[float, Array, Array]:
 
     Equal weights at equal spacing up to half of the full voltage: what an even density of plays
     comes to. Both branches of the loop are parabolas then, as in Rayleigh's law. width is that of
-    the full loop at half its voltage, a share of its stroke.
+    the full loop at half its voltage, a fraction of its stroke.
     """
     share = (np.arange(OPERATORS) + 0.5) / OPERATORS  # of the full voltage that a gap takes
     weight = width / float(np.minimum(share, 1.0 - share).sum())

@@ -31,17 +31,18 @@ from stickslip_ros.laws.law import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.plant import NEARLY_SLIDING, Plant
 from stickslip_ros.parameters import ActuatorParameters, Parameters
+from stickslip_ros.waveforms.built_in import PER_MICROSECOND
 
 #: Largest deviation (m) of the pieces from the curve, for the whole chain, near turns
 ERROR = 5e-13
-#: The deviation is this share of it for a contact that slides all the time, under a load or because
-#: its law has no elastic range. Such a contact loses some deflection whenever lines return to their
-#: curve; any other contact gets it back.
+#: The deviation is this fraction of it for a contact that slides all the time, under a load or
+#: because its law has no elastic range. Such a contact loses some deflection whenever lines return
+#: to their curve; any other contact gets it back.
 _YIELDING = 0.04
 #: Damping ratio below which pieces are finer: errors of turns add up, there are 1 / zeta of them
 _FIRM = 0.15
 #: Deflection (m) at which a contact slides from which on it does not feel the deviation. For a
-#: smaller one the lines are finer in proportion, down to this share.
+#: smaller one the lines are finer in proportion, down to this fraction.
 _FELT, _FINEST = 5e-10, 0.01
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
@@ -58,7 +59,7 @@ class Chain(NamedTuple):
 
     lag: float  #: of the amplifier, s; 0: none
     slew: float  #: of the amplifier in terms of deflection, m/s; infinite: no limit
-    elastic: float  #: share of the deflection without hysteresis
+    elastic: float  #: fraction of the deflection without hysteresis
     thresholds: Array  #: of the plays in terms of deflection, m
     weights: Array  #: of the plays
     creep_times: Array  #: tau_i, s
@@ -91,7 +92,9 @@ class Chain(NamedTuple):
         error, mean_only_rate, runner = limits_of_pieces(p, plant)
         return cls(
             lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,
-            slew=1e6 * p.amplifier_slew * p.gain_in_force if p.amplifier_slew else math.inf,
+            slew=PER_MICROSECOND * p.amplifier_slew * p.gain_in_force
+            if p.amplifier_slew
+            else math.inf,
             elastic=actuator.elastic / p.gain_in_force,
             thresholds=actuator.thresholds * p.gain_in_force,
             weights=actuator.weights / p.gain_in_force,
@@ -134,7 +137,7 @@ def _fastest(plant: Plant, stroke: float) -> float:
 
 
 def fineness_of(plant: Plant) -> float:
-    """Return the share of the deviation that the lines may have for so small a deflection."""
+    """Return the fraction of the deviation that the lines may have for so small a deflection."""
     least = min(plant.contact.z_s, plant.contact.z_k)
     return min(max(least / _FELT, _FINEST), 1.0)
 

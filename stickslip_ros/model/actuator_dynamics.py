@@ -28,13 +28,13 @@ from stickslip_ros.model.actuator_chain import (
     Chain,
 )
 
-#: Shares of the allowed deviation: what the pieces of the amplifier may change the resonance behind
-#: them by, and what one piece may move the runner by, for a ringing has many
+#: Fractions of the allowed deviation: what the pieces of the amplifier may change the resonance
+#: behind them by, and what one piece may move the runner by, for a ringing has many
 _INPUT, _ONE_OF_MANY = 0.1, 2e-3
 #: A piece of L seconds is u''' L^3 / 125 beside the curve; what swings at omega follows such an
-#: error to a share of (omega L)^2 / 40
+#: error to a fraction of (omega L)^2 / 40
 _BESIDE, _FOLLOWED = 125.0, 40.0
-#: Share of the deviation where pieces are longer than the runner's ringing takes for a radian:
+#: Fraction of the deviation where pieces are longer than the runner's ringing takes for a radian:
 #: their errors may come in its time, and then it adds up some of them
 IN_TIME = 0.1
 #: Longest piece where the actuator is faster than the runner, in units of its angular frequency or

@@ -18,7 +18,8 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import ParameterError
 
-#: A drive cycle closes if its end is off its start by less than this share of its strokes: rounding
+#: A drive cycle closes if its end is off its start by less than this fraction of its strokes:
+#: rounding
 _CLOSED = 1e-9
 
 

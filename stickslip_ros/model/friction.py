@@ -37,7 +37,7 @@ SOFTEST = 1.0
 SHORTEST, SHORTEST_LIMIT, LONGEST = 1e-15, 1e-12, 1e-2
 #: Stribeck velocity (m/s) that a contact may have; measured ones lie between 1e-5 and 0.1.
 FASTEST_STRIBECK = 10.0
-#: Least distance of z_ss from z_ba, as a share of z_ba: alpha needs room to rise.
+#: Least distance of z_ss from z_ba, as a fraction of z_ba: alpha needs room to rise.
 _LEAST_RISE = 1e-6
 
 

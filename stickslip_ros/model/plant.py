@@ -29,8 +29,8 @@ from stickslip_ros.parameters import ParameterError, Parameters
 FASTEST = 1e6
 #: Stiffness (N/m) of the stiffest spring
 STIFFEST = 1e8
-#: A load above this share of the friction may keep the runner sliding; under less load the runner
-#: comes to rest within a cycle.
+#: A load above this fraction of the friction may keep the runner sliding; under less load the
+#: runner comes to rest within a cycle.
 NEARLY_SLIDING = 0.5
 #: Springs softer than this (N/m) count as none: pushed by a millimetre they return a micronewton.
 SLACK = 1e-3

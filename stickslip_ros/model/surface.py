@@ -15,7 +15,7 @@ slip is commanded. Strength that grows with the logarithm of the time of rest, a
 of the rate, is the friction of Dieterich (J. Geophys. Res. 77 (1972) 3690) and Ruina (J. Geophys.
 Res. 88 (1983) 10359). s is the way that the contact has slid since the start. The depth worn off
 goes with load and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981); a preload that comes from a
-spring loses a share of itself for each metre, and the breakaway goes with it.
+spring loses a fraction of itself for each metre, and the breakaway goes with it.
 
 The factor changes where a drive cycle begins. Stiffness and damping stay the same, and so does the
 elastic energy sigma_0 z^2 / 2: no energy is created.

@@ -48,7 +48,7 @@ def number(
 
 
 def growth_per_kelvin(description: str) -> Any:
-    """Return the field of how much a quantity grows in a kelvin, as a share of that at 293.15 K."""
+    """Return the field of how much a quantity grows in a kelvin, a fraction of that at 293.15 K."""
     return number(
         0.0, "1/K", -2e-3, 3.3e-3, description, least=1e-9,
         reason="beyond, nothing would be left of it at 700 K or at 0 K",

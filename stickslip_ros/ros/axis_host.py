@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.axis import Together
+from stickslip_ros.axis.axis import AxisGroup
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import STEPS_OF_TIME
 from stickslip_ros.axis.faults import VANISH
@@ -125,7 +125,7 @@ class AxisHost(GuardedNode):
         server = self.axes[0].server(pause)
         self.create_service(message_class(pause.type), f"~/{pause.interface}", server)
         self._sim_loop = sim_loop
-        self._together = Together([node.axis for node in self.axes])
+        self._together = AxisGroup([node.axis for node in self.axes])
         kind, topic = message_class(TRAJECTORY.type), f"~/{TRAJECTORY.interface}"
         self.create_subscription(kind, topic, self._follow, TRAJECTORY.depth, raw=True)
         sim_loop.start(self.axes, self._together.end)

@@ -20,8 +20,15 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.solver.any_arc import friction_at
-from stickslip_ros.solver.cycles import period_of, repeat, stays_clear, write_row
-from stickslip_ros.solver.event_loop import heat_since, open_account, solve_cycles
+from stickslip_ros.solver.event_loop import (
+    heat_since,
+    open_account,
+    period_of,
+    repeat,
+    solve_cycles,
+    stays_clear,
+    write_row,
+)
 from stickslip_ros.solver.layout import PLANT, ROW_SIZE, axis_in, contacts_in, open_record, plant_in
 from stickslip_ros.solver.within_arc import turns_within
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The next arc, its friction, and samples within it, on one contact or on several.
+"""The next arc, its limits and friction, and samples within it, on one contact or on several.
 
 A sample is the state at the time asked for; it moves nothing.
 """
@@ -7,6 +7,7 @@ A sample is the state at the time asked for; it moves nothing.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,6 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
-from stickslip_ros.solver.cycles import ArcLimits
 from stickslip_ros.solver.general_arcs import force_of, general_arc, second_after, takes_steps
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.within_arc import (
@@ -28,6 +28,30 @@ from stickslip_ros.solver.within_arc import (
 
 #: Arcs that a tabulated one is made of, at most: three branches, in a few steps each
 _MOST_PARTS = 100
+
+
+class ArcLimits(NamedTuple):
+    """Limits of the next arc."""
+
+    resting: bool  #: the drive cycle is over
+    limit: float  #: s until the next kink, or until t_end where that is an event
+    ahead: float  #: s until t_end
+    last: bool  #: t_end is an event and comes before the next kink
+
+
+@compiled
+def arc_limits(s: np.record, drive: NDArray, period: float) -> ArcLimits:
+    """Set s.rate and s.bend and return the limits of the next arc."""
+    resting = s.done >= s.count
+    s.bend = 0.0 if resting else drive[2, s.segment]
+    if resting:
+        s.rate = 0.0
+    elif s.bend == 0.0 or s.tau == 0.0:  # else it has got there: w = 0 at a turn has to stay exact
+        s.rate = drive[1, s.segment]
+    limit = math.inf if resting else drive[0, s.segment] - s.tau
+    ahead = (s.t_end - s.start) - s.done * period - s.since - s.tau
+    last = s.cut != 0 and ahead < limit
+    return ArcLimits(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
 
 
 @compiled

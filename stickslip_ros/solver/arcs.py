@@ -31,13 +31,13 @@ from stickslip_ros.solver.taylor import (
 )
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest, within_arc
 
-#: Error of one step of a series, as part of the tolerance per cycle: where tables cover most of a
-#: cycle, or its slides alone, where they do not, and on the Stribeck curve, where the motion may be
-#: unstable
+#: Error of one step of a series, as a fraction of the tolerance per cycle: where tables cover most
+#: of a cycle, or its slides alone, where they do not, and on the Stribeck curve, where the motion
+#: may be unstable
 _PER_RARE_STEP, _PER_BENT_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 2e-3, 1e-4, 1e-5
-#: Distance of z from steady sliding, as part of the tolerance, at which it counts as reached
+#: Distance of z from steady sliding, as a fraction of the tolerance, at which it counts as reached
 _SETTLED = 1e-4
-#: Largest change of w, as share of v_s, between checks whether a jump of alpha holds z
+#: Largest change of w, as a fraction of v_s, between checks whether a jump of alpha holds z
 _SHARE_OF_V_S = 0.1
 
 

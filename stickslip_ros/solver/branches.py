@@ -13,16 +13,16 @@ from stickslip_ros.model.friction import alpha_at, z_limit
 from stickslip_ros.solver.oscillator import newton
 from stickslip_ros.solver.taylor import BAND, Branch, alpha_deficit, limit_and_slope
 
-#: Share of the tolerance below which the Stribeck curve counts as flat
+#: Fraction of the tolerance below which the Stribeck curve counts as flat
 _FLAT = 1e-4
-#: z counts as on the limit of its deflection within this share of z_k
+#: z counts as on the limit of its deflection within this fraction of z_k
 _ON_LIMIT = 4.0 * BAND
 #: Relative rounding of z_k
 _ROUNDING = 1e-16
 #: Rounding of a speed that has come down to the edge of the Stribeck curve
 _EDGE = 1.0 + 1e-9
-#: z nears that of steady sliding as an exponential within this share of the tolerance, and alpha is
-#: linear within this share of z - z_ba
+#: z nears that of steady sliding as an exponential within this fraction of the tolerance, and alpha
+#: is linear within this fraction of z - z_ba
 _SETTLED, _LINEAR = 0.03, 1e-4
 
 

@@ -35,7 +35,7 @@ RUNNER = ("mass", "force", "spring", "beta", "d_c", "theta_0", "window")
 CONTACT = ("sigma_0", "sigma_1", "sigma_2", "z_ba", "z_ss", "z_k", "z_s", "v_s")
 _MASS, _FORCE, _SPRING, _BETA, _D_C, _THETA_0, _WINDOW = range(len(RUNNER))
 _SIGMA_0, _SIGMA_1, _SIGMA_2, _Z_BA, _Z_SS, _Z_K, _Z_S, _V_S = range(len(CONTACT))
-#: Error of a step, as a share of what the contact can deflect, and of that times the ringing
+#: Error of a step, as a fraction of what the contact can deflect, and of that times the ringing
 _TOLERANCE = 1e-14
 #: Imaginary part below which nothing counts
 _LEAST = 1e-60
@@ -47,7 +47,8 @@ _FIRST, _SHORTER, _LONGER, _SAFE = 0.1, 0.2, 4.0, 0.9
 _AWAY = 2.0
 #: Weight of the estimate of third order, as in `general_arcs`
 _THIRD = 0.01
-#: Shares of a bracket that a guess of an event's time keeps from its ends; where it ends, rounding
+#: Fractions of a bracket that a guess of an event's time keeps from its ends; where it ends,
+#: rounding
 _INNER, _CLOSE = 1e-3, 1e-15
 #: Branches of alpha
 ELASTIC, RISING, PLASTIC = range(3)

@@ -60,8 +60,8 @@ from stickslip_ros.solver.taylor import (
 )
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest
 
-#: Parts of the tolerance per cycle: one step of a series; what a z may lack to its limit and counts
-#: as settled
+#: Fractions of the tolerance per cycle: one step of a series; what a z may lack to its limit and
+#: counts as settled
 _PER_STEP, _SETTLED = 1e-3, 1e-4
 
 

@@ -42,7 +42,8 @@ from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 #: First window after the last cycle, s: some periods of a ringing. Each later one is twice as long.
 _FIRST_REST = 1e-3
 #: Above a speed of the runner, `mean_only_rate`, only the mean of a line of the actuator counts.
-#: That speed is raised as soon as the runner gets to this share of it, before a cycle exceeds it.
+#: That speed is raised as soon as the runner gets to this fraction of it, before a cycle exceeds
+#: it.
 _NEARLY_AS_FAST = 0.7
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])

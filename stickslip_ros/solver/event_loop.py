@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC
 from stickslip_ros.solver.any_arc import (
+    ArcLimits,
+    arc_limits,
     find_arc,
     sample_anchor,
     sample_within,
     turn_of_arc,
 )
 from stickslip_ros.solver.contact_arcs import mean_at_end
-from stickslip_ros.solver.cycles import ArcLimits, arc_limits, end_cycle, period_of, write_row
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.oscillator import Oscillator, half_period, propagate
 from stickslip_ros.solver.stops import (
@@ -57,6 +58,8 @@ _CHORD, _CHORD_OF_SLIDE = 4e-12, 4e-14
 #: the same state: its acceleration would hold the contact at a deflection so large that differences
 #: from it, and the heat that follows from these, are lost to rounding
 _BRIEF = 1e-5
+#: Largest difference at the start of two equal cycles, as a fraction of the tolerance
+REPEATED = 1e-3
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
 CARRIED = 10.0
 
@@ -325,3 +328,78 @@ def heat_since(s: np.record, plant: np.record, duration: float) -> float:
         moment = 0.5 * force * duration * duration - mass * (duration * v - (x - x0))
         stored += s.bend * (moment - duration * impulse)
     return on_runner - s.rate * impulse - stored  # type: ignore[no-any-return]
+
+
+# -- the end of a drive cycle
+
+
+@compiled
+def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
+    """Let the running cycle end at the anchor, and the next begin."""
+    done = s.done + 1
+    s.done, s.steady = done, 0
+    s.level += s.shift
+    close, step = REPEATED * plant.tolerance, s.x - s.cycle_x
+    if (
+        s.replay != 0
+        and done > 1
+        and abs(s.z - s.cycle_z) <= close
+        and abs(s.v - s.cycle_v) * plant.inv_omega <= close
+        and abs(step - s.last_step) <= close
+        and (plant.spring == 0.0 or abs(step) <= close)
+    ):  # it ended in the state in which it began, one step further
+        s.steady = 1
+    s.last_step, s.last_dissipated = step, s.dissipated
+    s.last_z_max, s.last_z_min = s.z_max, s.z_min
+    s.cycle_x, s.cycle_v, s.cycle_z = s.x, s.v, s.z
+    s.z_max = s.z_min = s.z
+    s.last_x_min, s.last_x_max = s.x_min, s.x_max
+    s.x_min = s.x_max = s.x
+    s.dissipated = 0.0
+    if contacts is not None:  # it repeats only if every contact ends it as it began
+        for c in contacts:
+            if not abs(c.z - c.cycle_z) <= close:
+                s.steady = 0
+            if not abs(c.second - c.cycle_second) <= REPEATED * abs(c.second):
+                s.steady = 0
+            c.cycle_z, c.cycle_second = c.z, c.second
+
+
+@compiled
+def stays_clear(s: np.record) -> bool:
+    """Return whether a repetition of the last cycle would reach no stop."""
+    low, high = s.last_x_min + s.last_step, s.last_x_max + s.last_step
+    return low >= s.near_low and high <= s.near_high  # type: ignore[no-any-return]
+
+
+@compiled
+def repeat(s: np.record) -> None:
+    """End one more cycle just as the last one ended, one step further on."""
+    step = s.last_step
+    s.cycle_x = s.x + step
+    s.x = s.cycle_x
+    s.open_x = s.x
+    s.x_min = s.x_max = s.x
+    s.last_x_min += step
+    s.last_x_max += step
+    s.x_top += s.sign * step
+    s.x_low += s.sign * step
+    s.done += 1
+
+
+@compiled
+def write_row(s: np.record, rows: NDArray, at: int) -> None:
+    """Write the last whole cycle, as `simulation.CycleResults` names it, if there is a row left."""
+    if at < len(rows):
+        row = rows[at]
+        row[0], row[1] = s.x, s.backstep
+        row[2], row[3], row[4] = s.last_z_max, s.last_z_min, s.last_dissipated
+
+
+@compiled
+def period_of(drive: NDArray) -> float:
+    """Return the duration of a cycle (s), as `DriveCycle.period` sums it up."""
+    period = 0.0
+    for duration in drive[0]:
+        period += duration
+    return period

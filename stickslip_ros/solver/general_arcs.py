@@ -33,7 +33,7 @@ from stickslip_ros.solver.within_arc import AT_REST, end_at, is_at_rest
 
 #: Stages with those of the continuous output, and those of a step alone
 STAGES, STEP = 16, 12
-#: Powers of the share of a step in its continuous output, from 0 on
+#: Powers of the fraction of a step in its continuous output, from 0 on
 DEGREES = 8
 
 
@@ -140,7 +140,7 @@ OUTPUT = _matrix([
 ])
 # fmt: on
 
-#: When each stage is, share of the step
+#: When each stage is, as a fraction of the step
 TIMES = np.sum(A, axis=1)
 
 
@@ -159,22 +159,22 @@ POWERS = _powers()
 
 # -- the arcs
 
-#: Error allowed in a step, as a share of the tolerance per cycle. The estimate is that of the
+#: Error allowed in a step, as a fraction of the tolerance per cycle. The estimate is that of the
 #: output, several times the error of the state at the end.
 _PER_STEP = 0.03
-#: This many steps of a cycle may each have that error. Where there are more, each gets a share by
-#: its length: a sliding contact keeps their errors, and a slow drive takes thousands of steps.
+#: This many steps of a cycle may each have that error. Where there are more, each gets a fraction
+#: by its length: a sliding contact keeps their errors, and a slow drive takes thousands of steps.
 _FREE_STEPS = 3.0
 #: Smallest such share: a rest may last for ever, and its steps grow
 _LEAST_PART = 1e-4
-#: Error allowed in a step, as a share of the motion that is left: a ringing has to die away
+#: Error allowed in a step, as a fraction of the motion that is left: a ringing has to die away
 _OF_MOTION = 1e-3
 #: First step, in units of the ringing; its length soon adapts to the allowed error
 _FIRST = 0.1
-#: Least and largest factor from one step to the next; the step taken, as a share of the one whose
-#: error would be just allowed
+#: Least and largest factor from one step to the next; the step taken, as a fraction of the one
+#: whose error would be just allowed
 _LEAST, _MOST, _SAFE = 0.2, 5.0, 0.9
-#: Power of its length with which the error of a step grows; share of it that counts as no error
+#: Power of its length with which the error of a step grows; fraction of it that counts as no error
 _ORDER, _NO_ERROR = 8.0, 1e-30
 #: Longest step of a runner in motion, in the fastest time of its elastic contact: beyond, no such
 #: method is stable, and its estimate of the error, a polynomial of that number, may have a root
@@ -348,7 +348,7 @@ def _error(arc: np.record, contacts: NDArray, rates: NDArray, h: float) -> float
         if k == _W:
             off *= arc.weight
         elif _FIRST_Z + count <= k < _FIRST_Z + 2 * count and has_two_states(contacts[0].kind):
-            # What a share of the second state is off changes the limit of z by less than that.
+            # What a fraction of the second state is off changes the limit of z by less than that.
             off *= contacts[k - _FIRST_Z - count].z_k / (abs(rates[STAGES + 1, k]) + h)
         if not off < math.inf:
             return math.inf

@@ -141,7 +141,7 @@ AXIS = _record(
     ("previewing", "i8"),  # 1 while the copy of the state is on its way to t_end
 )
 
-#: Numbers in the row of results of a cycle, see `cycles.write_row`
+#: Numbers in the row of results of a cycle, see `event_loop.write_row`
 ROW_SIZE = 5
 
 #: One arc: the motion from the anchor to the next event

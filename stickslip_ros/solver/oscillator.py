@@ -20,15 +20,15 @@ from stickslip_ros.compiled import compiled, compiled_anew, compiled_inline
 _HALVINGS = 200
 #: Steps of Newton's method; most roots take five
 STEPS = 100
-#: Share of the bracket at which Newton's method stops: rounding of the times in it
+#: Fraction of the bracket at which Newton's method stops: rounding of the times in it
 CLOSE = 1e-14
-#: Shares of the bracket between which a first guess lies: at an end the slope may be 0
+#: Fractions of the bracket between which a first guess lies: at an end the slope may be 0
 _INNERMOST, _OUTERMOST = 0.05, 0.95
 
 
 @compiled
 def within(share: float) -> float:
-    """Return a share of a bracket for a first guess, from one that may be near an end."""
+    """Return a fraction of a bracket for a first guess, from one that may be near an end."""
     return min(_OUTERMOST, max(_INNERMOST, share))
 
 
@@ -95,8 +95,8 @@ _CANCELS = 0.05
 #: Sixty of the slow time constants, 2 delta / kappa at most: an overdamped motion has ended then,
 #: for exp(-60) is far below rounding
 _ENDED = 120.0
-#: A step of Halley's method this share of the bracket, over which the slope changes by that share,
-#: is the last: what is left goes with the cube of it, and is below rounding
+#: A step of Halley's method this fraction of the bracket, over which the slope changes by that
+#: fraction, is the last: what is left goes with the cube of it, and is below rounding
 _LAST_STEP, _LAST_BEND = 1e-6, 1e-4
 
 

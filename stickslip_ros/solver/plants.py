@@ -36,7 +36,7 @@ from stickslip_ros.solver.layout import (
 from stickslip_ros.solver.oscillator import oscillator
 from stickslip_ros.solver.tables import learn_bursts, learn_reversals, learn_slide, learn_swings
 
-#: Largest tolerance, as share of the limit of z: it sets the accuracy of the friction
+#: Largest tolerance, as a fraction of the limit of z: it sets the accuracy of the friction
 _FINEST = 1e-2
 #: Bursts faster than this multiple of the ringing after steady sliding are slides.
 _FASTEST = 1.25

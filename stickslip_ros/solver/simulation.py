@@ -350,7 +350,7 @@ class Simulation:
 
     @property
     def alpha(self) -> float:
-        """Plastic share of the contact: 0 elastic .. 1 plastic; for several contacts the mean."""
+        """Plastic fraction of the contact: 0 elastic .. 1 plastic; of several the mean."""
         s = self._s
         w = float(s["now_v"]) - float(s["now_rate"])
         if self._each is None:

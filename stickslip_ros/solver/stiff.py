@@ -31,18 +31,18 @@ _A = np.array(
 )
 _A_A = _A @ _A
 _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-#: Newton's iterations; their last correction is this share of the error allowed
+#: Newton's iterations; their last correction is this fraction of the error allowed
 _ITERATIONS, _CORRECTION = 15, 1e-3
 #: What two halves of a step of fifth order are better than the whole, 2^5 - 1 (Richardson)
 _BETTER = 31.0
 #: Part of the tolerance to which a step is solved again for an event or a sample
 _EXACT = 1e-4
-#: Error allowed in a step, as a share of the tolerance per cycle
+#: Error allowed in a step, as a fraction of the tolerance per cycle
 _PER_STEP = 1e-4
 #: Least length of an implicit step that pays off, in steps of a series: it costs
 #: as much as that many
 _WORTH = 10.0
-#: An implicit step is tried where z and w change by less than this share in a step of the series
+#: An implicit step is tried where z and w change by less than this fraction in a step of the series
 _SLOW = 0.3
 #: Arcs until the next try after a step that did not pay off
 _WAIT = 20.0
@@ -50,7 +50,7 @@ _WAIT = 20.0
 _TRIES = 60
 #: Largest and smallest factor from one step to the next
 _GROWS, _SHRINKS = 5.0, 0.1
-#: Step taken, as a share of the one whose error would be just allowed: so the next try succeeds
+#: Step taken, as a fraction of the one whose error would be just allowed: so the next try succeeds
 _SAFETY = 0.9
 #: Power of its length with which the error of a step grows; error (m) that counts as none
 _ORDER, _NO_ERROR = 6.0, 1e-300

@@ -35,7 +35,7 @@ _SHORTER, _LONGEST = 8.0, 64.0
 _PROBES = 8
 #: Time (s) that turns the speeds of a held runner into lengths: no speed counts as negligible
 _NEVER_STILL = 1e300
-#: Position counts as beyond a stop above this share of it: a few roundings
+#: Position counts as beyond a stop above this fraction of it: a few roundings
 _ROUNDING = 1e-15
 
 

@@ -42,7 +42,7 @@ from stickslip_ros.solver.taylor import (
 #: Gauss points in (0, 1)
 _GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.leggauss(8))
 _GAUSS = _GAUSS + 0.5
-#: Shares of the tolerance per cycle: a step of a series on the way to a table, what a slide may
+#: Fractions of the tolerance per cycle: a step of a series on the way to a table, what a slide may
 #: leave out, and the tail of a Chebyshev series
 _PER_STEP, _LEFT_OUT, _TAIL = 1e-4, 2e-3, 0.02
 #: Largest skewness of the work of the forces along a slide; at constant z the work is linear

@@ -28,7 +28,7 @@ PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
 #: Rows of the workspace (ROWS, ORDER + 1). The series of one of several contacts has the first
 #: four: z, cosine and sine of alpha, and z'/w.
 Z, C, S, P, W, Q, G, Y, E, D = range(10)
-#: Width, as a share of z_k, of the band below the speed-dependent z_ss in which an arc keeps its
+#: Width, as a fraction of z_k, of the band below the speed-dependent z_ss in which an arc keeps its
 #: branch: either serves there, and rounding cannot throw it to and fro
 BAND = 1e-12
 #: The exponent of the Stribeck curve changes by so much at most within a step. Far out on its
@@ -40,7 +40,7 @@ _SHORTENED, _LEAST_SHORTENED = 0.1, 0.9
 #: Halvings of a step in search of w above its floor, as many as bisection makes
 _HALVINGS = 200
 
-#: z leaves its limit when its rate differs from that of the limit by more than this share of w
+#: z leaves its limit when its rate differs from that of the limit by more than this fraction of w
 _MARGIN = 1e-9
 
 

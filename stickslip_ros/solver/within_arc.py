@@ -31,7 +31,7 @@ _PARTS = 8
 _SHORT = 2.0
 #: Looks for a turn of a longer one: its actuator hardly bends in the time of a ringing
 _PASSES = 3
-#: A motion that dies away counts as rest below this share of the tolerance; it would never end
+#: A motion that dies away counts as rest below this fraction of the tolerance; it would never end
 AT_REST = 1e-3
 
 

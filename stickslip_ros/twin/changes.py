@@ -37,7 +37,7 @@ from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.twin.response import Blur, CycleCurve, Model, parts_of_cycles
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import OperatingPoint
-from stickslip_ros.twin.tracker import THETA, ReadingFilter, Seen, Tracker
+from stickslip_ros.twin.tracker import THETA, ProcessedReading, ReadingFilter, Tracker
 
 #: Shifts of the mean that are looked for, in standard deviations, in and against the direction
 SHIFTS = np.array([sign * size for size in (0.25, 0.5, 1.0, 2.0, 3.0) for sign in (1.0, -1.0)])
@@ -175,7 +175,7 @@ class ReadingsSince:
     """Readings since a change, and the axis before it."""
 
     before: Tracker  #: of the axis before, with its model made anew
-    seen: Sequence[Seen]  #: the first is where they begin
+    seen: Sequence[ProcessedReading]  #: the first is where they begin
     place: float  #: where it changed, m
     settings: TwinSettings
 

@@ -39,7 +39,7 @@ class TwinSettings:
     #: random walks of this standard deviation
     drift_hour: float = 0.01
     drift_metre: float = 0.01
-    #: spread of one step, as a share of it: drives repeat to a few parts in a thousand
+    #: spread of one step, as a fraction of it: drives repeat to a few parts in a thousand
     step_spread: float = 0.001
     #: m, spread of the first step after a rest, whose contact remembers what was before, and after
     #: steps of another amplitude or frequency

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 #: s after which an axis is at rest: a ringing has decayed
 RESTED = 0.02
-#: A cycle that lacks less than this share of itself has ended: rounding of times
+#: A cycle that lacks less than this fraction of itself has ended: rounding of times
 _ROUNDING = 1e-6
 
 

@@ -41,8 +41,8 @@ _RECENTRE, FARTHEST = 0.04, math.log(3.0)
 #: Places of the logarithms and of the rate in the state, between position and ringing
 THETA, RATE = slice(1, -2), -2
 #: What the rate of the preload may be at the start and after a change, 1/s of stepping; its change
-#: in the root of a second as a share of itself; how well its slope holds on a way over which it
-#: drifts, as a share
+#: in the root of a second as a fraction of itself; how well its slope holds on a way over which it
+#: drifts, as a fraction
 _RATE, _RATE_WALK, _RATE_SLOPE = 0.03, 0.1, 0.25
 #: Times that readings after a change are gone through
 _REFITS = 2
@@ -64,7 +64,7 @@ class ModelledWay(NamedTuple):
     direction: int  #: of the cycles, 0 at rest
 
 
-class Seen(NamedTuple):
+class ProcessedReading(NamedTuple):
     """A reading, and what the tracker knew of the motion before it."""
 
     t: float  #: s
@@ -208,7 +208,7 @@ class Tracker(ReadingFilter):
     def drift(self, drive: OperatingPoint) -> tuple[float, float]:
         """Return the rate of a drive's step since a change, and its standard error.
 
-        Both are shares of the step in a second of stepping; 0 and 0 where no rate is sought.
+        Both are fractions of the step in a second of stepping; 0 and 0 where no rate is sought.
         """
         slope = float(self._first.slopes(drive, self.names).step[self._drifts])
         share = slope / float(self.model.curve(drive).step)
@@ -268,13 +268,18 @@ class Tracker(ReadingFilter):
         self.covariance[THETA, THETA] += np.diag(walks)
         self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 
-    def take(self, one: Seen, duration: float) -> tuple[float, float, float]:
+    def take(self, one: ProcessedReading, duration: float) -> tuple[float, float, float]:
         """Go on to a reading, and take it; return as `see`."""
         self.advance(one.motion, duration)
         return self.see(one.reading, one.motion.blur, GLITCH)
 
     def rebased(
-        self, p: Parameters, name: str, sensor_gain: float, covariance: Array, seen: Sequence[Seen]
+        self,
+        p: Parameters,
+        name: str,
+        sensor_gain: float,
+        covariance: Array,
+        seen: Sequence[ProcessedReading],
     ) -> Tracker:
         """Return one that starts from other parameters and has gone through readings once more.
 

@@ -33,7 +33,7 @@ from stickslip_ros.twin.timeline import (
     Timeline,
     TwinCommand,
 )
-from stickslip_ros.twin.tracker import GLITCH, RATE, THETA, Seen, Tracker
+from stickslip_ros.twin.tracker import GLITCH, RATE, THETA, ProcessedReading, Tracker
 
 OK, DRIFTING, CHANGED, UNLIKE, BLIND = "ok", "drifting", "changed", "unlike the model", "blind"
 #: Readings that are kept for the judgement of a change; those after it that it leaves out, as its
@@ -53,7 +53,7 @@ _PACE = 0.01
 _REOPENED = 0.3
 #: s between the entries of the history, and their number, from which every second is dropped
 _PERIOD, _MOST = 1.0, 4000
-#: Share of its deviation beforehand below which a parameter counts as seen
+#: Fraction of its deviation beforehand below which a parameter counts as seen
 _SEEN = 0.5
 
 
@@ -142,7 +142,7 @@ class Twin:
         self._judging: Pieces[None] | None = None
         self._go_on_at = 0.0  # s, when the next piece of the judgement is due
         #: Each with what was known before it
-        self._seen: deque[tuple[Seen, Tracker]] = deque(maxlen=_KEPT)
+        self._seen: deque[tuple[ProcessedReading, Tracker]] = deque(maxlen=_KEPT)
         self._judge_at = 0  # readings since the last change at which it is judged, 0: never
         self._since = 0  # readings since the last change, of steps before the first
         self._excess = 0.0  # of the squares of deviations after it over what they should be
@@ -243,7 +243,7 @@ class Twin:
             if self._drive and self._drive[:2] != drive[:2]:
                 tracker.forget(RATE, -1)  # every other cause would look like a rate there
             self._drive = drive
-        seen = Seen(t, reading, parts, motion)
+        seen = ProcessedReading(t, reading, parts, motion)
         expected, deviation, z = tracker.take(seen, duration)
         self._seen.append((seen, before))
         self._since += bool(self.changes or motion.direction)
@@ -283,7 +283,7 @@ class Twin:
 
     # -- changes
 
-    def _change(self, seen: Seen) -> None:
+    def _change(self, seen: ProcessedReading) -> None:
         """Tell a change, and let the estimates find what holds now."""
         onset, tracker = self.detector.onset, self.tracker
         self._before = next((known for one, known in self._seen if one.t > onset), tracker)
@@ -375,7 +375,7 @@ class Twin:
 
     @property
     def drift(self) -> tuple[float, float]:
-        """Rate of the step as a share of it, 1/s, and its standard error.
+        """Rate of the step as a fraction of it, 1/s, and its standard error.
 
         It is that since a change while its cause is not known, else that over the last window.
         """

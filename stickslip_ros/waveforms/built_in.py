@@ -25,7 +25,7 @@ def sawtooth_shape(d: DriveParameters) -> Shape:
 
 
 def hold_shape(d: DriveParameters) -> Shape:
-    """Return a sawtooth whose level is held for shares of the period before and after the slip."""
+    """Return a sawtooth whose level is held for parts of the period before and after the slip."""
     period, fall = 1.0 / d.frequency, slip_time(d)
     before, after = d.hold_before * period, d.hold_after * period
     time = period - before - after
@@ -37,7 +37,7 @@ def hold_shape(d: DriveParameters) -> Shape:
 def shaped_shape(d: DriveParameters) -> Shape:
     """Return the waveform ``hold`` with its slip in two parts and ``latency`` (s) between them.
 
-    ``split`` is the share of the first part in the slip.
+    ``split`` is the fraction of the first part in the slip.
     """
     period, fall = 1.0 / d.frequency, slip_time(d)
     split, latency = d.split, d.latency
@@ -99,7 +99,7 @@ class Shape(NamedTuple):
     """
 
     durations: tuple[Any, ...]  #: of the segments, s
-    changes: tuple[Any, ...]  #: of the level within them, shares of the amplitude
+    changes: tuple[Any, ...]  #: of the level within them, fractions of the amplitude
     slip: tuple[int, int]  #: first segment of the slip and the one after its last
-    start: float = 0.0  #: level at the start, share of the amplitude
+    start: float = 0.0  #: level at the start, fraction of the amplitude
     time_for_slip: Any = math.inf  #: time that the rest of the cycle leaves for the slip, s

@@ -10,7 +10,7 @@ import pytest
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.axis.axis import Together
+from stickslip_ros.axis.axis import AxisGroup
 from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.parameters import ParameterError
@@ -134,7 +134,7 @@ def parts(points: Points) -> dict[str, tuple[list[str], list[list[float]]]]:
     return {j: ([j], [[t, x[k]] for t, x in points]) for k, j in enumerate(joints)}
 
 
-def run(axes: Sequence[Axis], together: Together, t: float) -> None:
+def run(axes: Sequence[Axis], together: AxisGroup, t: float) -> None:
     """Let a time (s) pass, block by block."""
     start = axes[0].state.t
     for block in range(1, round(t / BLOCK) + 1):
@@ -154,7 +154,7 @@ def test_axes_end_within_a_cycle_of_each_other_and_2_nm(count: int) -> None:
     lot = np.random.default_rng(count)
     for seed in range(count):
         axes = three(10 * seed)
-        together = Together(axes)
+        together = AxisGroup(axes)
         times = np.cumsum(lot.uniform(0.1, 0.4, lot.integers(1, 4))).tolist()
         points = [(t, lot.uniform(-8e-6, 8e-6, 3).tolist()) for t in times]
         together.follow(parts(points))
@@ -169,11 +169,11 @@ def test_each_moves_as_it_would_alone() -> None:
     """So its run repeats from its own events."""
     points: Points = [(0.2, [1e-6, 2e-6, -3e-6])]
     axes, alone = three(), three()
-    together = Together(axes)
+    together = AxisGroup(axes)
     together.follow(parts(points))
     for axis, part in zip(alone, parts(points).values(), strict=True):
         axis.command("trajectory", *part)
-    run([*axes, *alone], Together([]), 0.4)
+    run([*axes, *alone], AxisGroup([]), 0.4)
     assert {axis.status.state for axis in axes} == {"targeting"}
     assert {axis.status.state for axis in alone} == {"holding"}
     run([*axes, *alone], together, 0.2)
@@ -191,7 +191,7 @@ def test_each_moves_as_it_would_alone() -> None:
 )
 def test_one_bad_part_refuses_the_whole(changed: dict[str, tuple], complaint: str) -> None:
     axes = three()
-    together = Together(axes)
+    together = AxisGroup(axes)
     with pytest.raises(ParameterError) as refusal:
         together.follow({**parts([(0.1, [1e-6, 1e-6, 1e-6])]), **changed})
     assert complaint in str(refusal.value)
@@ -205,13 +205,13 @@ def test_an_axis_in_fault_refuses_for_all() -> None:
     axes = three()
     axes[1].trip("a test")
     with pytest.raises(ParameterError, match="y_slider: the axis is in fault"):
-        Together(axes).follow(parts([(0.1, [1e-6, 1e-6, 1e-6])]))
+        AxisGroup(axes).follow(parts([(0.1, [1e-6, 1e-6, 1e-6])]))
     assert axes[0].status.state == "stopped"
 
 
 def test_those_that_one_has_left_end_alone() -> None:
     axes = three()
-    together = Together(axes)
+    together = AxisGroup(axes)
     together.follow(parts([(0.1, [1e-6, 1e-6, 1e-6])]))
     run(axes, together, 0.05)
     axes[2].stop()

@@ -174,7 +174,7 @@ def test_a_law_reaches_kernel_and_identification(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "reason"), [("inner", "field of the solver"), ("mass", "which Dahl has")]
+    ("name", "reason"), [("second", "field of the solver"), ("mass", "which Dahl has")]
 )
 def test_a_constant_that_is_called_like_another_is_refused(
     tmp_path: Path, name: str, reason: str
