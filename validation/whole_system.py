@@ -219,7 +219,9 @@ def _first_switch(
     _step(t, y, h, stages, plays, line, s, c, end, accuracy)
     w = _rates(t + h, end, rates, plays, line, s, c)
     _switches(t + h, end, w, plays, line, s, above)
-    for tried in range(_TRIES):
+    tried = 0
+    while tried < _TRIES:
+        tried += 1
         share, rest = 1.0, 0.0
         for k in range(len(before)):
             if before[k] * above[k] < 0.0 and abs(before[k]) > _ROUNDING:

@@ -90,11 +90,10 @@ class Chain(NamedTuple):
             first = p.creep_start * math.exp(np.euler_gamma)
             times = first * 10.0 ** ((np.arange(_DECADES * _PER_DECADE) + 0.5) / _PER_DECADE)
         error, mean_only_rate, runner = limits_of_pieces(p, plant)
+        slew = PER_MICROSECOND * (p.amplifier_slew or 0.0)  # V/s
         return cls(
             lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,
-            slew=PER_MICROSECOND * p.amplifier_slew * p.gain_in_force
-            if p.amplifier_slew
-            else math.inf,
+            slew=slew * p.gain_in_force if slew else math.inf,
             elastic=actuator.elastic / p.gain_in_force,
             thresholds=actuator.thresholds * p.gain_in_force,
             weights=actuator.weights / p.gain_in_force,
