@@ -77,7 +77,7 @@ def guide_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run_guide(args: argparse.Namespace) -> int:
     """Print the six contact forces of a guided runner."""
-    from stickslip_ros.model.guide import Geometry, forces_by_preload, preload_ratio
+    from stickslip_ros.model.contacts import Geometry, forces_by_preload, preload_ratio
 
     check_outputs(args)
     given = {name: getattr(args, name) for name in "abce"}

@@ -34,10 +34,11 @@ from stickslip_ros.gym.periods import (
     run_periods,
 )
 from stickslip_ros.laws import OWN_CONSTANTS
+from stickslip_ros.laws.law import Contact
 from stickslip_ros.model import Plant
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import Chain, has_chain, limits_of_pieces
-from stickslip_ros.model.friction import Contact, is_defined
+from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 from stickslip_ros.solver import SolverError
