@@ -142,9 +142,10 @@ DIALECTS: list[tuple[str, str, Reading | None]] = [
     ),
     (
         "quoted, decimal commas",
-        '"t (ms)","x (nm)"\n' + rows('"{ms:.6f}","{nm:.4f}"', decimal=","),
+        '"t (ms)", "x (nm)"\n' + rows('"{ms:.6f}", "{nm:.4f}"', decimal=","),
         None,
     ),
+    ("quoted, between blanks", '"t(s)" "x(nm)"\n' + rows('"{t:.6f}" "{nm:.4f}"'), None),
     ("thousands", "t (us);x (nm)\n" + rows("{us:,.4f};{nm:,.4f}"), None),
     (
         "a clock on the wall",

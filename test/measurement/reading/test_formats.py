@@ -34,13 +34,14 @@ from waveform_files import (
 )
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.measurement.load_motion import load_motion
+from stickslip_ros.measurement.load_motion import joint_columns, load_motion
 from stickslip_ros.measurement.reading import (
     MeasurementError,
     Reading,
     read_loop,
     read_measurement,
 )
+from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 
 T = STEP * np.arange(COUNT)
 X = 50e-9 * VOLTS  # m
@@ -411,6 +412,16 @@ def test_a_bag_without_joints_is_asked_for(tmp_path: Path) -> None:
     write_bag(path, 1)
     with pytest.raises(MeasurementError, match="no joint 'knee'; there are: axis_piezo"):
         load_motion(path, joint="knee")
+
+    def chosen(*columns: tuple[str, int]) -> str | None:
+        held = [Column(f"{name}/position", "m", number=k, length=length)
+                for k, (name, length) in enumerate(columns, 1)]  # fmt: skip
+        return joint_columns(Table(held, lambda wanted: Loaded([])), None).get("x")
+
+    assert chosen(("/states/knee", 9)) == "/states/knee/position"
+    assert chosen(("/states/knee", 9), ("/states/hip", 9)) is None
+    assert chosen(("/a/x_slider", 9), ("/b/x_slider", 9)) == "/a/x_slider/position"
+    assert chosen(("/a/x_slider", 8), ("/b/x_slider", 9)) == "/b/x_slider/position"
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
