@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bins, hum and colour of the noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from experiments import small
@@ -171,6 +173,11 @@ def test_hum_leaves_nothing_where_its_frequency_is_told_wrongly(
     assert len(left) == fit.size == len(basis)
     assert float(without @ without) > 1e5
     assert float(left @ left) < 12.0  # chance leaves 24 unknowns as much
+    noise = 1e-9 * np.random.default_rng(4).standard_normal(len(t))
+    noise[5000] += 5e-8
+    fit.bins = replace(fit.bins, x=noise)
+    fit.learn_noise(still)
+    assert 5000 in np.flatnonzero(fit.kept == 0.0) and fit.kept.sum() > len(t) - 20
 
 
 def test_hum_is_as_large_beforehand_as_is_usual_or_as_it_stands_out() -> None:
