@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from stickslip_ros.axis.events import is_digest
-from stickslip_ros.parameters import Parameters
 
 STOPPED, STEPPING, JOGGING, SCANNING = "stopped", "stepping", "jogging", "scanning"
 TARGETING, HOLDING, FAULT, DISABLED = "targeting", "holding", "fault", "disabled"
@@ -129,8 +128,8 @@ class Command:
     #: What its event holds beside the arguments; gets what is carried out. Raises ParameterError.
     more_details: Callable[..., Mapping[str, Any]] = lambda *prepared: {}
     unit: str = ""
-    #: Parameters -> lowest and highest value of a number.
-    limits: Callable[[Parameters], tuple[float, float]] | None = None
+    #: The axis -> lowest and highest value of a number at present.
+    limits: Callable[[Any], tuple[float, float]] | None = None
     depth: int = 10  #: messages that may wait
 
     @property

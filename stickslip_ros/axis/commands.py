@@ -176,13 +176,8 @@ def _pause(axis: Device, on: bool) -> None:
     axis.paused = on
 
 
-def _reach(p: Parameters) -> tuple[float, float]:
-    limits = p.limits
-    return max(limits.travel_low, limits.soft_low), min(limits.travel_high, limits.soft_high)
-
-
-def _most_steps(p: Parameters) -> tuple[float, float]:
-    most = p.drive.max_steps
+def _most_steps(axis: Device) -> tuple[float, float]:
+    most = axis.parameters.drive.max_steps
     return (-most, most) if most else (-INT32_RANGE, INT32_RANGE - 1)
 
 
@@ -203,7 +198,7 @@ COMMANDS: dict[str, Command] = {
             check=_check_amplitude,
             effect=_set_amplitude,
             unit="V",
-            limits=lambda p: (0.0, p.actuator.max_voltage),
+            limits=lambda axis: (0.0, axis.parameters.actuator.max_voltage),
         ),
         Command(
             "frequency",
@@ -215,7 +210,10 @@ COMMANDS: dict[str, Command] = {
             check=lambda axis, hertz: axis.config.check_drive(axis.config.amplitude, hertz),
             effect=_set_frequency,
             unit="Hz",
-            limits=lambda p: (p.drive.min_frequency, p.drive.max_frequency),
+            limits=lambda axis: (
+                axis.parameters.drive.min_frequency,
+                axis.parameters.drive.max_frequency,
+            ),
         ),
         Command(
             "load",
@@ -228,7 +226,7 @@ COMMANDS: dict[str, Command] = {
             check=lambda axis, newtons: axis.config.check_load(newtons),
             effect=_set_load,
             unit="N",
-            limits=lambda p: (PARAMETERS["force"].low, PARAMETERS["force"].high),
+            limits=lambda axis: (PARAMETERS["force"].low, PARAMETERS["force"].high),
         ),
         Command(
             "steps",
@@ -255,7 +253,10 @@ COMMANDS: dict[str, Command] = {
             ),
             task=lambda axis, hertz: JogTask(hertz),
             unit="Hz",
-            limits=lambda p: (-p.drive.max_frequency, p.drive.max_frequency),
+            limits=lambda axis: (
+                -axis.parameters.drive.max_frequency,
+                axis.parameters.drive.max_frequency,
+            ),
         ),
         Command(
             "scan",
@@ -267,7 +268,10 @@ COMMANDS: dict[str, Command] = {
             check=lambda axis, volts: axis.config.check_level(volts),
             task=lambda axis, volts: ScanTask(axis.config.nearest(volts), axis.note_limit),
             unit="V",
-            limits=lambda p: (p.actuator.min_voltage, p.actuator.max_voltage),
+            limits=lambda axis: (
+                axis.parameters.actuator.min_voltage,
+                axis.parameters.actuator.max_voltage,
+            ),
         ),
         Command(
             "position",
@@ -279,7 +283,7 @@ COMMANDS: dict[str, Command] = {
             check=lambda axis, x: axis.config.check_target(x),
             task=_go_to,
             unit="m",
-            limits=_reach,
+            limits=lambda axis: axis.config.reach,
         ),
         Command(
             "trajectory",

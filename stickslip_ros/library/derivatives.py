@@ -114,7 +114,7 @@ def sensitivities(
     Examples
     --------
     >>> import stickslip_ros as ss
-    >>> found = ss.sensitivities(by=["preload"], preload=0.4, steps=5)
+    >>> found = ss.sensitivities("table1_typical", by=["preload"], preload=0.4, steps=5)
     >>> print(f"{1e9 * found.by['preload'].position[-1]:.1f} nm per N after five steps")
     -138.0 nm per N after five steps
     """

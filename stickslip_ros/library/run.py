@@ -147,7 +147,7 @@ class SimulatedRun:
         """Return the trace at even times, rate (Hz) of them a second, each value exact.
 
         >>> import stickslip_ros as ss
-        >>> len(ss.simulate(steps=2).trace_at(1e5).t)
+        >>> len(ss.simulate("table1_typical", steps=2).trace_at(1e5).t)
         2001
         """
         with report_compilation():

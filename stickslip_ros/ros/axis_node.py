@@ -273,7 +273,10 @@ class AxisNode(GuardedNode):
             arguments = read_command(command, message(), now, joint)
             if arguments is not None:
                 self._sim_loop.check([command.name])
+                zero = self.axis.config.offset
                 self.axis.command(command.name, *arguments)
+                if self.axis.config.offset != zero:
+                    self._publish_description()  # the range of targets has moved
                 if self.axis.paused != self._sim_loop.paused:
                     self._sim_loop.pause(self.axis.paused)
             return ""

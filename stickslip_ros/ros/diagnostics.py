@@ -182,7 +182,7 @@ def description(node: str, axis: Axis) -> list[DiagnosticStatus]:
         found.append(diagnostic_status(node, text, OK, row.description, values))
     for command in COMMANDS.values():
         if command.limits:
-            low, high = command.limits(p)
+            low, high = command.limits(axis)
             limits = {"unit": command.unit, **_finite(low=low, high=high)}
             text = f"command {command.name}"
             found.append(diagnostic_status(node, text, OK, command.meaning, limits))

@@ -6,6 +6,7 @@ from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.actuation import cycles_that_fit
+from stickslip_ros.axis.commands import COMMANDS
 
 FAST = {"frequency": 1000.0}
 STROKE = 160e-9  # m
@@ -41,6 +42,22 @@ def test_steps_end_before_the_cycle_that_could_cross(sign: int, jog: bool) -> No
     ]
     assert events[-2].details["limit"] == ("soft_high" if sign > 0 else "soft_low")
     assert abs(events[-1].details["steps"]) == abs(axis.status.step_count) < 20
+
+
+def test_targets_may_lie_within_the_travel_counted_from_the_zero() -> None:
+    """What the description says of them is what the axis takes."""
+    axis = Axis({**TABLE_1, **FAST})
+    axis.command_steps(2000)
+    axis.advance(2.5)
+    zero = axis.measured
+    axis.zero()
+    low, high = axis.parameters.limits.travel_low - zero, axis.parameters.limits.travel_high - zero
+    position = COMMANDS["position"]
+    assert position.limits
+    assert position.limits(axis) == (low, high)
+    assert axis.why_not("position", low) == ""
+    assert axis.why_not("position", low - 1e-6)
+    assert axis.why_not("position", high + 1e-6)
 
 
 def test_at_a_soft_limit_only_the_way_back_is_open() -> None:

@@ -133,7 +133,7 @@ def test_a_comparison_is_one_line_of_text() -> None:
 def results() -> dict[str, Any]:
     """One of each result of a measurement, the fit of a single parameter."""
     measured = "steps_100hz.csv"
-    drive = ss.Parameters()
+    drive = table_1()
     return {
         "motion": ss.read_measurement(measured),
         "run": ss.analyse(measured),

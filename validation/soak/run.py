@@ -19,6 +19,7 @@ from typing import Any
 
 from std_srvs.srv import Trigger
 
+from stickslip_ros.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS, Parameters
@@ -120,7 +121,7 @@ class RandomCommands:
     def __init__(self, seed: int) -> None:
         """Begin with a seed."""
         self._dice = random.Random(seed)
-        usual = Parameters()
+        usual = Axis(Parameters())
         # Set points that change nothing get no answer, and a pause would stop the time of the soak.
         self.names = [name for name in COMMANDS if name not in ("joint_command", "pause")]
         self._ranges = {
