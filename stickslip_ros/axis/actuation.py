@@ -144,10 +144,11 @@ class Actuation:
         else:
             self._begin_cycles(steps)
 
-    def scan_to(self, level: float) -> None:
-        """Move the actuator to a level (m)."""
+    def scan_to(self, level: float, speed: float | None = None) -> None:
+        """Move the actuator to a level (m) at a speed (m/s), None: that of `scan_rate`."""
         now = self._commanded
-        way = self._dc_offset.ramp_to(level, now, self.config)
+        speed = speed or self.config.parameters.drive.scan_rate * self.config.gain
+        way = self._dc_offset.ramp_to(level, now, speed)
         self.kind = RAMP if way else REST
         if way:
             self._ramp_end = now.u + way.shift

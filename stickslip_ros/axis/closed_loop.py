@@ -20,7 +20,7 @@ from stickslip_ros.axis.command import HOLDING, TARGETING
 from stickslip_ros.axis.trajectory import Trajectory
 from stickslip_ros.laws.law import Contact
 
-#: Readings that are averaged at rest: their noise is a third of that of one
+#: Last readings at rest that are averaged: their noise is a third of that of one
 _AVERAGED = 10
 #: Steps at most before the step size is known, unless no reading would see them: few enough to
 #: pass no near target by far
@@ -31,8 +31,6 @@ _CAUTION = 0.9
 _FARTHEST = 2.0
 #: Step size at least assumed, of the stroke: trains end although hardly a step was seen
 _SMALLEST = 0.01
-#: Share of what a mean is off by, by which its drift from one reading to the next is corrected
-_DRIFTS = 0.005
 #: Strokes beyond those of the steps since the last check from which on something else has moved the
 #: runner: a step takes it a stroke at most
 _CARRIED = 10.0
@@ -42,6 +40,11 @@ _LOST = 10.0
 _LOOKAHEAD = 0.01
 #: Steps between two readings that show the step size beside ringing and noise
 _LEARN_FROM = 3
+#: Times the steps that have shown their size, at most, in the next train: those of a runner that
+#: rings on from step to step get longer, or shorter, with their number
+_GROWS = 4
+#: m, what the runner may ring by when it is read
+_STILL = 1e-9
 #: Share of the range of a scan, at most, that is kept for corrections of a target
 _MARGIN = 0.03
 #: Looks for a place that leaves this margin: a second one would hardly find a better one
@@ -59,10 +62,15 @@ class StepSize:
         """Start without any measured step, with the loss (m) that is expected of one."""
         self._expected = expected
         self.measured: dict[int, float] = {}  #: loss of a step (m) by its direction
+        self.steps: dict[int, int] = {}  #: from how many steps, at most, that was measured
 
     def lost(self, sign: int) -> float:
         """Return the part of the stroke that is lost, m."""
         return self.measured.get(sign, self._expected)
+
+    def rings(self, sign: int) -> float:
+        """Return how far (m) the runner rings after a step: what friction holds back of it."""
+        return max(self._expected, abs(self.lost(sign)))
 
     def of(self, stroke: float, sign: int) -> float:
         """Return the step size (m) to expect of a stroke (m)."""
@@ -112,10 +120,9 @@ class ClosedLoop:
         self._moves_away = False  # the same in each look since that
         self._better_places = 0  # how often another one to reach the goal from was looked for
         self._coming: deque[LoopReading] = deque()  # readings that have not arrived
-        # the last reading, or the mean of those since
+        # the last reading, with the mean base of those in the window: at rest, since the last step
         self._seen = LoopReading(0, math.nan, 0.0, 0, 0.0, False)
-        self._averaged, self._drift = 0, 0.0  # of how many; m that it drifts in a reading
-        self._positions: deque[float] = deque(maxlen=_AVERAGED)  # as they were read, m
+        self._window: deque[LoopReading] = deque(maxlen=_AVERAGED)
         self._reference = self._seen  # the one since which steps show their size
         self._take, self._k = 0, 0  # numbers of the next reading, and of that at which one arrives
         self._steps, self._strokes = 0, 0.0  # of all trains that have ended, as of a reading
@@ -207,10 +214,11 @@ class ClosedLoop:
         if self._stroke:
             self._steps += actuation.steps_done
             self._strokes += abs(actuation.steps_done) * self._stroke
+            rings = self._sizes.rings(1 if self._stroke > 0.0 else -1)
             self._stroke = 0.0
             self._rests_at = t
             if t >= self.trajectory.end:
-                self._rests_at += actuation.config.parameters.closed_loop.settle_time
+                self._rests_at += _settling(actuation, rings)
                 self._go(actuation)
             elif t >= self._stepped_until:
                 self._follow(actuation)
@@ -260,20 +268,19 @@ class ClosedLoop:
         if math.isnan(reading.base):
             return "the sensor gives no reading: see to the sensor, then reset"
         low, high = _range(actuation)
-        base = seen.base + self._drift * (reading.k - seen.k)
-        off = reading.base - base
-        if self._averaged and reading.steps == seen.steps and abs(off) < _MOVED * (high - low):
-            if self._averaged == _AVERAGED:
-                self._drift += _DRIFTS * off / (reading.k - seen.k)
-            self._averaged = min(self._averaged + 1, _AVERAGED)
-            self._seen = reading._replace(base=base + off / self._averaged)
+        off = reading.base - seen.base
+        if self._window and reading.steps == seen.steps and abs(off) < _MOVED * (high - low):
+            self._window.append(reading)
+            base = math.fsum(one.base for one in self._window) / len(self._window)
+            self._seen = reading._replace(base=base)
         else:
-            self._seen, self._averaged, self._drift = reading, int(reading.rests), 0.0
-            self._positions.clear()
+            self._window.clear()
+            self._seen = reading
+            if reading.rests:
+                self._window.append(reading)
             self._learn()
         if reading.rests:
             self._reference = self._seen
-            self._positions.append(reading.base + reading.deflected)
         if self._stroke and t >= self.trajectory.end:
             self._shorten(actuation, low, high)
         if self._stroke or t < self.trajectory.begin:
@@ -284,6 +291,13 @@ class ClosedLoop:
             return ""
         if reading.rests:
             return self._approach(actuation)
+        if reading.steps == self._steps and actuation.kind != CYCLES:
+            # Too far for a scan, whatever it rings: no need to wait for its rest.
+            level, rings = self.trajectory.goal - reading.base, self._sizes.rings(1)
+            rings = max(rings, self._sizes.rings(-1))
+            if not low - rings < level < high + rings:
+                self._go(actuation)
+                return ""
         # A scan after a runner that drifts may not keep up with it.
         error = self.trajectory.goal - self._seen.base - self._seen.deflected
         if abs(error) > actuation.config.parameters.closed_loop.target_tolerance:
@@ -299,7 +313,9 @@ class ClosedLoop:
         stroke = (seen.strokes - before.strokes) / steps
         step = (seen.base - before.base) / steps
         if abs(step) <= _FARTHEST * stroke:
-            self._sizes.measured[1 if steps > 0 else -1] = stroke - step
+            sign = 1 if steps > 0 else -1
+            self._sizes.measured[sign] = stroke - step
+            self._sizes.steps[sign] = max(self._sizes.steps.get(sign, 0), abs(steps))
         else:  # something else has carried it
             self._reference = seen
 
@@ -320,12 +336,12 @@ class ClosedLoop:
             self._inside_since, self.there = None, False
         elif self._inside_since is None:
             self._inside_since = actuation.config.sensor.time_of(self._seen.k)
-        # The mean follows a runner that moves late; what was read tells where it was.
-        read = math.fsum(self._positions) / len(self._positions)
+        # The base is where it will be at this level; what was read tells where it was.
+        read = math.fsum(one.base + one.deflected for one in self._window) / len(self._window)
         if (
             self._inside_since is not None
             and t - self._inside_since >= p.hold_time
-            and len(self._positions) >= _AVERAGED
+            and len(self._window) == _AVERAGED
             and abs(self.trajectory.goal - read) <= p.target_tolerance
         ):
             self.there, self._x = True, read
@@ -368,9 +384,7 @@ class ClosedLoop:
         if abs(level - now) <= near and (reachable or self.there):
             return
         if reachable:
-            self._level = level
-            self._wait(actuation, abs(level - now), speed)
-            actuation.scan_to(level)
+            self._scan(actuation, level, now)
             return
         # The scan may take what the runner rings: a landing is known no better than that.
         room = min(max(speed * p.closed_loop.settle_time, 2.0 * margin), 0.5 * (high - low))
@@ -378,21 +392,21 @@ class ClosedLoop:
         if self._seen.steps == self._steps or (1 if way > 0.0 else -1) in self._sizes.measured:
             self._step(actuation, way)
 
-    def _wait(self, actuation: Actuation, way: float, speed: float) -> None:
-        """Let what a scan by a way (m) makes the runner ring fall to half of the tolerance.
+    def _scan(self, actuation: Actuation, level: float, now: float) -> None:
+        """Scan from now to a level (m), so that the runner rests soonest.
 
-        It rings by no more than the way, nor than kinks of that speed (m/s) make it; `settle_time`
-        is the time in which what a step leaves, a stroke at most, falls so far.
+        It rings by no more than the way, nor than 2 v / omega, which the kinks of a speed v make.
+        So either v leaves no more than may be, or the runner rings down after a fast scan.
         """
-        config, p = actuation.config, actuation.config.parameters.closed_loop
-        omega = 2.0 * math.pi * config.plant().ringing_frequency
-        kinks = 2.0 * speed / omega if omega else math.inf
-        rings = min(way, kinks) / (0.5 * p.target_tolerance)
-        most = config.stroke(config.amplitude) / (0.5 * p.target_tolerance)
-        if rings > 1.0:
-            share = min(math.log(rings) / math.log(most), 1.0) if most > rings else 1.0
-            rests = actuation.t + way / speed + share * p.settle_time
-            self._rests_at = max(self._rests_at, rests)
+        config, way = actuation.config, abs(level - now)
+        fast = config.parameters.drive.scan_rate * config.gain
+        still = math.pi * config.plant().ringing_frequency * _STILL  # m/s, omega / 2 by that
+        rings = min(way, fast / still * _STILL) if still else way
+        rests = way / fast + _settling(actuation, rings)
+        slow = still and way < still * rests
+        self._level = level
+        self._rests_at = max(self._rests_at, actuation.t + (way / still if slow else rests))
+        actuation.scan_to(level, min(still, fast) if slow else fast)
 
     def _shorten(self, actuation: Actuation, low: float, high: float) -> None:
         """End a train that would take the base farther than a scan (m, both) brings it back."""
@@ -412,7 +426,9 @@ class ClosedLoop:
         size, way = self._sizes.of(stroke, sign), abs(way)
         count = math.ceil(way / size)
         if count > _FIRST_STEPS:
-            count = int(_CAUTION * count)
+            count = min(
+                int(_CAUTION * count), max(_GROWS * self._sizes.steps.get(sign, ANY), _FIRST_STEPS)
+            )
             if sign not in self._sizes.measured:  # so many that a reading sees them
                 seen = math.ceil(config.frequency * (sensor.delay + 2) / sensor.rate)
                 count = min(count, max(_FIRST_STEPS, seen))
@@ -452,6 +468,17 @@ class ClosedLoop:
 
     def _note_end(self) -> None:
         self._note(self._name, "finished", target=self.trajectory.goal, position=self._x)
+
+
+def _settling(actuation: Actuation, rings: float) -> float:
+    """Return the part of `settle_time` (s) in which ringing of an amplitude (m) falls to _STILL.
+
+    `settle_time` is that time for the most that a step leaves, its stroke.
+    """
+    config = actuation.config
+    most = max(config.stroke(config.amplitude), rings)
+    share = math.log(rings / _STILL) / math.log(most / _STILL) if rings > _STILL else 0.0
+    return share * config.parameters.closed_loop.settle_time
 
 
 def _range(actuation: Actuation) -> tuple[float, float]:

@@ -35,17 +35,17 @@ class DcOffset:
         level = now.u - self._zero if linear else self._gain * self._volts(now.t)
         return level if abs(level) > _NEAR_ZERO else 0.0
 
-    def ramp_to(self, aim: float, now: State, config: Config) -> DriveCycle | None:
-        """Return the way to a level (m) at the rate of a scan; None if there is none to go."""
+    def ramp_to(self, aim: float, now: State, speed: float) -> DriveCycle | None:
+        """Return the way to a level (m) at a speed (m/s); None if there is none to go."""
         way = aim - self.at(now)
         self.stay(now.t)
         if abs(way) <= _NEAR_ZERO:
             return None
         self._aim = aim
         if self._actuator.is_linear:
-            return ramp(way, abs(way) / (config.parameters.drive.scan_rate * config.gain))
+            return ramp(way, abs(way) / speed)
         volts = aim / self._gain - self._memory.volts
-        self._start, self._rate = now.t, math.copysign(config.parameters.drive.scan_rate, volts)
+        self._start, self._rate = now.t, math.copysign(speed / self._gain, volts)
         pieces, _ = self._actuator.path(self._memory, volts / self._rate, self._rate)
         durations, rates = np.array(pieces).T
         return DriveCycle(durations, rates, slip=-1, sign=-1 if volts < 0.0 else 1, slip_parts=0)
