@@ -219,7 +219,10 @@ class ClosedLoop:
             self._rests_at = t
             if t >= self.trajectory.end:
                 self._rests_at += _settling(actuation, rings)
-                self._go(actuation)
+                config = actuation.config
+                read = self._rests_at - t + (config.sensor.delay + 1) / config.sensor.rate
+                if read > 1.0 / config.frequency:  # else it is known before a step would end
+                    self._go(actuation)
             elif t >= self._stepped_until:
                 self._follow(actuation)
         self._plan(actuation, actuation.config.sensor.number_at(t))
@@ -370,15 +373,15 @@ class ClosedLoop:
         speed = p.drive.scan_rate * actuation.config.gain
         a_step = 1.0 / actuation.config.frequency + (sensor.delay + 1) / sensor.rate
         a_step += p.closed_loop.settle_time
-        if reachable and (
+        if (reachable and abs(level - now) > tolerance) and (
             not low + margin <= level <= high - margin
             or abs(level - now) > abs(now) + speed * a_step
         ):
             # Near an end of the range a target can be held against drift on one side only, and a
             # long scan takes longer than a step. Better to come from another place; not for ever,
-            # and not once it is reached.
+            # and not once within the tolerance.
             self._better_places += 1
-            reachable = self.there or self._better_places > _BETTER_PLACES
+            reachable = self._better_places > _BETTER_PLACES
         # Out of reach of a scan a better place costs steps, which would leave the one it has.
         near = 0.5 * tolerance if reachable else tolerance
         if abs(level - now) <= near and (reachable or self.there):
@@ -386,8 +389,9 @@ class ClosedLoop:
         if reachable:
             self._scan(actuation, level, now)
             return
-        # The scan may take what the runner rings: a landing is known no better than that.
-        room = min(max(speed * p.closed_loop.settle_time, 2.0 * margin), 0.5 * (high - low))
+        # A landing is known by a step at best.
+        stroke, sign = actuation.config.stroke(actuation.config.amplitude), 1 if level > now else -1
+        room = min(max(self._sizes.of(stroke, sign), 2.0 * margin), 0.5 * (high - low))
         way = level - min(max(0.0, low + room), high - room)
         if self._seen.steps == self._steps or (1 if way > 0.0 else -1) in self._sizes.measured:
             self._step(actuation, way)
@@ -426,9 +430,8 @@ class ClosedLoop:
         size, way = self._sizes.of(stroke, sign), abs(way)
         count = math.ceil(way / size)
         if count > _FIRST_STEPS:
-            count = min(
-                int(_CAUTION * count), max(_GROWS * self._sizes.steps.get(sign, ANY), _FIRST_STEPS)
-            )
+            most = _GROWS * self._sizes.steps.get(sign, math.ceil(way / stroke))
+            count = min(int(_CAUTION * count), max(most, _FIRST_STEPS))
             if sign not in self._sizes.measured:  # so many that a reading sees them
                 seen = math.ceil(config.frequency * (sensor.delay + 2) / sensor.rate)
                 count = min(count, max(_FIRST_STEPS, seen))
