@@ -68,9 +68,10 @@ class StepSize:
         """Return the part of the stroke that is lost, m."""
         return self.measured.get(sign, self._expected)
 
-    def rings(self, sign: int) -> float:
-        """Return how far (m) the runner rings after a step: what friction holds back of it."""
-        return max(self._expected, abs(self.lost(sign)))
+    @property
+    def ringing(self) -> float:
+        """How far (m) the runner rings after a step: what friction holds back of the stroke."""
+        return max([self._expected, *map(abs, self.measured.values())])
 
     def of(self, stroke: float, sign: int) -> float:
         """Return the step size (m) to expect of a stroke (m)."""
@@ -214,14 +215,12 @@ class ClosedLoop:
         if self._stroke:
             self._steps += actuation.steps_done
             self._strokes += abs(actuation.steps_done) * self._stroke
-            rings = self._sizes.rings(1 if self._stroke > 0.0 else -1)
-            self._stroke = 0.0
-            self._rests_at = t
+            self._stroke, self._rests_at = 0.0, t
             if t >= self.trajectory.end:
-                self._rests_at += _settling(actuation, rings)
-                config = actuation.config
-                read = self._rests_at - t + (config.sensor.delay + 1) / config.sensor.rate
-                if read > 1.0 / config.frequency:  # else it is known before a step would end
+                config, rests = actuation.config, _settling(actuation, self._sizes.ringing)
+                self._rests_at += rests
+                # Unless a reading at rest tells more before another step would end.
+                if rests + (config.sensor.delay + 1) / config.sensor.rate > 1.0 / config.frequency:
                     self._go(actuation)
             elif t >= self._stepped_until:
                 self._follow(actuation)
@@ -294,17 +293,17 @@ class ClosedLoop:
             return ""
         if reading.rests:
             return self._approach(actuation)
-        if reading.steps == self._steps and actuation.kind != CYCLES:
-            # Too far for a scan, whatever it rings: no need to wait for its rest.
-            level, rings = self.trajectory.goal - reading.base, self._sizes.rings(1)
-            rings = max(rings, self._sizes.rings(-1))
-            if not low - rings < level < high + rings:
-                self._go(actuation)
-                return ""
+        level = self.trajectory.goal - self._seen.base
         # A scan after a runner that drifts may not keep up with it.
-        error = self.trajectory.goal - self._seen.base - self._seen.deflected
-        if abs(error) > actuation.config.parameters.closed_loop.target_tolerance:
+        if (
+            abs(level - reading.deflected)
+            > actuation.config.parameters.closed_loop.target_tolerance
+        ):
             self._inside_since, self.there = None, False
+        # One that is too far for a scan, whatever it rings, steps on before it rests.
+        rings = self._sizes.ringing
+        if reading.steps == self._steps and not low - rings < level < high + rings:
+            self._go(actuation)
         return ""
 
     def _learn(self) -> None:
@@ -366,20 +365,16 @@ class ClosedLoop:
         tolerance = actuation.config.parameters.closed_loop.target_tolerance
         low, high = _range(actuation)
         level = self.trajectory.goal - self._base()
+        now = self._level if actuation.kind == RAMP else actuation.level
         margin = min(3.0 * tolerance, _MARGIN * (high - low))
         reachable = low <= level <= high
-        now = self._level if actuation.kind == RAMP else actuation.level
-        p, sensor = actuation.config.parameters, actuation.config.sensor
-        speed = p.drive.scan_rate * actuation.config.gain
-        a_step = 1.0 / actuation.config.frequency + (sensor.delay + 1) / sensor.rate
-        a_step += p.closed_loop.settle_time
-        if (reachable and abs(level - now) > tolerance) and (
-            not low + margin <= level <= high - margin
-            or abs(level - now) > abs(now) + speed * a_step
+        if (
+            reachable
+            and not low + margin <= level <= high - margin
+            and abs(level - now) > tolerance
         ):
-            # Near an end of the range a target can be held against drift on one side only, and a
-            # long scan takes longer than a step. Better to come from another place; not for ever,
-            # and not once within the tolerance.
+            # There it could be held against drift on one side only. Better to come from another
+            # place; not for ever.
             self._better_places += 1
             reachable = self._better_places > _BETTER_PLACES
         # Out of reach of a scan a better place costs steps, which would leave the one it has.
