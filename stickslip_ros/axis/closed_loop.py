@@ -379,7 +379,7 @@ class ClosedLoop:
             reachable = self._better_places > _BETTER_PLACES
         # Out of reach of a scan a better place costs steps, which would leave the one it has.
         near = 0.5 * tolerance if reachable else tolerance
-        if abs(level - now) <= near and (reachable or self.there):
+        if abs(level - now) <= near:
             return
         if reachable:
             self._scan(actuation, level, now)
