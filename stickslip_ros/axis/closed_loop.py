@@ -384,9 +384,12 @@ class ClosedLoop:
         if reachable:
             self._scan(actuation, level, now)
             return
-        # A landing is known by a step at best.
-        stroke, sign = actuation.config.stroke(actuation.config.amplitude), 1 if level > now else -1
-        room = min(max(self._sizes.of(stroke, sign), 2.0 * margin), 0.5 * (high - low))
+        # A landing is known by a step, or as well as it has to be for a scan while the runner rings.
+        config, sign = actuation.config, 1 if level > now else -1
+        p = config.parameters
+        scan = p.drive.scan_rate * config.gain * p.closed_loop.settle_time
+        step = self._sizes.of(config.stroke(config.amplitude), sign)
+        room = min(max(min(step, scan), 2.0 * margin), 0.5 * (high - low))
         way = level - min(max(0.0, low + room), high - room)
         if self._seen.steps == self._steps or (1 if way > 0.0 else -1) in self._sizes.measured:
             self._step(actuation, way)

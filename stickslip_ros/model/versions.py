@@ -164,6 +164,12 @@ CHANGES: tuple[ModelChange, ...] = (
         13, "a change in the last cycle of a move counts its steps once",
         lambda p: True, "the count and the mean of these steps", _CHANGES,
     ),
+    ModelChange(
+        14,
+        "the closed loop waits for what it has set ringing, scans so slowly that nothing rings, "
+        "and judges by its last ten readings alone",
+        lambda p: True, "the way to its target, and its tolerance once there", _LOOP,
+    ),
 )  # fmt: skip
 
 #: Recordings that name no version were made with this one.

@@ -176,6 +176,51 @@ def test_reached_is_what_was_read(values: dict[str, Any], target: float) -> None
     assert axis.status.target_reached
 
 
+#: Runners that ring for a third of a second; one whose steps go beyond where it scans to; one that
+#: reads once in a hundred steps
+RINGING = {"preload": 0.07795, "mu": 0.06463, "sigma_1": 4.3407, "mass": 0.17467}
+RINGING |= {"slewrate": 46.271, "amplitude": 182.16, "frequency": 303.3, "scan_rate": 5.1e5}
+RINGING |= {"sensor_rate": 1592.4, "sensor_noise": 3.85e-11, "sensor_latency": 1.55e-3}
+RINGING |= {"target_tolerance": 5.7e-9, "settle_time": 0.3683, "target_timeout": 0.578}
+SPRUNG = {"model": "lugre", "preload": 0.071951, "mu": 0.070103, "mu_s": 0.20676, "mu_k": 0.32149}
+SPRUNG |= {"v_stribeck": 0.1332, "sigma_1": 4.3986, "mass": 0.16264, "spring": 6080.9}
+SPRUNG |= {"force": 1.1257e-3, "slewrate": 954.08, "amplitude": 263.97, "frequency": 137.52}
+SPRUNG |= {"scan_rate": 1.17e5, "sensor_rate": 1392.5, "sensor_noise": 3.7e-11}
+SPRUNG |= {"sensor_latency": 3.6e-3, "target_tolerance": 7.28e-9, "settle_time": 0.36586}
+SHRINKING = {"model": "ceim_without_mu", "preload": 0.30531, "mu": 0.062192, "sigma_1": 11.762}
+SHRINKING |= {"mass": 1.041e-3, "spring": 333030.0, "slewrate": 11.774, "amplitude": 60.022}
+SHRINKING |= {"frequency": 65.756, "scan_rate": 733580.0, "sensor_rate": 1051.1}
+SHRINKING |= {"sensor_noise": 6.7e-10, "sensor_latency": 4.6e-3, "target_tolerance": 7.4e-9}
+SHRINKING |= {"settle_time": 0.00061, "target_timeout": 0.906}
+SELDOM = {"model": "ceim_without_mu", "preload": 2.0896, "mu": 0.11396, "sigma_1": 3.6406}
+SELDOM |= {"mass": 4.7416e-4, "force": 0.0315, "slewrate": 394.72, "amplitude": 94.261}
+SELDOM |= {"frequency": 15371.0, "waveform": "hold", "hold_before": 0.288, "hold_after": 0.297}
+SELDOM |= {"scan_rate": 2.1e5, "sensor_rate": 140.3, "sensor_noise": 1.9e-11}
+SELDOM |= {"sensor_latency": 4.8e-3, "target_tolerance": 6.3e-9, "settle_time": 1.02e-3}
+
+
+@pytest.mark.parametrize(
+    ("values", "target", "longest"),
+    [
+        (RINGING, -9.558e-6, 1.7),  # it rang by 8 nm where it was said to be
+        (SPRUNG, -1.17e-7, 0.8),  # it took 1.5 s: four times settle_time
+        (SHRINKING, -7.87e-8, 1.0),  # a fault, for it left the tolerance for a better place
+        (SELDOM, 1.106e-6, 0.2),  # it went 3 um beyond at first
+    ],
+)
+def test_it_is_there_soon_and_quiet(values: dict[str, Any], target: float, longest: float) -> None:
+    """With less than a nanometre of ringing."""
+    axis = Axis(values)
+    axis.command_position(target)
+    while not axis.status.target_reached:
+        assert axis.state.t < longest, axis.status
+        axis.advance(axis.state.t + ROUND)
+        assert abs(axis.state.x) < 2.0 * abs(target) + 2e-7
+    x = axis.simulation.sample(axis.state.t + np.linspace(0.0, 0.02, 100)).x
+    assert np.mean(x) == pytest.approx(target, abs=values["target_tolerance"])
+    assert np.ptp(x) < 2e-9
+
+
 def test_a_runner_that_slides_away_is_not_said_to_be_there() -> None:
     """The mean of the readings followed it late, and said so 25 nm away."""
     values = {"model": "epm_fix", "preload": 2.011, "mu": 0.2796, "mu_s": 0.1872, "mu_k": 0.08843}
