@@ -47,8 +47,6 @@ _GROWS = 4
 _STILL = 1e-9
 #: Share of the range of a scan, at most, that is kept for corrections of a target
 _MARGIN = 0.03
-#: Looks for a place that leaves this margin: a second one would hardly find a better one
-_BETTER_PLACES = 1
 #: Share of the range of a scan by which a reading at rest differs from the mean of those before it
 #: if something has carried the runner away
 _MOVED = 0.25
@@ -112,14 +110,14 @@ class ClosedLoop:
         self.there = False  #: within the tolerance for the hold time, and still
         self.waits = False  #: for others before it says so; the motion is that without them
         self._finished = False
-        self._x = math.nan  # position by the mean of the last readings, m
+        self._x = math.nan  # where it was reached, by the mean of the last readings, m
         self._inside_since: float | None = None
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
         self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
         self._carried = False  # away from the goal, since it was left or set
         self._moves_away = False  # the same in each look since that
-        self._better_places = 0  # how often another one to reach the goal from was looked for
+        self._looked_for_better = False  # for another place to reach the goal from
         self._coming: deque[LoopReading] = deque()  # readings that have not arrived
         # the last reading, with the mean base of those in the window: at rest, since the last step
         self._seen = LoopReading(0, math.nan, 0.0, 0, 0.0, False)
@@ -157,7 +155,7 @@ class ClosedLoop:
         self.trajectory = trajectory
         self.there = self.waits = self._finished = False
         self._inside_since = None
-        self._better_places = 0
+        self._looked_for_better = False
         self._nearest = math.inf
 
     def why_lost(self, x: float, actuation: Actuation) -> str:
@@ -284,7 +282,13 @@ class ClosedLoop:
         if reading.rests:
             self._reference = self._seen
         if self._stroke and t >= self.trajectory.end:
-            self._shorten(actuation, low, high)
+            # End a train that would take the base farther than a scan brings it back.
+            sign, left = 1 if self._stroke > 0.0 else -1, actuation.steps_left
+            ahead = abs(self._steps + actuation.steps_done + left - self._seen.steps)
+            size = self._sizes.of(abs(self._stroke), sign)
+            end = sign * (self._seen.base + sign * ahead * size - self.trajectory.goal)
+            if end > (-low if sign > 0 else high):
+                actuation.shorten()
         if self._stroke or t < self.trajectory.begin:
             return ""
         if t < self.trajectory.end:
@@ -367,24 +371,18 @@ class ClosedLoop:
         level = self.trajectory.goal - self._base()
         now = self._level if actuation.kind == RAMP else actuation.level
         margin = min(3.0 * tolerance, _MARGIN * (high - low))
-        reachable = low <= level <= high
-        if (
-            reachable
-            and not low + margin <= level <= high - margin
-            and abs(level - now) > tolerance
-        ):
+        reachable, firm = low <= level <= high, low + margin <= level <= high - margin
+        if reachable and not firm and abs(level - now) > tolerance:
             # There it could be held against drift on one side only. Better to come from another
-            # place; not for ever.
-            self._better_places += 1
-            reachable = self._better_places > _BETTER_PLACES
+            # place, once: a second one would hardly be better.
+            reachable, self._looked_for_better = self._looked_for_better, True
         # Out of reach of a scan a better place costs steps, which would leave the one it has.
-        near = 0.5 * tolerance if reachable else tolerance
-        if abs(level - now) <= near:
+        if abs(level - now) <= (0.5 * tolerance if reachable else tolerance):
             return
         if reachable:
             self._scan(actuation, level, now)
             return
-        # A landing is known by a step, or as well as it has to be for a scan while the runner rings.
+        # A landing is known by a step; a scan takes no more than that while the runner rings.
         config, sign = actuation.config, 1 if level > now else -1
         p = config.parameters
         scan = p.drive.scan_rate * config.gain * p.closed_loop.settle_time
@@ -409,15 +407,6 @@ class ClosedLoop:
         self._level = level
         self._rests_at = max(self._rests_at, actuation.t + (way / still if slow else rests))
         actuation.scan_to(level, min(still, fast) if slow else fast)
-
-    def _shorten(self, actuation: Actuation, low: float, high: float) -> None:
-        """End a train that would take the base farther than a scan (m, both) brings it back."""
-        sign = 1 if self._stroke > 0.0 else -1
-        ahead = abs(self._steps + actuation.steps_done + actuation.steps_left - self._seen.steps)
-        size = self._sizes.of(abs(self._stroke), sign)
-        end = sign * (self._seen.base + sign * ahead * size - self.trajectory.goal)
-        if end > (-low if sign > 0 else high):
-            actuation.shorten()
 
     def _step(self, actuation: Actuation, way: float) -> None:
         """Step by about a way (m), in a train of equal steps."""
