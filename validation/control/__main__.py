@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores every baseline on every task and writes table and picture of docs/control.md.
 
-make control               about five minutes of processor time
+make control               a minute and a half of processor time
 make control ARGS=--quick  four seeds, no search, nothing written
 """
 
