@@ -170,6 +170,10 @@ CHANGES: tuple[ModelChange, ...] = (
         "and judges by its last ten readings alone",
         lambda p: True, "the way to its target, and its tolerance once there", _LOOP,
     ),
+    ModelChange(
+        14, "no step is so long that the estimate of its error has a root",
+        lambda p: _ages(p) or p.friction.contacts > 1, "0.02 nm a cycle, overdamped",
+    ),
 )  # fmt: skip
 
 #: Recordings that name no version were made with this one.

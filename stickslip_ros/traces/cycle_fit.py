@@ -151,6 +151,7 @@ class CycleFit:
 
 
 def _log_normal(x: Array, width: Array) -> Array:
+    width = np.maximum(width, np.finfo(float).tiny)  # 0 where nothing is left
     return -0.5 * (x / width) ** 2 - np.log(width)
 
 
@@ -328,7 +329,7 @@ def _fit_each(
     known = np.isfinite(part.x)
     shared, widths, rises, falls = _unknowns(part, grid, ringing)
     common, common_falls, residuals = alike
-    half, fall = 0.5 * abs(common), abs(float(np.median(common_falls)))
+    half, fall = 0.5 * abs(common), abs(float(np.median([*common_falls] or [0.0])))
     wanted = (part.x - float(np.nanmean(part.x)) - half * rises.sum(axis=0))[known]
     width = np.array([*widths, *[half] * len(rises), *[2.0 * fall] * len(falls)])
     design = np.hstack((shared, rises.T, falls.T))[known] * width

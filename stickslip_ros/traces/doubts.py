@@ -216,6 +216,8 @@ def _rests_beside(
         places = even.means(np.linspace(first, last, count + 1)) if long else np.empty(0)
         places = places[np.isfinite(places)]
         rests.append(places if len(places) > 2 else None)
+    if rests[0] is None and end - run.end < run.period:
+        return None, None  # what follows may be a rise as well, whose slip is not seen any more
     return rests[0], rests[1]
 
 

@@ -12,8 +12,10 @@ from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.drive_cycle import ramp
+from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
+from stickslip_ros.solver.driven import simulation_of
 
 _NM, _SPEED, _MS = 1e-9, 1e-4, 1e-3
 
@@ -134,3 +136,23 @@ def test_a_first_step_beyond_all_numbers_is_tried_shorter() -> None:
     simulation.start(ramp(1e-12, 1e-5), 1)
     simulation.advance(1e-5)
     assert simulation.x == pytest.approx(1e-12, rel=1e-3)
+
+
+def test_steps_stay_where_the_estimate_of_their_error_has_no_root() -> None:
+    """At 5.6 of the fastest time of an overdamped contact, steps of 0.25 of the motion passed."""
+    values = {
+        "preload": 0.068472, "preload_ratio": 0.30528, "mu": 0.0863234, "sigma_0": 3082972.3,
+        "sigma_0_cap": 0.01982, "sigma_1": 77.254342, "theta_0": 1.5694937507e-07,
+        "mass": 1.0808052738e-4, "hysteresis": 0.17623341, "slewrate": 203.343089,
+        "amplitude": 244.870779, "frequency": 230.573153,
+    }  # fmt: skip
+    options = {"model": "ceim_ageing", "actuator": "hysteresis", "actuator_memory": True}
+    p = Parameters.of({**options, **values})
+
+    def positions(tolerance: float) -> NDArray[np.float64]:
+        q = p.replace(tolerance=tolerance)
+        simulation = simulation_of(q, Plant.of(q))
+        simulation.start(command_of(p), 2)
+        return simulation.run_cycles(2).position
+
+    np.testing.assert_allclose(positions(1e-11), positions(1e-14), rtol=0.0, atol=1e-13)

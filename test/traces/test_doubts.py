@@ -88,6 +88,9 @@ def test_without_rest_step_and_drift_are_one(bench: Bench) -> None:
     begin, end = inner.begin + 0.1 / FREQUENCY, inner.end + 0.2 / FREQUENCY
     (found,) = _doubts(_even(bench, first=begin, last=end), inner, [], step, None)
     assert found == "no rest beside the run, so step and drift cannot be told apart"
+    late = inner.end + 0.9 / FREQUENCY  # another rise, or a rest and a drift
+    (found,) = _doubts(_even(bench, first=begin, last=late), inner, [], step, None)
+    assert found.startswith("no rest beside the run")
     assert _doubts(_even(bench, last=run.end), grid, [], step, None) == ()
 
 
