@@ -51,7 +51,8 @@ def send_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the subcommand."""
     parser.epilog = (
         "stickslip send --list prints every command with its values. Exit code 1: it was refused, "
-        "the axis is in fault, or with --wait: another command ended the move."
+        "the axis is in fault, or with --wait: another command or a soft limit ended "
+        "the move."
     )
     option(parser, "name", "COMMAND", "such as steps, jog, position, stop")
     option(parser, "values", "VALUE", "such as 100, 5um or NAME=VALUE", nargs="*")
@@ -107,10 +108,9 @@ def run_send(args: argparse.Namespace) -> int:
                 waiting.close()
                 last = ", it ends with its cycle" if ends and axis.moving else ""
                 print(f"{_setting(command, axis)}{axis.summary}, at {place_of(axis)}{last}")
-                if args.wait is not None and axis.ended_by:
-                    raise CommandRefused(
-                        f"{command.name} was ended by another command: {axis.ended_by}"
-                    )
+                if args.wait is not None and (by := axis.ended_by):
+                    what = "another command" if by in COMMANDS else "a limit"
+                    raise CommandRefused(f"{command.name} was ended by {what}: {by}")
         except (CommandRefused, AxisFault) as error:
             print(f"stickslip send: {error}", file=sys.stderr)
             return _REFUSED

@@ -139,6 +139,17 @@ def test_a_move_that_another_command_ends_is_no_success(
     assert "steps was ended by another command: stop" in capsys.readouterr().err
 
 
+def test_a_move_that_a_soft_limit_ends_is_no_success(
+    axis: AxisNode, capsys: pytest.CaptureFixture[str]
+) -> None:
+    client = ["--timeout", f"{PATIENCE}"]
+    here = axis.axis.status.position
+    assert main(["send", "parameters", f"soft_high={here + 1e-6}", *client]) == 0
+    assert main(["send", "steps", "100", "--wait", *client]) == 1
+    assert "steps was ended by a limit: soft_high" in capsys.readouterr().err
+    assert main(["send", "parameters", "soft_high=1.0", *client]) == 0
+
+
 def test_watch_prints_lines_in_a_pipe(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["send", "jog", "1000", "--timeout", f"{PATIENCE}"]) == 0
     capsys.readouterr()

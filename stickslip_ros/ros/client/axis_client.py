@@ -353,10 +353,17 @@ class AxisClient(AxisListener):
 
     @property
     def ended_by(self) -> str:
-        """The command, of anybody, that has ended the motion of the last one sent; "" if none."""
-        later = [answer.values for answer in self._answers if answer.stamp > self._answered]
-        applied = [values["event"] for values in later if values["outcome"] == "applied"]
-        return next((one for one in applied if one in COMMANDS and COMMANDS[one].moves), "")
+        """What has ended the motion of the last command; "" if nothing did.
+
+        The name of a command, of anybody, or of a soft limit, ``soft_low`` or ``soft_high``.
+        """
+        for values in (one.values for one in self._answers if one.stamp > self._answered):
+            event = values["event"]
+            if values["outcome"] == "applied" and event in COMMANDS and COMMANDS[event].moves:
+                return event
+            if event == "limit" and values["limit"].startswith("soft"):
+                return values["limit"]
+        return ""
 
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
         """Wait until the axis is in that state; TimeoutError after timeout (s)."""
