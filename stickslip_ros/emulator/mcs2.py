@@ -143,15 +143,17 @@ class Mcs2Dialogue(Dialogue):
         if line is None:
             self._note(-363)
             return b""
-        answers = []
-        for text in line.decode("ascii", "replace").split(";"):
-            if text.strip():
-                try:
-                    answers.append(self._answer(text.strip()))
-                except Refused as refused:
-                    self._note(refused.reason)
-                    if text.split()[0].endswith("?"):
-                        answers.append(error_text(refused.reason))
+        answers, path = [], ""
+        for text in filter(None, map(str.strip, line.decode("ascii", "replace").split(";"))):
+            header = text.split()[0]
+            try:
+                answers.append(self._answer_below(path, text))
+            except Refused as refused:
+                self._note(refused.reason)
+                if header.endswith("?"):
+                    answers.append(error_text(refused.reason))
+            if ":" in header[1:]:
+                path = header.rpartition(":")[0] + ":"
         said = [str(answer) for answer in answers if answer is not None]
         return (";".join(said) + "\r\n").encode() if said else b""
 
@@ -170,6 +172,16 @@ class Mcs2Dialogue(Dialogue):
         """Put an error into the queue; the last place says that there were more."""
         if len(self.errors) < _MOST_ERRORS:
             self.errors.append(code if len(self.errors) < _MOST_ERRORS - 1 else -350)
+
+    def _answer_below(self, path: str, text: str) -> object:
+        """Answer a header without a first colon below the path of the one before (IEEE 488.2)."""
+        if path and text[0] not in ":*":
+            try:
+                return self._answer(path + text)
+            except Refused as refused:
+                if refused.reason != self.reasons.unknown:
+                    raise
+        return self._answer(text)
 
     def _answer(self, text: str) -> object:
         """Return the answer to a question, None to a command; raises Refused."""

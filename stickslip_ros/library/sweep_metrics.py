@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.arrays import Array
 from stickslip_ros.parameters import Parameters
 
 if TYPE_CHECKING:
-    Array = Array
+    from stickslip_ros.arrays import Array
 
 _POINTS = f"{__package__}.operating_points"
 

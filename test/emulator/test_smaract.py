@@ -229,6 +229,8 @@ def test_mcs2_takes_long_and_short_names_in_any_case(emulate: Callable[..., Any]
         assert mcs2.ask(":CHAN0:POS:CURR?") == mcs2.ask(":channel0:position?")
         assert mcs2.ask("*OPC?") == "1"
         assert (mcs2.ask(":DEV:NOBM?"), mcs2.ask(":DEVice:STATe?")) == ("1", "0")
+        mcs2.write(":CHAN0:STEP:FREQ 1200;AMPL 30000")  # the second goes on where the first ended
+        assert mcs2.ask(":CHAN0:STEP:FREQ?;AMPL?;*OPC?;:CHAN1:STEP:FREQ?") == "1200;30000;1;1500"
         assert mcs2.ask(":SYSTem:ERRor?") == '0,"No error"'
 
 
