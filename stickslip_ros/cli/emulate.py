@@ -43,7 +43,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    given = args.axes or ",".join("xyz"[: CONTROLLERS[args.controller].most_axes])
+    given = args.axes
+    if given is None:
+        given = ",".join("xyz"[: CONTROLLERS[args.controller].most_axes])
     names = [name.strip() for name in given.split(",")]
     if len(set(names)) < len(names):
         raise UsageError(f"--axes is {given}; give every axis a different name")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import sys
@@ -44,9 +45,15 @@ def _run(argv: Sequence[str] | None) -> int:
             return run(argv)
         finally:
             print(end="", flush=True)  # flush while its failure can still be handled
-    except BrokenPipeError:  # the reader of our output went away, as `head` does
+    except OSError as error:
+        gone = isinstance(error, BrokenPipeError)  # the reader of our output, as `head` does
+        if not gone and (error.filename is not None or error.errno != errno.ENOSPC):
+            raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        if gone:
+            return 0
+        print(f"stickslip: the output cannot be written: {error.strerror}", file=sys.stderr)
+        return 2
 
 
 def _interrupted() -> int:

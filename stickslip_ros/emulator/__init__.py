@@ -53,7 +53,7 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
     kind = CONTROLLERS[name]
     if not 1 <= len(axes) <= kind.most_axes:
         raise ParameterError(
-            f"{len(axes)} axes for {name}; it takes 1 to {kind.most_axes}: name fewer"
+            f"{len(axes)} axes for {name}; it has {kind.most_axes} at most: name fewer"
         )
     make = getattr(import_module(f"{__name__}.{kind.module}"), kind.name)
     controller: Controller = make(axes)

@@ -163,6 +163,22 @@ sys.exit(main(["simulate", "--steps", "10000000"]))
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
+def test_a_full_disk_below_the_output_is_one_line() -> None:
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        child = subprocess.run(
+            [*COMMAND, "simulate", "--steps", "2", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment(),
+            timeout=PATIENCE,
+        )
+    text = "stickslip: the output cannot be written: No space left on device\n"
+    assert (child.returncode, child.stderr) == (2, text)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_long_work_at_once_with_130(number: signal.Signals) -> None:
     """On a terminal, where the progress bar shows when the work is under way.

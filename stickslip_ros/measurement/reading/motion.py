@@ -297,7 +297,7 @@ def _in_order(
     if (steps > 0.0).all():
         return t
     if (steps >= 0.0).all() and (even := _unrounded(t)) is not None:
-        notes.append("the times are rounded so that some are alike; even ones are taken")
+        notes.append("the times are rounded so that some are alike; evenly spaced ones are taken")
         return even
     row = int(np.argmin(steps > 0.0)) + 1
     place = f"{loaded.place(int(places[row]))}, column {chosen.get('t', 'of time')}"
