@@ -157,7 +157,8 @@ def outcome(axis: Axis, target: float, shortest: float) -> Outcome:
             before, now = abs(away[int((1.0 - LATELY) * len(away))]), abs(away[-1])
             if now < before - p.closed_loop.target_tolerance:
                 return Outcome("nearer")
-            if axis.state.t < WAITED * (p.closed_loop.target_timeout or LONGEST):
+            loop = p.closed_loop
+            if axis.state.t < WAITED * ((loop.target_timeout or LONGEST) + loop.settle_time):
                 return Outcome("slow")
             return Outcome(
                 f"without end: {now:g} m away after {axis.state.t:.3g} s, {before:g} m before"
