@@ -21,6 +21,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
@@ -29,8 +30,6 @@ from stickslip_ros.traces.even_samples import (
 )
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import PUSH, Ringing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,8 @@ class CycleFit:
     def extent(self) -> tuple[int, int]:
         """Return numbers of the first and the last cycle that are more likely than none."""
         inside = (self.number >= 0) & (self.number < self.grid.count)
-        if not (np.median(self.rise[inside]) > 0.0 and np.median(self.fall[inside]) > 0.0):
+        both = self.rise[inside], self.fall[inside]
+        if not (inside.any() and all(np.median(one) > 0.0 for one in both)):
             return 0, -1
         return find_unbroken(self.odds > 0.0, self.number, self.grid.count)
 

@@ -94,7 +94,7 @@ def test_what_no_message_can_hold_is_not_sent(node: AxisNode, client: AxisClient
     assert client.step(True).wait().steps_done == 1
 
 
-def test_parameters_are_described_and_change(ros: Ros, client: AxisClient) -> None:
+def test_parameters_are_described_and_change(ros: Ros, node: AxisNode, client: AxisClient) -> None:
     """Whoever comes late hears the description: each parameter with unit and range, commands."""
     client.send("parameters", {"preload": 0.6})
     ros.wait_until(lambda: client.parameters["preload"] == "0.6", "the new description")
@@ -116,6 +116,17 @@ def test_parameters_are_described_and_change(ros: Ros, client: AxisClient) -> No
     }
     assert statuses["stickslip_axis: command amplitude"]["high"] == "300.0"
     assert "axis_slider" in statuses["stickslip_axis: description"]["joints"]
+    client.step(100).wait()
+    client.zero()  # moves the range of targets, which is told anew
+    ros.wait_until(
+        lambda: any(
+            one.name == "stickslip_axis: command position"
+            and {"low": repr(node.axis.config.reach[0])}.items()
+            <= {pair.key: pair.value for pair in one.values}.items()
+            for one in heard[-1].status
+        ),
+        "the range from the new zero",
+    )
     with pytest.raises(CommandRefused, match="use_sim_time can be set at the start only"):
         client.set_parameters(use_sim_time=True)
     assert client.set_parameters().state == "stopped"

@@ -99,6 +99,17 @@ def test_rises_and_falls_come_out_of_the_motion_they_make(direction: int) -> Non
     assert fit.seen.all()
 
 
+@pytest.mark.filterwarnings("error")
+def test_no_cycles_and_no_noise_warn_nobody() -> None:
+    even, grid = _run()
+    fit = fit_cycles(even, grid, RINGING, 0.0, even.end, tuned=True)
+    assert fit is not None
+    assert replace(fit, number=fit.number + 1000).extent() == (0, -1)
+    still = replace(fit, rise=0.0 * fit.rise, fall=0.0 * fit.fall, errors=0.0 * fit.errors)
+    still = replace(still, residual=0.0, noise=0.0, spread=0.0)
+    assert np.isfinite(still.odds).all()
+
+
 @pytest.mark.parametrize("late", [-0.3, 0.0, 0.2, 0.4])
 def test_the_clock_and_the_ringing_are_tuned(late: float) -> None:
     """From up to four tenths of a period off, where ringing blurs the clock."""
