@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.axis.sensor import Sensor, has_bandwidth
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.gym.periods import (
@@ -53,7 +54,6 @@ from stickslip_ros.solver.layout import (
 )
 from stickslip_ros.solver.plants import at_rest, derive_constants
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, Array]  #: values of parameters by name, (axes,)
 
 #: V/us to V/s

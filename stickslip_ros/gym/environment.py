@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from stickslip_ros.gym.axis_batch import Array
+from stickslip_ros.arrays import Array
 from stickslip_ros.gym.positioning import Positioning
 
 #: Positions that an observation can show, of the travel: noise and drift lead beyond its ends

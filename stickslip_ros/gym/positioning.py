@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.gym.axis_batch import Array, AxisBatch, DriveRanges
+from stickslip_ros.arrays import Array
+from stickslip_ros.gym.axis_batch import AxisBatch, DriveRanges
 from stickslip_ros.library.ensemble import Ensemble, read_ensemble
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 

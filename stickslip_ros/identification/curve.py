@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
 from stickslip_ros.identification.settings import CURVE
@@ -21,8 +21,6 @@ from stickslip_ros.measurement.reading.motion import open_table
 from stickslip_ros.measurement.reading.table import Column, Unit
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-
-Array = NDArray[np.float64]
 
 #: The metric that no sweep has: it needs no run.
 RINGING = "ringing_frequency"

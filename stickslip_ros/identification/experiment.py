@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification.settings import RECORD
 from stickslip_ros.model import Plant
@@ -29,8 +29,6 @@ from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run
-
-Array = NDArray[np.float64]
 
 
 class IdentificationError(StickslipError, ValueError):

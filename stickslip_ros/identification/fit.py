@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.free import LAG, unit_of
 from stickslip_ros.identification.settings import FREE
 from stickslip_ros.library.ensemble import Ensemble
@@ -21,8 +21,6 @@ from stickslip_ros.reporting.tables import frame
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.settings import FREE
 from stickslip_ros.laws import LAWS
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters, parameter
-
-Array = NDArray[np.float64]
 
 #: The lag of the amplifier (s), which is free as a time constant.
 LAG = "amplifier_lag"

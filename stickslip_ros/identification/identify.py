@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import Curve, CurveFit
 from stickslip_ros.identification.experiment import (
     Experiment,
@@ -41,7 +41,6 @@ from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
-Array = NDArray[np.float64]
 #: Called with the stage, its progress (0 to 1) and the best values so far.
 Progress = Callable[[str, float, Mapping[str, float]], None]
 

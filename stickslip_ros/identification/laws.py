@@ -16,8 +16,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import RankedLaw
 from stickslip_ros.identification.free import (
@@ -34,8 +34,6 @@ from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.laws import LAWS
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
-
-Array = NDArray[np.float64]
 
 #: Laws that are ranked, all that say what is free: model, and what is free besides.
 RANKED_LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {

@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.free import FreeParameters
 from stickslip_ros.identification.settings import DESCENT
 from stickslip_ros.identification.trace_fit import BinnedModel, TraceFit
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import SolverError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

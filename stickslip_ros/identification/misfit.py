@@ -18,6 +18,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import Misfit
 from stickslip_ros.identification.least_squares import Point, Problem
@@ -27,8 +28,6 @@ from stickslip_ros.model.friction import contact_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import format_si
 from stickslip_ros.solver import SolverError
-
-Array = NDArray[np.float64]
 
 
 def misfit_of(problem: Problem, best: Point) -> Misfit | None:

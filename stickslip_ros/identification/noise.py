@@ -22,12 +22,10 @@ from functools import lru_cache
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.settings import NOISE
 from stickslip_ros.traces.hum import HARMONICS, MAINS, USUAL, hum_columns
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

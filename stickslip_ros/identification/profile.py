@@ -12,14 +12,12 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.fit import Profile
 from stickslip_ros.identification.free import LAG, value_at
 from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.settings import PROFILE
-
-Array = NDArray[np.float64]
 
 
 class BetterOptimum(Exception):

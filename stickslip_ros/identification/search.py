@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.experiment import Stepping
 from stickslip_ros.identification.free import FreeParameters
@@ -144,8 +144,6 @@ def _best(window: Window, begun: Sequence[Placed], p: Parameters, far: float) ->
         return begun[0]
     return min([begun[0], *found], key=lambda one: one.left)
 
-
-Array = NDArray[np.float64]
 
 _NONE = np.zeros(0)
 

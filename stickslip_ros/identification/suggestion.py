@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
 from stickslip_ros.identification.fit import Estimate, Suggestion
 from stickslip_ros.identification.free import LAG, FreeParameters
@@ -31,8 +31,6 @@ from stickslip_ros.reporting import CONFIDENCE, format_si
 from stickslip_ros.solver import SolverError
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
-
-Array = NDArray[np.float64]
 
 #: Constants that hold for all preloads (Eq. 13, 14); others hold for one preload.
 _OVER_PRELOAD = {"sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset"}

@@ -19,14 +19,13 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.noise import Hum, Noise, learn
 from stickslip_ros.identification.settings import BINS, CURVE
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.even_samples import noise_of, without_spikes
 from stickslip_ros.traces.hum import MAINS, hum_columns
-
-Array = NDArray[np.float64]
 
 #: Ratio of the second differences of white noise to the noise.
 _SECOND = 6.0**0.5

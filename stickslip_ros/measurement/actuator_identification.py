@@ -22,6 +22,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -32,7 +33,6 @@ from stickslip_ros.traces.even_samples import noise_of, without_spikes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 #: Least way between two turning points, as a share of the range of the voltage, and in standard
 #: deviations of its noise.

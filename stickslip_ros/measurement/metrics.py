@@ -24,6 +24,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.reporting import format_si
@@ -36,8 +37,6 @@ from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles
 from stickslip_ros.traces.steps import COVERAGE, MeasuredValue
-
-Array = NDArray[np.float64]
 
 #: Amplitudes vary if the actuator's deflections vary by this part, over this many kinds of cycles.
 _VARIED, _AMPLITUDES = 0.1, 3

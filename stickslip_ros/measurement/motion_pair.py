@@ -9,16 +9,14 @@ from functools import cached_property
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import cycle_of, detrend
 from stickslip_ros.traces.runs import Run
-
-Array = NDArray[np.float64]
 
 #: Samples that candidates are judged by.
 _JUDGES = 20_000
@@ -61,11 +59,11 @@ class Alignment:
     offset_error: float = math.nan  #: standard uncertainty of the offset, s
     other_offset: float | None = None  #: an offset (s) that fits as well, if there is one
 
-    def run_time(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def run_time(self, t: Array) -> Array:
         """Return times (s) of the run for those of the measurement."""
         return t - self.offset - self.drift * (t - self.middle)
 
-    def measurement_time(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    def measurement_time(self, t: Array) -> Array:
         """Return times (s) of the measurement for those of the run."""
         return self.middle + (t + self.offset - self.middle) / (1.0 - self.drift)
 

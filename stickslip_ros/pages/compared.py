@@ -9,7 +9,6 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.measurement.load_motion import LoadedMotion
@@ -29,8 +28,6 @@ from stickslip_ros.reporting.page import (
     versions,
 )
 from stickslip_ros.traces.motion import Motion
-
-Array = NDArray[np.float64]
 
 SHAPE = "#b3a5d9"
 #: Points of a line over the whole run, and over one step.

@@ -6,8 +6,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import UNITS
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
@@ -24,8 +24,6 @@ from stickslip_ros.reporting.page import (
     layout_of,
     line_of,
 )
-
-Array = NDArray[np.float64]
 
 LIMIT = "#c46a1b"
 #: Points of a line over a whole run; phases of a cycle; profiles beside each other.

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import (
     Figure,
@@ -24,8 +24,6 @@ from stickslip_ros.reporting.page import (
 from stickslip_ros.traces.analysis import Findings
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, after_slip
-
-Array = NDArray[np.float64]
 
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.pages.measured import TINTS
 from stickslip_ros.reporting import CONFIDENCE, MEASURED, SIMULATED, format_si
 from stickslip_ros.reporting.page import (
@@ -26,7 +26,6 @@ from stickslip_ros.reporting.page import (
 )
 from stickslip_ros.twin import TrackedParameter, Twin, Update
 
-Array = NDArray[np.float64]
 #: x, y, the ends of its band, name, colour
 Line = tuple[Array, Array, Array | None, Array | None, str, str]
 

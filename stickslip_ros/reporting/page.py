@@ -19,13 +19,12 @@ import jinja2
 import numpy as np
 import scipy
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.reporting import format_si
 from stickslip_ros.version import __version__
 
-Array = NDArray[np.float64]
 Figure = dict[str, Any]
 
 #: Rows that the table of a page has at most.

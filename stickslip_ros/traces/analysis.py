@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.cycles import (
     FASTER,
     Cycles,
@@ -42,8 +43,6 @@ from stickslip_ros.traces.run_search import (
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import MeasuredValue, settled_from, wander_of
-
-Array = NDArray[np.float64]
 
 #: Reports of a search for steps.
 STAGES = REPORTS + 1

@@ -18,13 +18,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import MeasuredValue, estimate_settled_mean, settled_from
-
-Array = NDArray[np.float64]
 
 #: Positions without noise, as those of a simulation, m.
 EXACT = 1e-11

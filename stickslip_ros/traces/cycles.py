@@ -11,11 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
-
-Array = NDArray[np.float64]
 
 #: Part of a period by which a trace may be short of a whole cycle at its ends, and by which a
 #: frequency that is given may be off: clocks agree far better, single samples do not.

@@ -13,8 +13,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles
 from stickslip_ros.traces.cycles import FASTER
 from stickslip_ros.traces.even_samples import (
@@ -31,8 +31,6 @@ from stickslip_ros.traces.hum import MAINS
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.run_growth import find_shifts, fit_line
 from stickslip_ros.traces.steps import MeasuredValue, settled_from
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stickslip_ros.arrays import Array
 
 #: Mains frequencies, Hz, and the default number of harmonics of each.
 MAINS, HARMONICS = (50.0, 60.0), 3

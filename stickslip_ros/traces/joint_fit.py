@@ -25,6 +25,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.even_samples import (
     PHASES,
     EvenSamples,
@@ -38,8 +39,6 @@ from stickslip_ros.traces.even_samples import (
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import SETTLING, MeasuredValue, settled_from
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

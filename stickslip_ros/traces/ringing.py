@@ -28,9 +28,9 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.even_samples import correlation_time
 
-Array = NDArray[np.float64]
 #: Times (s, from 0) and positions (m) of one cycle between two slips.
 Window = tuple[Array, Array]
 #: Times, positions without their slow trend, and an orthonormal basis of trends, (samples, 3).

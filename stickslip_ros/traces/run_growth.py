@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.even_samples import (
     PHASES,
     ROWS,
@@ -30,8 +30,6 @@ from stickslip_ros.traces.even_samples import (
 from stickslip_ros.traces.hum import MAINS, hum_columns
 from stickslip_ros.traces.slip_edges import edge_kernel
 from stickslip_ros.traces.steps import SETTLING
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles, without_ringing
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
@@ -25,8 +24,6 @@ from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
 from stickslip_ros.traces.run_growth import check_run, grow_run
 from stickslip_ros.traces.slip_edges import COARSEST, edge_kernel, find_edges
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

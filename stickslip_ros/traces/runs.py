@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import format_rows, micro_prefix, nanometres
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 #: Cycles that the mean slip comes from at most, samples of one at least, points of it at most.
 _CYCLES, _SAMPLES, _POINTS = 200, 8, 1000

@@ -12,11 +12,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
-
-Array = NDArray[np.float64]
 
 #: Fewest samples of a cycle in which a slip can be seen; widths of the edge filters in samples.
 COARSEST, _NARROWEST, _WIDEST = 6, 2, 24

@@ -13,8 +13,8 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.traces.backstep import EXACT, estimate_backstep
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import noise_of
@@ -22,8 +22,6 @@ from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.steps import estimate_settled_mean, settled_mean
-
-Array = NDArray[np.float64]
 
 #: Length of the fit before a slip, in periods of the drive and of the ringing; of the fit after a
 #: slip, in periods of the ringing.

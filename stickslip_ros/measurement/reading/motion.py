@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.reading import arrays, instruments
 from stickslip_ros.measurement.reading.choice import LOOP, MOTION, TIME, Quantity, Reading, choose
 from stickslip_ros.measurement.reading.layout import LARGEST
@@ -24,8 +25,6 @@ from stickslip_ros.measurement.reading.text import UNPACKING, numbers_of, read_t
 from stickslip_ros.opening import ReadError, open_regular
 from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.motion import Motion
-
-Array = NDArray[np.float64]
 
 Reader = Callable[[Path], Table]
 
@@ -147,9 +146,9 @@ def without_fringe_jumps(x: Array, fringe: float) -> tuple[Array, str]:
 class ActuatorLoop:
     """Voltage and deflection of an actuator, each (samples,), in the order of time."""
 
-    volts: NDArray[np.float64]  #: V
-    deflection: NDArray[np.float64]  #: m
-    times: NDArray[np.float64] | None  #: s, where they are known
+    volts: Array  #: V
+    deflection: Array  #: m
+    times: Array | None  #: s, where they are known
     notes: tuple[str, ...] = ()  #: remarks of the reader, for people
 
 
@@ -187,7 +186,7 @@ def naming(path: Path) -> Iterator[None]:
 
 def _read(
     table: Table, quantities: Sequence[Quantity], how: Reading
-) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
+) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the quantities in SI units, row by row, and notes. Raises MeasurementError."""
     known = {quantity.key: quantity for quantity in quantities}
     for key in (*how.columns, *how.units, *how.scales):
@@ -263,7 +262,7 @@ def _clock(table: Table, chosen: dict[str, Column], how: Reading) -> Clock | Non
     return Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
 
 
-def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[np.float64]:
+def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> Array:
     """Return the numbers of the samples, from 0, (count,).
 
     Raises MeasurementError if lines among the rows are left out: their duration is unknown.
@@ -286,12 +285,12 @@ def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[
 
 
 def _in_order(
-    t: NDArray[np.float64],
+    t: Array,
     places: NDArray[np.int64],
     loaded: Loaded,
     chosen: Mapping[str, Column],
     notes: list[str],
-) -> NDArray[np.float64]:
+) -> Array:
     """Return times that increase; MeasurementError if they cannot be had without guessing."""
     steps = np.diff(t)
     if (steps > 0.0).all():
@@ -312,7 +311,7 @@ def _in_order(
     )
 
 
-def _unrounded(t: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _unrounded(t: Array) -> Array | None:
     """Return even times that the given ones may be rounded from, None if there are none.
 
     Rounded even times change by one step of the rounding or by none; both ends are known to that
