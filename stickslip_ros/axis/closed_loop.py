@@ -118,6 +118,7 @@ class ClosedLoop:
         self._carried = False  # away from the goal, since it was left or set
         self._moves_away = False  # the same in each look since that
         self._looked_for_better = False  # for another place to reach the goal from
+        self._direction = 0  # of the last train towards the goal
         self._coming: deque[LoopReading] = deque()  # readings that have not arrived
         # the last reading, with the mean base of those in the window: at rest, since the last step
         self._seen = LoopReading(0, math.nan, 0.0, 0, 0.0, False)
@@ -156,6 +157,7 @@ class ClosedLoop:
         self.there = self.waits = self._finished = False
         self._inside_since = None
         self._looked_for_better = False
+        self._direction = 0
         self._nearest = math.inf
 
     def why_lost(self, x: float, actuation: Actuation) -> str:
@@ -389,7 +391,10 @@ class ClosedLoop:
         step = self._sizes.of(config.stroke(config.amplitude), sign)
         room = min(max(min(step, scan), 2.0 * margin), 0.5 * (high - low))
         way = level - min(max(0.0, low + room), high - room)
-        if self._seen.steps == self._steps or (1 if way > 0.0 else -1) in self._sizes.measured:
+        ends_seen = self._seen.steps == self._steps
+        known = ends_seen or (1 if way > 0.0 else -1) in self._sizes.measured
+        # To turn back takes a reading at rest: corrections of a runner that rings never end.
+        if known and (way * self._direction >= 0.0 or (ends_seen and self._seen.rests)):
             self._step(actuation, way)
 
     def _scan(self, actuation: Actuation, level: float, now: float) -> None:
@@ -453,7 +458,7 @@ class ClosedLoop:
         if sign * (self._seen.steps - self._reference.steps) < 0:  # they went the other way
             self._reference = self._seen
         self._inside_since = None  # it does not stay
-        self._stroke = sign * actuation.config.stroke(volts)
+        self._stroke, self._direction = sign * actuation.config.stroke(volts), sign
         actuation.step(steps, volts)
 
     def _note_end(self) -> None:

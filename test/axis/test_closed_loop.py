@@ -71,6 +71,29 @@ CASES: list[tuple[dict[str, Any], int, float]] = [
 ]
 
 
+def test_a_runner_that_rings_is_not_stepped_to_and_fro_without_end() -> None:
+    """A spring brings it back: trains the other way, by readings while it rang, took 42 s."""
+    axis = Axis({**TABLE_1, "contacts": 3, "contact_spread": 0.1, "spring": 1e5})
+    for t, command, *values in (
+        (5.685201063, "steps", 12),
+        (5.824440555, "amplitude", 200.0),
+        (5.829037493, "frequency", 1000.0),
+        (5.83226162, "steps", -40),
+        (5.888128116, "parameters", {"preload": 1.0}),
+        (5.902923403, "jog", 2000.0),
+        (5.90665081, "jog", 0.0),
+        (5.926493654, "scan", 100.0),
+        (5.945755868, "load", 0.01),
+        (5.947668609, "position", 1.2e-6),
+        (6.167904094, "trajectory", ["axis_slider"], [[0.05, 1e-6], [0.1, 1.4e-6]]),
+    ):
+        axis.advance(t)
+        axis.command(command, *values)
+    axis.advance(7.0)
+    assert axis.status.state == "holding"
+    assert abs(axis.status.position - 1.4e-6) < 5e-9
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, pytest.param(3.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("parameters", "count", "longest"), CASES)
