@@ -204,7 +204,7 @@ def _drive(client: Any) -> None:
     client.move_to(1.2e-6).wait()
     client.follow([(0.05, 1.0e-6), (0.1, 1.4e-6)]).wait()
     client.set_load(0.0).set_parameters(preload=0.4).set_frequency(10e3).step(60).wait()
-    client.set_frequency(20.0).step(-6).wait()
+    client.set_frequency(50.0).step(-6).wait()
     client.stop()
 
 
