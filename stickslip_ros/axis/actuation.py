@@ -27,7 +27,7 @@ ANY = 2**62  #: cycles that are as good as without end
 #: Arcs that a cycle may take: a fraction of a second, for others wait for the axis meanwhile.
 _BUDGET = 100_000
 #: Cycles that are run in one go at most, for their results take memory: 40 bytes each
-_AT_ONCE = 2**16
+_MOST_CYCLES = 2**16
 
 
 class Actuation:
@@ -352,7 +352,7 @@ class Actuation:
         left = self.config.faults.steps_left(self.cycles_run)
         if not left:
             self.travel.confine(self.config.faults, self.config.offset, self.cycles_run)
-        self._check = self.sim.cycles_done + min(fit, _AT_ONCE, int(min(left or ANY, ANY)))
+        self._check = self.sim.cycles_done + min(fit, _MOST_CYCLES, int(min(left or ANY, ANY)))
 
     def _last_cycle(self) -> tuple[int, float]:
         """Return the number of the last cycle and the time (s) of its end."""

@@ -44,12 +44,12 @@ from stickslip_ros.model.surface import Surface
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 from stickslip_ros.solver import SolverError
 from stickslip_ros.solver.layout import (
-    AXIS,
-    AXIS_BUFFER,
-    CONTACT,
+    CONTACT_RECORD,
     CONTACT_SIZE,
+    KERNEL_SIZE,
     PLANT,
     PLANT_SIZE,
+    STATE,
     plain_dtype,
 )
 from stickslip_ros.solver.plants import at_rest, derive_constants
@@ -142,15 +142,15 @@ class AxisBatch:
         places = 0 if self.chain is None else len(self.chain.rest())
         self.buffers = Buffers(
             np.zeros((count, PLANT_SIZE)),
-            np.zeros((count, AXIS_BUFFER)),
+            np.zeros((count, KERNEL_SIZE)),
             np.zeros((count, 2 * contacts * CONTACT_SIZE)) if contacts else None,
             np.zeros((count, sensor.delay + 1)),
             np.zeros((count, places)),
             np.zeros((count, 3)),
         )
-        self._rest = np.zeros(AXIS_BUFFER)
+        self._rest = np.zeros(KERNEL_SIZE)
         at_rest(self._rest, None)
-        _records(self._rest, AXIS)["replay"] = 0
+        _records(self._rest, STATE)["replay"] = 0
         numbers: list[Any] = [np.zeros(count) for _ in States._fields[:-1]]
         self.states = States._make([*numbers, np.zeros(count, np.int64)])
 
@@ -206,7 +206,7 @@ class AxisBatch:
         for k in which.tolist():
             derive_constants(self.buffers.plants[k])
         if self.buffers.contacts is not None:
-            each = _records(self.buffers.contacts, CONTACT, len(plants.contacts))
+            each = _records(self.buffers.contacts, CONTACT_RECORD, len(plants.contacts))
             own = dict(zip(OWN_CONSTANTS, plants.own, strict=True))
             for i, contact in enumerate(plants.contacts):
                 for name, column in {**contact._asdict(), **own}.items():
@@ -215,7 +215,7 @@ class AxisBatch:
             for k, plant in zip(which.tolist(), plants.points(len(which)), strict=True):
                 self.buffers.limits[k] = limits_of_pieces(p.actuator, plant)
         # From where no arc reaches a stop, see `plants.set_clear_range`
-        state = _records(self.buffers.axes, AXIS)
+        state = _records(self.buffers.axes, STATE)
         deflections = [np.abs(state["now_z"][which])]
         for contact in (plants.contact, *plants.contacts):
             deflections += [contact.z_ba, contact.z_ss, contact.z_k, contact.z_s]

@@ -18,7 +18,7 @@ from stickslip_ros.model.actuator_chain import CAPACITY, Chain
 from stickslip_ros.model.actuator_stages import lay_pieces
 from stickslip_ros.solver.advance import ENDLESS, PER_CYCLE
 from stickslip_ros.solver.event_loop import solve_cycles
-from stickslip_ros.solver.layout import ROW_SIZE, axis_in, contacts_in, plant_in
+from stickslip_ros.solver.layout import ROW_SIZE, contacts_in, kernel_in, plant_in
 from stickslip_ros.solver.plants import begin_cycles
 
 #: Time (s) that the fast part of a period takes at least: a segment needs some, also one at rest
@@ -36,7 +36,7 @@ class Buffers(NamedTuple):
     """Memory of the kernel, one row an axis."""
 
     plants: NDArray[np.float64]  #: (axes, PLANT_SIZE)
-    axes: NDArray[np.float64]  #: (axes, AXIS_BUFFER)
+    axes: NDArray[np.float64]  #: (axes, KERNEL_SIZE)
     contacts: NDArray[np.float64] | None  #: (axes, buffer of several contacts), see `layout`
     sampled: NDArray[np.float64]  #: positions at the last readings, m, (axes, delay + 1)
     actuators: NDArray[np.float64]  #: states of the chain, (axes, places); without one no places
@@ -165,7 +165,7 @@ def run_periods(
     """Run one period of the axes part[0] to part[1] - 1 with actions (axes, numbers)."""
     lines, row = np.zeros((3, 2)), np.empty((1, ROW_SIZE))
     for k in range(part[0], part[1]):
-        plant, kernel = plant_in(buffers.plants[k]), axis_in(buffers.axes[k])
+        plant, kernel = plant_in(buffers.plants[k]), kernel_in(buffers.axes[k])
         contacts, s = own_contacts(buffers.contacts, k), kernel.state
         each, t, slid = contacts_in(contacts, False), states.t[k], s.slid
         states.level[k], sign = lay_period(actions[k], states.level[k], drive, lines)

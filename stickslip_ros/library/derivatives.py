@@ -24,7 +24,7 @@ from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 from stickslip_ros.solver import SolverError
 from stickslip_ros.solver.complex_steps import (
     BORDER,
-    CONTACT,
+    CONTACT_NUMBERS,
     ELASTIC,
     KINK,
     PLASTIC,
@@ -190,7 +190,7 @@ def _inputs(p: Parameters, sign: int) -> Array:
         _WINDOW / frequency if frequency > 0.0 else 0.0,
     ]  # fmt: skip
     for contact in plant.contacts or (plant.contact,):
-        numbers += [getattr(contact, name) for name in CONTACT]
+        numbers += [getattr(contact, name) for name in CONTACT_NUMBERS]
     return np.array([*numbers, *drive.durations, *(drive.durations * drive.rates)])
 
 

@@ -235,7 +235,7 @@ PRELOAD = np.linspace(0.25, 10.0, 79)
 _MIDDLE = (0.5, 3.5)
 #: A carried runner: a vertical axis with the heaviest runner of Table 1; few steps, for it falls.
 CARRIED: Set = {"inclination": 0.5 * math.pi, "mass": 15e-3}
-LOW_PRELOAD, _FEW = np.array([0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0]), 3
+LOW_PRELOAD, _CYCLES = np.array([0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0]), 3
 
 
 def earlier_laws() -> Result:
@@ -349,7 +349,7 @@ def parameter_sets() -> Result:
 
 def too_low() -> Result:
     """Steps of a runner that the axis carries, from too low a preload on."""
-    ceim = steps(CARRIED, _FEW, preload=LOW_PRELOAD)
+    ceim = steps(CARRIED, _CYCLES, preload=LOW_PRELOAD)
     light = one_step({"inclination": 0.5 * math.pi, "preload": 0.01})
     what = "motion in a cycle"
     values = {

@@ -19,7 +19,7 @@ ROOM_TEMPERATURE = 293.15
 #: Default name of the node of an axis
 AXIS_NODE = "stickslip_axis"
 #: Ends of the names of the joints of an axis, behind its `axis_name`
-SLIDER, PIEZO, CONTACT = "_slider", "_piezo", "_contact"
+SLIDER, PIEZO, CONTACT_SUFFIX = "_slider", "_piezo", "_contact"
 
 # One row of the table in two or three lines each:
 # fmt: off

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpack_set_points
 from stickslip_ros.axis.resimulation import NotRepeatable
-from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
+from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     decode_messages,
@@ -44,8 +44,8 @@ def contacts_of(axis: Axis) -> Joints:
     state = axis.state
     each = axis.simulation.deflections.tolist() if axis.parameters.friction.contacts > 1 else ()
     return (
-        (CONTACT, state.z, state.w, state.force),
-        *((f"{CONTACT}_{k}", z, state.w, None) for k, z in enumerate(each, 1)),
+        (CONTACT_SUFFIX, state.z, state.w, state.force),
+        *((f"{CONTACT_SUFFIX}_{k}", z, state.w, None) for k, z in enumerate(each, 1)),
     )
 
 
@@ -199,7 +199,7 @@ def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
 
 
 def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]:
-    joint = run.axis_name + (CONTACT if topic == run.contact_topic else SLIDER)
+    joint = run.axis_name + (CONTACT_SUFFIX if topic == run.contact_topic else SLIDER)
     last = -1
     for message, state in decode_messages(bag, [topic]):
         try:

@@ -16,7 +16,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.library.operating_points import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.parameters.groups import CONTACT, PIEZO, SLIDER
+from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
 from stickslip_ros.ros.messages import diagnostic_status
 from stickslip_ros.ros.sim_loop import SimLoop
 from stickslip_ros.traces import phase_now, regime_now
@@ -170,7 +170,7 @@ def description(node: str, axis: Axis) -> list[DiagnosticStatus]:
     """Return the statuses ``<node>: description``, ``: parameter <name>``, ``: command <name>``."""
     p = axis.parameters
     flat, name = p.flat(), p.node.axis_name
-    joints = [f"{name}{joint}" for joint in (SLIDER, PIEZO, CONTACT)]
+    joints = [f"{name}{joint}" for joint in (SLIDER, PIEZO, CONTACT_SUFFIX)]
     about = {"version": __version__, "axis_name": name, "joints": joints}
     found = [diagnostic_status(node, "description", OK, "simulated stick-slip axis", about)]
     for row in PARAMETERS.values():

@@ -63,7 +63,7 @@ JOINTS = OutputTopic(
     "next two only while somebody subscribes",
     joints=joints_of,
 )
-RUNNER = OutputTopic(
+RUNNER_TOPIC = OutputTopic(
     "~/joint_states",
     JOINT_STATE,
     "`<axis_name>_slider` alone, relative to the zero that was set",
@@ -71,7 +71,7 @@ RUNNER = OutputTopic(
         (end, x - axis.config.offset, v, force) for end, x, v, force in joints_of(axis)[:1]
     ],
 )
-CONTACT = OutputTopic(
+CONTACT_TOPIC = OutputTopic(
     "~/contact",
     JOINT_STATE,
     "`<axis_name>_contact`: asperity deflection, differential velocity, friction force; of several "

@@ -53,7 +53,7 @@ from stickslip_ros.twin.settings import ASKED, TwinError
 
 NODE_NAME = "stickslip_twin"
 _POLL, _REPORT = 0.05, 1.0  # s
-_AT_ONCE = 0.1  # s that readings are taken without a look at messages and reports
+_READING_TIME = 0.1  # s that readings are taken without a look at messages and reports
 _AGAIN = 10.0  # s between warnings that no position is heard
 #: Messages that wait at most: a flood beyond them is counted and left out
 _MOST = 20_000
@@ -187,7 +187,7 @@ class TwinNode(GuardedNode):
         if self._stop_requested() and not self.finished.done():
             self.finished.set_result(None)
         newest = max((ns for ns, *_ in self._waiting), default=0)
-        self._take(newest - round(1e9 * self._patience), time.monotonic() + _AT_ONCE)
+        self._take(newest - round(1e9 * self._patience), time.monotonic() + _READING_TIME)
 
     def _take(self, until: float, deadline: float = math.inf) -> None:
         """Give the twin all that is older than a time (ns), and publish what it says.

@@ -29,7 +29,14 @@ from stickslip_ros.solver.event_loop import (
     stays_clear,
     write_row,
 )
-from stickslip_ros.solver.layout import PLANT, ROW_SIZE, axis_in, contacts_in, open_record, plant_in
+from stickslip_ros.solver.layout import (
+    PLANT,
+    ROW_SIZE,
+    contacts_in,
+    kernel_in,
+    open_record,
+    plant_in,
+)
 from stickslip_ros.solver.within_arc import turns_within
 
 #: Numbers of each sample: x (m), v (m/s), z (m), u' (m/s), u (m), F (N); for several contacts
@@ -59,7 +66,7 @@ def advance(
     With ``replay``, a cycle that begins as the last one did is not solved again. With ``cut``,
     t_end becomes an event; call `anchor` afterwards.
     """
-    kernel, each, ahead = axis_in(axis), contacts_in(contacts, False), contacts_in(contacts, True)
+    kernel, each, ahead = kernel_in(axis), contacts_in(contacts, False), contacts_in(contacts, True)
     kernel.arc.holds = 0
     return _go_on(plant_in(plant), kernel, each, ahead, drive, rows)
 
@@ -153,7 +160,7 @@ def sample(
 
     Returns how many samples are filled: fewer if the allowance of arcs ran out.
     """
-    moved, kernel = plant_in(plant), axis_in(axis)
+    moved, kernel = plant_in(plant), kernel_in(axis)
     each, ahead = contacts_in(contacts, False), contacts_in(contacts, True)
     rows, period, s = np.empty((0, ROW_SIZE)), period_of(drive), kernel.state
     kernel.arc.holds = 0
@@ -180,7 +187,7 @@ def sample(
 @compiled
 def friction(plant: NDArray, axis: NDArray, contacts: NDArray | None) -> float:
     """Return F (N) of Eq. 1 at the time advanced to."""
-    s = axis_in(axis).state
+    s = kernel_in(axis).state
     w = s.now_v - s.now_rate
     return friction_at(s.now_z, w, plant_in(plant), contacts_in(contacts, False))  # type: ignore[no-any-return]
 
@@ -194,7 +201,7 @@ def find_events(
     Returns the number of times written; unfinished if times is full. Tables are not used, because
     they would skip events.
     """
-    kernel, moved, each = axis_in(axis), plant_in(plant), contacts_in(contacts, False)
+    kernel, moved, each = kernel_in(axis), plant_in(plant), contacts_in(contacts, False)
     s, arc = kernel.state, kernel.arc
     arc.holds = 0
     period, rows, found = period_of(drive), np.empty((0, ROW_SIZE)), 0
@@ -225,7 +232,7 @@ def anchor(plant: NDArray, axis: NDArray, x: float, v: float, z: float) -> None:
     x (m), v (m/s), z (m) is the state at that time. It stays the same to the last bit; extremes,
     backstep and energy balance are updated.
     """
-    s = axis_in(axis).state
+    s = kernel_in(axis).state
     s.cut, s.steady = 0, 0
     s.cycle_z = math.nan  # a cycle with two plants is not repeated
     s.x, s.v, s.z = s.now_x, s.now_v, s.now_z = x, v, z
@@ -242,7 +249,7 @@ class KernelBuffers(NamedTuple):
     """The buffers of the kernel."""
 
     plant: Array  #: of `plants.pack_plant`
-    axis: Array  #: of size `layout.AXIS_BUFFER`
+    axis: Array  #: of size `layout.KERNEL_SIZE`
     contacts: Array | None  #: of `plants.contact_buffer`
     drive: Array  #: of a cycle, see `event_loop`, (3, segments)
 

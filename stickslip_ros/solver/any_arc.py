@@ -19,8 +19,8 @@ from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
 from stickslip_ros.solver.general_arcs import force_of, general_arc, second_after, takes_steps
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.within_arc import (
+    actuator_path,
     begin_arc,
-    carried,
     rate_after,
     turning_point,
     within_arc,
@@ -133,7 +133,7 @@ def sample_within(
             stiffness += c.sigma_0
         z = force / stiffness
     if s.stopped == 0:
-        s.now_x = min(max(arc.x + dr + carried(arc, at), s.low), s.high)
+        s.now_x = min(max(arc.x + dr + actuator_path(arc, at), s.low), s.high)
     s.now_rate = rate_after(arc, at)
     s.now_v, s.now_z = w + s.now_rate, z
     _place_sample(s, drive, s.tau + ahead)
@@ -163,7 +163,7 @@ def turn_of_arc(
         gone += part.length
         if not gone < arc.length:
             break
-        way += part.path + carried(part, part.length)
+        way += part.path + actuator_path(part, part.length)
         _next_part(part, plant, arc.length - gone)
     return math.nan, 0.0
 
@@ -172,7 +172,7 @@ def turn_of_arc(
 def _next_part(part: np.record, plant: np.record, limit: float) -> None:
     """Let a part of a tabulated arc be the one that follows, at most limit (s) long."""
     h = part.length
-    state = part.x + part.path + carried(part, h), part.z_end, part.w_end
+    state = part.x + part.path + actuator_path(part, h), part.z_end, part.w_end
     begin_arc(part, plant, state, rate_after(part, h), part.bend)
     next_arc(part, plant, limit, False)
 

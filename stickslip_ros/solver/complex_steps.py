@@ -30,11 +30,11 @@ from stickslip_ros.solver.general_arcs import ERRORS, STEP, A
 
 #: The numbers of a runner, before those of its contacts: kg, N, N/m; the constants of ageing, 0, m,
 #: s; time over which ringing is measured, s
-RUNNER = ("mass", "force", "spring", "beta", "d_c", "theta_0", "window")
+RUNNER_NUMBERS = ("mass", "force", "spring", "beta", "d_c", "theta_0", "window")
 #: The numbers of a contact, see `Contact`
-CONTACT = ("sigma_0", "sigma_1", "sigma_2", "z_ba", "z_ss", "z_k", "z_s", "v_s")
-_MASS, _FORCE, _SPRING, _BETA, _D_C, _THETA_0, _WINDOW = range(len(RUNNER))
-_SIGMA_0, _SIGMA_1, _SIGMA_2, _Z_BA, _Z_SS, _Z_K, _Z_S, _V_S = range(len(CONTACT))
+CONTACT_NUMBERS = ("sigma_0", "sigma_1", "sigma_2", "z_ba", "z_ss", "z_k", "z_s", "v_s")
+_MASS, _FORCE, _SPRING, _BETA, _D_C, _THETA_0, _WINDOW = range(len(RUNNER_NUMBERS))
+_SIGMA_0, _SIGMA_1, _SIGMA_2, _Z_BA, _Z_SS, _Z_K, _Z_S, _V_S = range(len(CONTACT_NUMBERS))
 #: Error of a step, as a fraction of what the contact can deflect, and of that times the ringing
 _TOLERANCE = 1e-14
 #: Imaginary part below which nothing counts
@@ -270,8 +270,9 @@ def _log(log: NDArray, cycle: int, event: int, branch: int) -> None:
 @compiled
 def _prepare(inputs: NDArray, segments: int, kind: int) -> _Run:
     """Return a run from rest."""
-    m = inputs[: len(RUNNER)]
-    contacts = inputs[len(RUNNER) : len(inputs) - 2 * segments].copy().reshape(-1, len(CONTACT))
+    m = inputs[: len(RUNNER_NUMBERS)]
+    contacts = inputs[len(RUNNER_NUMBERS) : len(inputs) - 2 * segments].copy()
+    contacts = contacts.reshape(-1, len(CONTACT_NUMBERS))
     count, deflects, stiffness = len(contacts), math.inf, 0.0
     for c in contacts:
         deflects, stiffness = min(deflects, c[_Z_K].real), stiffness + c[_SIGMA_0].real
@@ -298,11 +299,11 @@ def complex_steps(
 ) -> bool:
     """Run steps from rest, as many as results (3, steps) has room for; False if that takes ages.
 
-    inputs are the numbers of RUNNER, those of CONTACT for each contact, and of the segments of a
-    drive cycle the durations (s) and the strokes (m). kind is that of alpha. slip: its first
-    segment, the one after its last, and the direction of the step. results are position, backstep
-    and ringing (m) of each step. log (room + 1, 3) takes how many events follow, then cycle, event
-    and branch before it, of each; of a kink the segment that begins.
+    inputs are RUNNER_NUMBERS, CONTACT_NUMBERS for each contact, and of the segments of a drive
+    cycle the durations (s) and the strokes (m). kind is that of alpha. slip: its first segment, the
+    one after its last, and the direction of the step. results are position, backstep and ringing
+    (m) of each step. log (room + 1, 3) takes how many events follow, then cycle, event and branch
+    before it, of each; of a kink the segment that begins.
     """
     durations, strokes = inputs[len(inputs) - 2 * segments : -segments], inputs[-segments:]
     run, cycles, (first, end, sign) = _prepare(inputs, segments, kind), results.shape[1], slip

@@ -7,8 +7,8 @@ Time counts from the start of the cycle, so a cycle that starts in the same stat
 the last bit whenever it happens.
 
 A drive is an array (3, segments) of one cycle: durations (s), rates u' at their starts (m/s), and
-bends u'' (m/s^2). ``contacts`` are CONTACT records, or None for a runner on one contact, whose
-constants are those of the plant.
+bends u'' (m/s^2). ``contacts`` are an array of CONTACT_RECORD, or None for a runner on one contact,
+whose constants are those of the plant.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from stickslip_ros.solver.stops import (
     make_held_plant,
 )
 from stickslip_ros.solver.within_arc import (
+    actuator_path,
     begin_arc,
-    carried,
     position_integral,
     rate_after,
 )
@@ -48,16 +48,16 @@ from stickslip_ros.solver.within_arc import (
 #: The solver gives up after this many arcs without a length
 STALLED = 1000
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
-_AT_ONCE = 1e-6
-#: A drive of so few pieces is not searched for those along which nothing happens
-_FEW = 8
+_NO_TIME = 1e-6
+#: A drive of fewer pieces is not searched for those along which nothing happens
+_FEWEST_TO_SEARCH = 8
 #: Eight times what a straight line in place of a bent piece may be beside it, m; and for a contact
 #: that slides all the time, which loses some deflection at each return of the line
-_CHORD, _CHORD_OF_SLIDE = 4e-12, 4e-14
+_STRAIGHT_WITHIN, _SLIDING_WITHIN = 4e-12, 4e-14
 #: A bent piece shorter than this, in units of the ringing, is run as a straight line, which ends in
 #: the same state: its acceleration would hold the contact at a deflection so large that differences
 #: from it, and the heat that follows from these, are lost to rounding
-_BRIEF = 1e-5
+_SHORTEST_BENT = 1e-5
 #: Largest difference at the start of two equal cycles, as a fraction of the tolerance
 REPEATED = 1e-3
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
@@ -82,7 +82,7 @@ def solve_cycles(
     # The contact holds back a sticking runner; a runner that never sticks keeps the error.
     arc.weight = max(plant.inv_omega, CARRIED * period if plant.slides != 0 else 0.0)
     while True:
-        if drive.shape[1] > _FEW:
+        if drive.shape[1] > _FEWEST_TO_SEARCH:
             _take_elastic_pieces(plant, s, kernel, contacts, drive, period)
         outlook = arc_limits(s, drive, period)
         over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
@@ -93,8 +93,8 @@ def solve_cycles(
             s.unfinished = 1
             break
         if not arc.holds:
-            brief = drive[0, s.segment] < _BRIEF * plant.inv_omega
-            _next_arc(plant, s, kernel, contacts, outlook, brief)
+            too_short = drive[0, s.segment] < _SHORTEST_BENT * plant.inv_omega
+            _next_arc(plant, s, kernel, contacts, outlook, too_short)
         s.rate, lined, s.bend = arc.rate, s.bend != arc.bend, arc.bend
         arc.holds = 0
         if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` raises an error
@@ -148,7 +148,7 @@ def _take_elastic_pieces(
         return
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
     longest, z_ba, left = half_period(o), plant.z_ba, (s.t_end - s.start) - s.done * period
-    shortest = _BRIEF * plant.inv_omega
+    shortest = _SHORTEST_BENT * plant.inv_omega
     while s.segment < drive.shape[1] - 1 and s.segment != s.slip and s.spent + 1 < s.allowance:
         h, rate, bend = drive[0, s.segment], drive[1, s.segment], drive[2, s.segment]
         w, a = s.v - rate, (plant.force - plant.mass * bend) / plant.sigma_0
@@ -177,17 +177,17 @@ def _next_arc(
     kernel: np.record,
     contacts: NDArray | None,
     outlook: ArcLimits,
-    brief: bool,
+    too_short: bool,
 ) -> None:
-    """Fill kernel.arc with the way from the anchor to the next event; brief: see `_BRIEF`."""
+    """Fill kernel.arc from the anchor to the next event; too_short: see `_SHORTEST_BENT`."""
     arc, limit, rate, bend = kernel.arc, outlook.limit, s.rate, s.bend
     arc.trial = s.trial
     arc.hit = 0
     near = not s.near_low <= s.x <= s.near_high
-    if bend != 0.0 and (plant.spring != 0.0 or brief or (near and s.v == 0.0)):
+    if bend != 0.0 and (plant.spring != 0.0 or too_short or (near and s.v == 0.0)):
         # With a spring or at a stop a straight line takes the place of a part of a bent piece.
         slides_on = plant.kind == ALWAYS_PLASTIC or plant.slides != 0
-        chord = _CHORD_OF_SLIDE if slides_on else _CHORD
+        chord = _SLIDING_WITHIN if slides_on else _STRAIGHT_WITHIN
         limit = min(limit, math.sqrt(chord / abs(bend)))
         rate, bend = rate + 0.5 * bend * limit, 0.0
         s.rate = rate  # which decides whether the stop holds the runner
@@ -202,10 +202,10 @@ def _next_arc(
         held_arc(arc, plant, kernel.held, contacts, s.stopped, limit)
     else:
         find_arc(arc, plant, contacts, limit, True)
-        x_end = s.x + arc.path + carried(arc, arc.length)
+        x_end = s.x + arc.path + actuator_path(arc, arc.length)
         if near or not s.near_low <= x_end <= s.near_high:
             arc.hit = arc_to_stop(arc, plant, contacts, s)
-    at_once = _AT_ONCE * plant.inv_omega if arc.hit != 0 else 0.0
+    at_once = _NO_TIME * plant.inv_omega if arc.hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
     s.spent += arc.cost
 
@@ -215,7 +215,7 @@ def _end_position(s: np.record, arc: np.record) -> float:
     """Return the position (m) at the end of the arc."""
     if s.stopped != 0:
         return s.x  # type: ignore[no-any-return]
-    x = s.x + arc.path + carried(arc, arc.length)
+    x = s.x + arc.path + actuator_path(arc, arc.length)
     if s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high:
         return x  # type: ignore[no-any-return]
     return min(max(x, s.low), s.high)  # type: ignore[no-any-return]

@@ -2,10 +2,10 @@
 """Memory of the compiled kernel: a plant, an axis and an arc, each a record with named fields.
 
 Compiled and plain code use the same names. Python calls the kernel with float64 buffers, which
-costs a tenth of the time of passing a record; `axis_in` and `plant_in` return the records inside. A
-record does not keep its buffer alive: the caller of the kernel has to hold it.
+costs a tenth of the time of passing a record; `kernel_in` and `plant_in` return the records inside.
+A record does not keep its buffer alive: the caller of the kernel has to hold it.
 
-A runner on several contacts has another buffer, of CONTACT records. With one contact this buffer is
+A runner on several contacts has another buffer, an array of CONTACT_RECORD. With one contact it is
 None, and the code for several contacts is not compiled: numba skips a branch of ``if contacts is
 None`` that the type excludes.
 """
@@ -90,7 +90,7 @@ PLANT = _record(
 )
 
 #: The state of one axis. The anchor is the last event; time counts from the cycle's start.
-AXIS = _record(
+STATE = _record(
     ("start", "f8"),  # time at which the drive cycle began, s
     ("level", "f8"),  # u at the start of the running cycle, m
     ("shift", "f8"),  # change of u over a cycle, m: 0 for a closed drive cycle
@@ -175,7 +175,7 @@ FREE, TURN, BREAKAWAY = range(3)
 CONTACT_SERIES = 4
 
 #: One of several contacts under the runner
-CONTACT = _record(
+CONTACT_RECORD = _record(
     *_CONTACT,
     *_numbers("f8", " ".join(OWN_CONSTANTS)),  # that laws have alone
     # its deflection, m: at the anchor, at the end of the arc, at the time asked for, and at the
@@ -191,9 +191,9 @@ STICKS, GRADED, PLASTIC = range(3)
 #: An axis's buffer: its state, the present arc, a part of a tabulated one, the plant of a runner
 #: that a stop holds, and a copy
 #: of the state for a preview
-KERNEL = _record(("state", AXIS), ("arc", ARC), ("part", ARC), ("held", PLANT), ("preview", AXIS))
+KERNEL = _record(("state", STATE), ("arc", ARC), ("part", ARC), ("held", PLANT), ("preview", STATE))
 
-PLANT_SIZE, CONTACT_SIZE, AXIS_BUFFER = (d.itemsize // 8 for d in (PLANT, CONTACT, KERNEL))
+PLANT_SIZE, CONTACT_SIZE, KERNEL_SIZE = (d.itemsize // 8 for d in (PLANT, CONTACT_RECORD, KERNEL))
 
 
 @compiled
@@ -203,9 +203,9 @@ def plant_in(buffer: NDArray) -> np.record:
 
 
 @compiled
-def axis_in(buffer: NDArray) -> np.record:
-    """Return what a KERNEL record says of an axis, in its buffer (AXIS_BUFFER,)."""
-    return buffer[:AXIS_BUFFER].view(KERNEL)[0]  # type: ignore[no-any-return]
+def kernel_in(buffer: NDArray) -> np.record:
+    """Return what a KERNEL record says of an axis, in its buffer (KERNEL_SIZE,)."""
+    return buffer[:KERNEL_SIZE].view(KERNEL)[0]  # type: ignore[no-any-return]
 
 
 @compiled
@@ -218,4 +218,4 @@ def contacts_in(buffer: NDArray | None, preview: bool) -> Any:
         return None
     half = len(buffer) // 2
     part = buffer[half:] if preview else buffer[:half]
-    return part.view(CONTACT)
+    return part.view(CONTACT_RECORD)

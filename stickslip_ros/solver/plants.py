@@ -17,18 +17,18 @@ from stickslip_ros.model import Contact, Plant
 from stickslip_ros.model.plant import NEARLY_SLIDING
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
-    AXIS,
-    AXIS_BUFFER,
-    CONTACT,
+    CONTACT_RECORD,
     CONTACT_SIZE,
+    KERNEL_SIZE,
     NODES,
     ORDER,
     PLANT,
     PLANT_SIZE,
     ROWS,
     SLIDE_SIZE,
-    axis_in,
+    STATE,
     contacts_in,
+    kernel_in,
     open_record,
     plain_dtype,
     plant_in,
@@ -80,7 +80,7 @@ def contact_buffer(plant: Plant) -> Array | None:
 
 def contact_records(buffer: Array) -> NDArray[Any]:
     """Return the records of several contacts in their buffer, for Python: fields by ["name"]."""
-    return buffer[: len(buffer) // 2].view(plain_dtype(CONTACT))
+    return buffer[: len(buffer) // 2].view(plain_dtype(CONTACT_RECORD))
 
 
 def set_contacts(buffer: Array | None, plant: Plant) -> None:
@@ -94,14 +94,14 @@ def set_contacts(buffer: Array | None, plant: Plant) -> None:
         records[name] = value
 
 
-_NEVER_MOVED = np.zeros(AXIS_BUFFER)
+_NEVER_MOVED = np.zeros(KERNEL_SIZE)
 for _name, _value in {
     **dict.fromkeys(("backstep", "last_step", "last_dissipated"), math.nan),
     **dict.fromkeys(("low", "near_low"), -math.inf),
     **dict.fromkeys(("high", "near_high"), math.inf),
     "replay": 1,
 }.items():
-    open_record(_NEVER_MOVED, AXIS)[_name] = _value
+    open_record(_NEVER_MOVED, STATE)[_name] = _value
 
 
 def at_rest(axis: Array, contacts: Array | None) -> None:
@@ -137,7 +137,7 @@ def begin_window(
     axis: NDArray, start: float, count: int, shift: float, slip: int, slip_end: int
 ) -> None:
     """Start count cycles at start (s) in the present state of an axis, which goes on as it is."""
-    s = axis_in(axis).state
+    s = kernel_in(axis).state
     s.start, s.count, s.shift, s.slip, s.slip_end = start, count, shift, slip, slip_end
     s.done = s.steady = s.segment = 0
     s.tau = s.since = s.open_tau = 0.0
@@ -156,7 +156,7 @@ def begin_cycles(
     cycle is how far it shifts u (m), the segments in which its slip begins and that follows it, and
     the sign of its step.
     """
-    s = axis_in(axis).state
+    s = kernel_in(axis).state
     s.start, s.level, s.count = t, s.now_u, count
     s.shift, s.slip, s.slip_end, s.sign = cycle
     s.tau = s.since = s.dissipated = 0.0

@@ -23,7 +23,7 @@ from stickslip_ros.solver.advance import (
     run_events,
     run_samples,
 )
-from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, open_record
+from stickslip_ros.solver.layout import KERNEL_SIZE, ROW_SIZE, STATE, open_record
 from stickslip_ros.solver.plants import (
     at_rest,
     begin_cycles,
@@ -102,9 +102,9 @@ class Simulation:
         """
         self._budget, self._replay = budget, replay
         self._events: list[Array] | None = None  # s, while they are recorded
-        self._axis = np.empty(AXIS_BUFFER)
+        self._axis = np.empty(KERNEL_SIZE)
         self._each = contact_buffer(plant)
-        self._s = open_record(self._axis, AXIS)
+        self._s = open_record(self._axis, STATE)
         self.restart()
         self._use_plant(plant, tolerance)
 
@@ -122,7 +122,7 @@ class Simulation:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the state, with a view of the copied buffer."""
         self.__dict__.update(state)
-        self._s = open_record(self._axis, AXIS)
+        self._s = open_record(self._axis, STATE)
 
     def set_plant(self, plant: Plant, tolerance: float) -> None:
         """Change the plant at the present state and time, also within a cycle."""

@@ -25,7 +25,7 @@ from stickslip_ros.solver.general_arcs import force_of, second_after
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.oscillator import bisection
 from stickslip_ros.solver.taylor import Z, integral
-from stickslip_ros.solver.within_arc import carried, end_at, rate_after, turn_from, within_arc
+from stickslip_ros.solver.within_arc import actuator_path, end_at, rate_after, turn_from, within_arc
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
@@ -164,7 +164,7 @@ def arc_to_stop(arc: np.record, plant: np.record, contacts: NDArray | None, s: n
 def _reach(arc: np.record) -> tuple[float, float]:
     """Return a lowest and a highest position (m) that the arc does not pass."""
     h = arc.length
-    moved = carried(arc, h) if arc.rate != 0.0 or arc.bend != 0.0 else 0.0
+    moved = actuator_path(arc, h) if arc.rate != 0.0 or arc.bend != 0.0 else 0.0
     if arc.kind == ELASTIC:
         down = min(arc.z_min, arc.z_end) - arc.z
         up = max(arc.z_max, arc.z_end) - arc.z
@@ -208,4 +208,4 @@ _hit = bisection(_is_short_of)
 @compiled
 def _over(arc: np.record, plant: np.record, side: int, stop: float, t: float) -> float:
     """Return how far (m) beyond the stop the runner would be after t (s)."""
-    return side * (arc.x + within_arc(arc, plant, t)[0] + carried(arc, t) - stop)  # type: ignore[no-any-return]
+    return side * (arc.x + within_arc(arc, plant, t)[0] + actuator_path(arc, t) - stop)  # type: ignore[no-any-return]

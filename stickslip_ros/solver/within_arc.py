@@ -50,7 +50,7 @@ def begin_arc(
 
 
 @compiled_inline
-def carried(arc: np.record, t: float) -> float:
+def actuator_path(arc: np.record, t: float) -> float:
     """Return how far (m) the actuator gets in t (s) of the arc, which may be infinite at rest."""
     rate = arc.rate if arc.bend == 0.0 else arc.rate + 0.5 * arc.bend * t
     return rate * t  # type: ignore[no-any-return]
@@ -161,7 +161,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         if not v_start < 0.0 <= v_end:
             return math.nan, 0.0
         t = turn_from((arc, plant, -sign, False), 0.0, h)
-        return t, within_arc(arc, plant, t)[0] + carried(arc, t)
+        return t, within_arc(arc, plant, t)[0] + actuator_path(arc, t)
     if arc.kind == ELASTIC:
         line = Line(arc.line, arc.line_rate)
         y, wy = arc.z - line.a, w - line.b
@@ -174,7 +174,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
                 t = next_turn(y, wy, o, line.b + rate, t, h)
             if not t < h:
                 return math.nan, 0.0
-        return t, within_arc(arc, plant, t)[0] + carried(arc, t)
+        return t, within_arc(arc, plant, t)[0] + actuator_path(arc, t)
     if not v_start < 0.0 <= v_end:
         return math.nan, 0.0
     if arc.kind == TAYLOR:
@@ -188,7 +188,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         branch = branch_at(plant, z_end, w_end, side * arc.force, side * rate, side)
         expand(arc.work, plant, branch, z_end, w_end)
         t = time_at_level(arc.work, W, -side * rate, -h)
-        return h + t, arc.path + side * integral(arc.work, W, t) + carried(arc, h + t)
+        return h + t, arc.path + side * integral(arc.work, W, t) + actuator_path(arc, h + t)
     t = turn_from((arc, plant, -sign, False), 0.0, h)
     return t, within_arc(arc, plant, t)[0] + rate * t
 

@@ -100,7 +100,7 @@ from stickslip_ros.identification import RANKED_LAWS
 from stickslip_ros.identification.free import default_names
 from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import rates_of_law
-from stickslip_ros.solver.layout import CONTACT
+from stickslip_ros.solver.layout import CONTACT_RECORD
 from stickslip_ros.solver.plants import contact_buffer, set_contacts
 rates = []
 for more in ({}, {"dahl_cap": 0.25}):
@@ -108,7 +108,7 @@ for more in ({}, {"dahl_cap": 0.25}):
     plant = Plant.of(p)
     buffer = contact_buffer(plant)
     set_contacts(buffer, plant)
-    contact = buffer[:len(buffer) // 2].view(CONTACT)[0]
+    contact = buffer[:len(buffer) // 2].view(CONTACT_RECORD)[0]
     rates.append(rates_of_law(0.5 * contact.z_k, 0.0, 2.0, contact)[0])
 print(json.dumps([rates, default_names([p]), "dahl" in RANKED_LAWS]))
 """
