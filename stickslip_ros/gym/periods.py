@@ -191,7 +191,7 @@ def run_periods(
             limits[1] = s.v_most / NEARLY_AS_FAST**2
         s.v_most = 0.0
         states.t[k], states.x[k], states.v[k] = end, s.now_x, s.now_v
-        states.lost[k], states.slid[k] = s.last_dissipated, s.slid - slid
+        states.lost[k], states.slid[k] = s.last_heat, s.slid - slid
         states.vibration[k] = ringing(plant, s)
         states.reading[k] = read(buffers.sampled[k], sensing, k, max(last - sensing.delay, 0))
         states.failed[k] = 1 if s.unfinished != 0 or not math.isfinite(s.now_x) else 0

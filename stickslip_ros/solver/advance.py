@@ -237,7 +237,7 @@ def anchor(plant: NDArray, axis: NDArray, x: float, v: float, z: float) -> None:
     s.cycle_z = math.nan  # a cycle with two plants is not repeated
     s.x, s.v, s.z = s.now_x, s.now_v, s.now_z = x, v, z
     s.rate = s.now_rate
-    s.dissipated += heat_since(s, plant_in(plant), s.tau - s.open_tau)
+    s.heat += heat_since(s, plant_in(plant), s.tau - s.open_tau)
     open_account(s)
 
 

@@ -48,7 +48,7 @@ _NEARLY_AS_FAST = 0.7
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])
 #: What the kernel knows of a cycle that has ended
-_OF_LAST_CYCLE = ("cycle_x", "last_step", "last_dissipated")
+_OF_LAST_CYCLE = ("cycle_x", "last_step", "last_heat")
 #: Begin and end of the slip of a drive cycle that has none, s
 _NO_SLIP = (math.inf, math.inf)
 

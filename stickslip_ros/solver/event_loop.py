@@ -112,7 +112,7 @@ def solve_cycles(
         _track_backstep(plant, s, kernel, outlook.resting)
         _take_arc(plant, s, arc, contacts)
         if lined:
-            s.dissipated += heat_since(s, plant, s.tau - s.open_tau)
+            s.heat += heat_since(s, plant, s.tau - s.open_tau)
             open_account(s)
             s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
         if arc.length < outlook.limit:
@@ -259,11 +259,11 @@ def _take_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray 
     s.tau, s.x, s.v, s.z = s.tau + arc.length, x, v, arc.z_end
     s.v_most = max(s.v_most, abs(v))
     if s.stopped != 0:
-        s.dissipated += held_heat(arc, plant)
+        s.heat += held_heat(arc, plant)
         open_account(s)
     elif arc.hit != 0:  # its remaining kinetic energy goes into the stop
         s.x = s.low if arc.hit < 0 else s.high
-        s.dissipated += heat_since(s, plant, s.tau - s.open_tau)
+        s.heat += heat_since(s, plant, s.tau - s.open_tau)
         s.v = 0.0
         open_account(s)
         s.stopped, s.hits = arc.hit, s.hits + 1
@@ -283,16 +283,16 @@ def _take_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDA
         stored += 0.5 * c.sigma_0 * (c.z_end * c.z_end - c.z * c.z)
         damped += c.sigma_1 * (c.z_end - c.z)
         c.z, c.second = c.z_end, c.second_end
-    s.dissipated -= stored
+    s.heat -= stored
     if s.stopped != 0:
-        s.dissipated -= s.rate * damped
+        s.heat -= s.rate * damped
 
 
 @compiled
 def _pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
     """Begin the next segment, where the rate changes; return whether that ends the cycle."""
     duration = drive[0, s.segment]
-    s.dissipated += heat_since(s, plant, duration - s.open_tau)
+    s.heat += heat_since(s, plant, duration - s.open_tau)
     s.since += duration
     s.tau = 0.0
     open_account(s)
@@ -349,13 +349,13 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
         and (plant.spring == 0.0 or abs(step) <= close)
     ):  # it ended in the state in which it began, one step further
         s.steady = 1
-    s.last_step, s.last_dissipated = step, s.dissipated
+    s.last_step, s.last_heat = step, s.heat
     s.last_z_max, s.last_z_min = s.z_max, s.z_min
     s.cycle_x, s.cycle_v, s.cycle_z = s.x, s.v, s.z
     s.z_max = s.z_min = s.z
     s.last_x_min, s.last_x_max = s.x_min, s.x_max
     s.x_min = s.x_max = s.x
-    s.dissipated = 0.0
+    s.heat = 0.0
     if contacts is not None:  # it repeats only if every contact ends it as it began
         for c in contacts:
             if not abs(c.z - c.cycle_z) <= close:
@@ -393,7 +393,7 @@ def write_row(s: np.record, rows: NDArray, at: int) -> None:
     if at < len(rows):
         row = rows[at]
         row[0], row[1] = s.x, s.backstep
-        row[2], row[3], row[4] = s.last_z_max, s.last_z_min, s.last_dissipated
+        row[2], row[3], row[4] = s.last_z_max, s.last_z_min, s.last_heat
 
 
 @compiled

@@ -228,7 +228,7 @@ class Simulation:
     @property
     def last_lost(self) -> float:
         """Energy (J) lost in the contact over the last whole cycle; nan before the first."""
-        return float(self._s["last_dissipated"])
+        return float(self._s["last_heat"])
 
     @property
     def slipping(self) -> bool:
