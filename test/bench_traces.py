@@ -304,7 +304,7 @@ def random_axis(random: np.random.Generator) -> Axis:
 
 
 def random_bench(seed: int, hard: bool = True) -> Bench:
-    """Return a trace with a drive and disturbances by lot; few of them if not hard."""
+    """Return a trace with a drive and random disturbances; few of them if not hard."""
     random = np.random.default_rng(seed)
     axis = random_axis(random)
     frequency = float(np.exp(random.uniform(np.log(60.0), np.log(6e3))))

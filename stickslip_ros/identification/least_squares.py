@@ -168,7 +168,7 @@ def descend(problem: Problem, start: Point, rounds: int) -> Point:
                 at, damping = found, damping / DESCENT.easier
                 break
             damping *= DESCENT.harder
-        if before - at.deviance < max(DESCENT.settled, 1e-7 * before):
+        if before - at.deviance < max(DESCENT.converged, 1e-7 * before):
             break
     return at
 

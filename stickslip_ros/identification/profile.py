@@ -136,7 +136,7 @@ class Profiler:
             )
             tries = (self.problem.bounded(at.unknowns + part * step) for part in (1.0, 0.3))
             better = None
-            if not gain < PROFILE.settled * self.scale * self.rise:
+            if not gain < PROFILE.converged * self.scale * self.rise:
                 points = filter(None, map(self.problem.point, tries))
                 better = next((one for one in points if one.deviance < at.deviance), None)
             if better is not None:

@@ -247,7 +247,7 @@ def search(
 def _population(
     fits: Sequence[TraceFit], free: FreeParameters, random: np.random.Generator
 ) -> Array:
-    """Return members by lot, half of them such as the ringing asks for."""
+    """Return random members, half of them such as the ringing asks for."""
     count = SEARCH.members * len(free.names)
     members = random.uniform(free.low, free.high, (count, len(free.names)))
     members[0] = free.start

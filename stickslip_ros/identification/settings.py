@@ -114,7 +114,7 @@ class DescentSettings:
     easier: float = 5.0  #: that it is divided by after a step that helped
     harder: float = 4.0  #: that it is multiplied by after one that did not
     tries: int = 8  #: of a step
-    settled: float = 0.01  #: change of the deviance that ends it
+    converged: float = 0.01  #: change of the deviance that ends it
     stride: float = 0.7  #: largest change of a logarithm in a step
     short: int = 4  #: rounds from every start
     followed: int = 2  #: ends that are followed on
@@ -135,7 +135,7 @@ class ProfileSettings:
     looks: int = 14  #: at a side
     steep: float = 1.1  #: times the root of the rise; beyond, a look is taken again from nearer by
     steps: int = 12  #: of a descent with one parameter held
-    settled: float = 0.002  #: part of the rise; a smaller decrease ends that descent
+    converged: float = 0.002  #: part of the rise; a smaller decrease ends that descent
     furthest: float = math.log(30.0)  #: distance looked at, as a logarithm
     better: float = 0.5  #: deviance below the optimum that makes a better one
     unknown: float = 0.7  #: standard deviation (logarithm) of a direction that is not known

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Identified parameters with their uncertainty: many sets by lot, and the band that they make.
+"""Identified parameters with their uncertainty: many random sets, and the band that they make.
 
 A fitted file of ``stickslip identify`` holds, in a comment, the values, the ends of their 95 %
 intervals and the correlations of their logarithms.

@@ -52,7 +52,7 @@ class AlignmentSettings:
     near: float = 2.0  #: distances of samples about an offset, for the right swing of the ringing
     near_places: int = 41  #: offsets tried there
     rounds: int = 30  #: of least squares at most
-    settled: float = 1e-9  #: change (s) that ends them: the runner moves by far less than noise
+    converged: float = 1e-9  #: change (s) that ends them: the runner moves by far less than noise
     periods_apart: float = 3.0  #: of the ringing in a cycle from which on it is seen by itself
     decays_apart: float = 2.0  #: the same of its decays
     straight: float = 0.05  #: part of a sample by which a straight line moves where a slip begins
@@ -286,7 +286,7 @@ class ClockSearch:
                 drift=found.drift + (float(step[1]) if drift else 0.0),
                 offset_error=float(np.std(left) / sizes[0]),
             )
-            if abs(step[0]) < SETTINGS.settled:
+            if abs(step[0]) < SETTINGS.converged:
                 break
         return found
 

@@ -24,7 +24,7 @@ _JUDGES = 20_000
 _OVERLAP = 0.5
 #: Fewest samples in common that say something.
 _FEWEST = 8
-#: Order of the Butterworth filter, run to and fro: twice that in effect, without any delay.
+#: Order of the Butterworth filter, run back and forth: twice that in effect, without any delay.
 ORDER = 4
 #: Samples are even if their distances are within this part.
 _EVEN = 1e-3

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings: rosbag2 folders written, read and mended, the runs in them, resimulation; no ROS."""
+"""Recordings: rosbag2 folders written, read, recovered; the runs in them, resimulation; no ROS."""
 
 from typing import TYPE_CHECKING
 

@@ -36,7 +36,7 @@ from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest, within
 #: may be unstable
 _PER_RARE_STEP, _PER_BENT_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 2e-3, 1e-4, 1e-5
 #: Distance of z from steady sliding, as a fraction of the tolerance, at which it counts as reached
-_SETTLED = 1e-4
+_REACHED = 1e-4
 #: Largest change of w, as a fraction of v_s, between checks whether a jump of alpha holds z
 _SHARE_OF_V_S = 0.1
 
@@ -104,7 +104,7 @@ def _tabulated_arc(arc: np.record, plant: np.record, inward: bool, limit: float)
             z_end = rest + left
     elif z == plant.z_ba and w <= plant.burst_top and straight:
         z_end, t, dr = burst(plant, side, w)
-    elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide - plant.settled:
+    elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide - plant.approach_reach:
         t, dr, z_end, w_slide = slide(plant, z, w, mirror * arc.force, limit)
         w_end = mirror * w_slide
     if not t <= limit:
@@ -169,7 +169,7 @@ def _series_end(
         tables
         and w > plant.burst_top
         and plant.sigma_2 == 0.0
-        and z < plant.z_slide - plant.settled
+        and z < plant.z_slide - plant.approach_reach
         and end.event != TURN
     ):
         stop = point_above(plant, z)  # the tables continue there
@@ -191,12 +191,12 @@ def _glides(arc: np.record, plant: np.record, pull: float, flat: bool, floor: fl
     if not held_at_jump(plant, z, w, mirror):
         if not flat:
             return False
-        near = plant.settled if fast else _SETTLED * plant.tolerance
+        near = plant.approach_reach if fast else _REACHED * plant.tolerance
         z_slide = _steady(arc, plant, pull) if plant.printed != 0 else plant.z_slide
         if not abs(z - z_slide) <= near:
             return False
     arc.net, arc.z_slide = pull - plant.sigma_0 * z_slide, mirror * z_slide
-    arc.settling = plant.settling if fast else 0.0
+    arc.approach_rate = plant.approach_rate if fast else 0.0
     if not glide_of(arc, plant).w > floor:
         return False
     arc.kind = GLIDE

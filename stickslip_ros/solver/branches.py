@@ -23,7 +23,7 @@ _ROUNDING = 1e-16
 _EDGE = 1.0 + 1e-9
 #: z nears that of steady sliding as an exponential within this fraction of the tolerance, and alpha
 #: is linear within this fraction of z - z_ba
-_SETTLED, _LINEAR = 0.03, 1e-4
+_REACHED, _LINEAR = 0.03, 1e-4
 
 
 @compiled
@@ -141,13 +141,13 @@ _steady_root = newton(beyond_steady)
 
 
 @compiled
-def settling(plant: np.record) -> tuple[float, float]:
+def approach(plant: np.record) -> tuple[float, float]:
     """Return at which rate (1/m) z nears `sliding_deflection` along the path, and how near (m).
 
     Within that distance dz/dr = 1 - alpha z / z_lim counts as linear, and w as constant meanwhile.
     """
     z_ba, z_ss, z_k, z = plant.z_ba, plant.z_ss, plant.z_k, plant.z_slide
-    rate, near = 1.0 / z_k, _SETTLED * plant.tolerance
+    rate, near = 1.0 / z_k, _REACHED * plant.tolerance
     if plant.kind == ELASTOPLASTIC and z < z_ss:
         scale = math.pi / (z_ss - z_ba)
         rate *= z_k / z + alpha_at(scale * (z - z_ba))[1] * scale * z

@@ -61,8 +61,8 @@ from stickslip_ros.solver.taylor import (
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest
 
 #: Fractions of the tolerance per cycle: one step of a series; what a z may lack to its limit and
-#: counts as settled
-_PER_STEP, _SETTLED = 1e-3, 1e-4
+#: counts as reached
+_PER_STEP, _REACHED = 1e-3, 1e-4
 
 
 @compiled
@@ -79,7 +79,7 @@ def contacts_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: flo
     slide, room = _choose_branches(contacts, arc.mirror)
     if slide and w != 0.0 and _is_settled(arc, plant, contacts):  # to the z_end of each
         z = mean_at_end(contacts)
-        arc.kind, arc.z_slide, arc.settling = GLIDE, z, 0.0
+        arc.kind, arc.z_slide, arc.approach_rate = GLIDE, z, 0.0
         arc.net = arc.mirror * (arc.force - plant.spring * arc.x - plant.sigma_0 * z)
         g = glide_of(arc, plant)
         t, slowed = glide_end(g, 0.0, limit)
@@ -171,7 +171,7 @@ def _is_settled(arc: np.record, plant: np.record, contacts: NDArray) -> bool:
         beyond, slope = z - c.z_k, 1.0
         if c.branch == GRADED:
             beyond, slope = beyond_steady(z, (c.z_ba, math.pi / (c.z_ss - c.z_ba), c.z_k))
-        if not abs(beyond) <= _SETTLED * plant.tolerance:
+        if not abs(beyond) <= _REACHED * plant.tolerance:
             return False
         c.z_end = arc.mirror * (z - beyond / slope)
     return True

@@ -70,7 +70,7 @@ PLANT = _record(
     ("tolerance", "f8"),  # error in position allowed per cycle, m
     ("z_slide", "f8"),  # |z| of fast steady sliding, m; nan if it depends on the side
     # nearing it along the path: the rate, 1/m, and the distance from where on that rate holds, m
-    *_numbers("f8", "settling settled"),
+    *_numbers("f8", "approach_rate approach_reach"),
     ("v_edge", "f8"),  # speed above which the Stribeck curve is flat, m/s; 0 if there is none
     ("slides", "i8"),  # 1 if the load can keep the runner sliding
     ("inv_omega", "f8"),  # 1 / angular frequency, s: error in position for an error in speed
@@ -155,7 +155,7 @@ ARC = _record(
     *_numbers("f8", "bend force"),
     *_numbers("f8", "line line_rate"),  # a (m) and b (m/s) of an elastic arc
     # of a gliding arc: mirrored force at the start, N; where z tends to, m, and how fast, 1/m
-    *_numbers("f8", "net z_slide settling"),
+    *_numbers("f8", "net z_slide approach_rate"),
     *_numbers("f8", "z_end w_end"),  # m, m/s
     ("path", "f8"),  # integral of w over the arc, m
     *_numbers("f8", "z_max z_min"),  # extremes of z within the arc, m

@@ -15,7 +15,7 @@ from stickslip_ros.laws import OWN_CONSTANTS
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, DISTANCES, ELASTOPLASTIC
 from stickslip_ros.model import Contact, Plant
 from stickslip_ros.model.plant import NEARLY_SLIDING
-from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
+from stickslip_ros.solver.branches import approach, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
     CONTACT_RECORD,
     CONTACT_SIZE,
@@ -70,7 +70,7 @@ def derive_constants(buffer: NDArray) -> None:
     o = oscillator(0.5 * (plant.sigma_1 + plant.sigma_2) / plant.mass, kappa)
     plant.delta, plant.kappa, plant.omega = o
     plant.inv_omega = 1.0 / math.sqrt(kappa)
-    plant.settling, plant.settled = settling(plant)
+    plant.approach_rate, plant.approach_reach = approach(plant)
 
 
 def contact_buffer(plant: Plant) -> Array | None:

@@ -185,7 +185,7 @@ def learn_slide(plant: np.record, work: NDArray) -> bool:
         at = plant.slide[piece]
         at[0], at[1], at[2], at[3], at[4] = r, z, z1, z2, zz
         at[5], at[6], at[7], at[8] = rz1, z1z1, zzz1, rzz
-        if z >= plant.z_slide - plant.settled:
+        if z >= plant.z_slide - plant.approach_reach:
             plant.slide_count = piece + 1
             return True
     return False

@@ -29,7 +29,7 @@ PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
 #: four: z, cosine and sine of alpha, and z'/w.
 Z, C, S, P, W, Q, G, Y, E, D = range(10)
 #: Width, as a fraction of z_k, of the band below the speed-dependent z_ss in which an arc keeps its
-#: branch: either serves there, and rounding cannot throw it to and fro
+#: branch: either serves there, and rounding cannot throw it back and forth
 BAND = 1e-12
 #: The exponent of the Stribeck curve changes by so much at most within a step. Far out on its
 #: flank the curve is flat, and no coefficient there knows of the rise to come; and beyond pi lie

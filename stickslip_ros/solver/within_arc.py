@@ -82,7 +82,7 @@ def glide_of(arc: np.record, plant: np.record) -> Glide:
     """Return the steady slide that an arc is, mirrored."""
     mirror = arc.mirror
     w = mirror * arc.w
-    if plant.slides != 0 and arc.settling == 0.0:
+    if plant.slides != 0 and arc.approach_rate == 0.0:
         # What little z is off goes at once, and damping makes a speed of it that stays.
         w += plant.sigma_1 * mirror * (arc.z - arc.z_slide) / plant.mass
     return Glide(w, arc.net, plant.sigma_2, plant.spring, plant.mass, mirror * arc.rate)
@@ -106,10 +106,10 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
         )
     if arc.kind == GLIDE:
         dr, w1 = glide(glide_of(arc, plant), t)
-        if arc.settling == 0.0:
+        if arc.approach_rate == 0.0:
             return mirror * dr, arc.z_slide if plant.slides != 0 else z, mirror * w1
-        left = (z - arc.z_slide) * math.exp(-arc.settling * dr)
-        held_back = plant.sigma_0 / (arc.settling * mirror * arc.w) - plant.sigma_1
+        left = (z - arc.z_slide) * math.exp(-arc.approach_rate * dr)
+        held_back = plant.sigma_0 / (arc.approach_rate * mirror * arc.w) - plant.sigma_1
         w1 -= mirror * (z - arc.z_slide - left) * held_back / plant.mass
         return mirror * dr, arc.z_slide + left, mirror * w1
     if arc.kind == STIFF and t > 0.0:

@@ -136,7 +136,7 @@ def find_even(slip: Array, resolution: float) -> tuple[Array, float]:
 def find_strokes(t: Array, share: Array) -> Array:
     """Return rows (begin, end, sign) of the strokes of a share of the deflection through 1/4, 3/4.
 
-    Noise that crosses one of the two levels to and fro makes no stroke.
+    Noise that crosses one of the two levels back and forth makes no stroke.
     """
     times, levels = [], []
     for level in (0.25, 0.75):

@@ -294,7 +294,7 @@ def _find_all(
 
     apart = [one for one in edges if not any(do_overlap(one, run) for run in found)]
     highest = sorted(apart, key=lambda one: -one.score)
-    # The highest falls may be those of whole runs to and fro; many even ones are no chance, either.
+    # The highest falls may be those of whole runs back and forth; many even ones are no chance.
     longest = sorted(highest, key=lambda one: -one.count)
     while True:
         seeds: list[SlipGrid] = []

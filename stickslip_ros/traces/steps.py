@@ -99,7 +99,7 @@ def estimate_settled_mean(values: NDArray[np.float64], exact: bool) -> MeasuredV
 def wander_of(steps: NDArray[np.float64]) -> float:
     """Return the error (m) of the mean of the settled steps, (steps,), as the runner wanders.
 
-    Noise of the positions moves neighbouring steps to and fro; a random walk moves all at random.
+    Noise of the positions moves neighbouring steps back and forth; a random walk moves all.
     Whittle's likelihood of their spectrum (Arkiv för matematik 2 (1953) 423) tells how probable a
     walk of each size is; few steps hardly tell it, and so keep a part of what is so beforehand.
     """

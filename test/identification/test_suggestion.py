@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to measure next, against runs by lot and against what then comes out."""
+"""What to measure next, against random runs and against what then comes out."""
 
 import json
 import math
@@ -59,7 +59,7 @@ def suggestion(axis: Axis, known: Profiler, records: CandidateSensor) -> Suggest
 
 @pytest.mark.long
 def test_it_leaves_the_widest_interval_narrower_than_runs_by_lot() -> None:
-    """One run as suggested against the better half of twelve by lot."""
+    """One run as suggested against the better half of twelve at random."""
     axis, run = small()
     known = at_truth(axis, run)
     base = known.problem.fits[0].parameters

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Identified parameters drawn by lot, and the bands that they make."""
+"""Identified parameters drawn at random, and the bands that they make."""
 
 import csv
 import json

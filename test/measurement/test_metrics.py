@@ -169,7 +169,7 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
 
 
 def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
-    """To and fro, the amplitude at the cutoff is half; uneven samples are made even before."""
+    """Back and forth, the amplitude at the cutoff is half; uneven samples are made even before."""
     t: Array = np.arange(0.0, 0.5, 1e-4)
     for frequency, kept in ((50.0, 1.0), (500.0, 0.5), (1000.0, 1.0 / (1.0 + 2.0**8))):
         wave = np.sin(2.0 * np.pi * frequency * t)

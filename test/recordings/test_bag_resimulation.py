@@ -343,7 +343,7 @@ def _of_model(version: str | None) -> Callable[[int, Texts], Texts]:
 def test_a_run_of_another_model_is_told_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Only where a later mend touches the drive or, of the plain one, its way to a target."""
+    """Only where a later fix touches the drive or, of the plain one, its way to a target."""
     slewing: dict[str, Any] = {"amplifier_slew": 50.0}
     since = f"recorded with model 1, this is model {MODEL_VERSION}: differs by at most"
     touched, targets = f"{since} 64 nm a cycle", f"{since} the way to its target"
@@ -374,7 +374,7 @@ def test_a_run_of_another_model_is_told_what_differs(
 
 
 def test_a_change_of_parameters_counts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The drive that a later mend touches, or a command, may come in the middle of a run."""
+    """The drive that a later fix touches, or a command, may come in the middle of a run."""
     mend = ModelChange(2, "heavy preloads", lambda p: p.value("preload") > 0.9, "5 nm")
     way = ModelChange(3, "targets", lambda p: True, "5 nm", frozenset(("position",)))
     monkeypatch.setattr(versions, "CHANGES", (mend, way))

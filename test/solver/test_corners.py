@@ -124,7 +124,7 @@ def test_printed_alpha_leads_along_the_limit() -> None:
     ids=str,
 )
 def test_printed_alpha_takes_few_arcs(values: dict[str, Any]) -> None:
-    """Once z was thrown to and fro across its limit, hundreds of thousands of times a cycle."""
+    """Once z was thrown back and forth across its limit, hundreds of thousands of times a cycle."""
     p = Parameters.of(
         {
             **{"model": "epm_calc", "alpha_form": "printed", "preload": 2.0, "mass": 0.25},

@@ -191,8 +191,8 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
         assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
 
 
-#: Found by lot: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines beside
-#: their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
+#: Found at random: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines
+#: beside their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
 #: which each was off by as much as in a cycle of a millisecond; bends made of what rounding left;
 #: lines 5 pm off their curve, which a contact feels that slides from 51 pm on; lines as long as a
 #: ringing of 600 Hz, which it adds up; lines of a spring whose rates jump by four Stribeck

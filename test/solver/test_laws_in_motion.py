@@ -164,8 +164,8 @@ def _drift(values: dict[str, Any], cycles: int, replay: bool) -> np.ndarray:
     """Return positions (m) at the end of cycles of a vibrating load below breakaway.
 
     Seen from the actuator, its vibration is a load -m u'' on the runner: a triangle of 2 nm at
-    1 kHz kicks it to and fro, 8e-6 m/s each. A constant force of a third of the breakaway pulls on
-    top.
+    1 kHz kicks it back and forth, 8e-6 m/s each. A constant force of a third of the breakaway pulls
+    on top.
     """
     p = table_1(**values)
     simulation = Simulation(Plant.of(p), p.solver.tolerance, replay)

@@ -75,7 +75,7 @@ def test_steps_scatter_and_a_run_repeats_to_the_bit() -> None:
 
 
 def test_the_way_back_meets_the_same_surface() -> None:
-    """A symmetric drive to and fro: contacts at equal places are equal."""
+    """A symmetric drive back and forth: contacts at equal places are equal."""
     p = table_1(**ROUGH, surface_seed=4)
     simulation = simulation_of(p, Plant.of(p))
     found = []

@@ -39,7 +39,7 @@ def _found(axis: Axis, drive: Drive, sensor: Sensor, seed: int) -> Backstep:
 
 @pytest.mark.slow
 def test_the_error_of_the_backstep_holds_the_truth() -> None:
-    """Axes by lot: rates of 20 kHz to 500 kHz, noise of 0.3 to 3 nm, any damping.
+    """Random axes: rates of 20 kHz to 500 kHz, noise of 0.3 to 3 nm, any damping.
 
     16 of them within two standard errors but for one, and these below 5 %: all but two of them are.
     """

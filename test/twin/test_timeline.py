@@ -21,7 +21,7 @@ def _done(timeline: Timeline, t: float) -> float:
 
 
 def test_cycles_are_those_of_the_axis() -> None:
-    """Steps by lot, stopped, replaced and at other frequencies, counted at each rest."""
+    """Random steps, stopped, replaced and at other frequencies, counted at each rest."""
     random = np.random.default_rng(4)
     axis, timeline = Axis(Parameters.of(frequency=200.0)), Timeline(300.0, 200.0)
     t = 0.0

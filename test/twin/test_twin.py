@@ -184,7 +184,7 @@ def test_steps_to_and_fro_do_not_drift() -> None:
         axis.advance(0.01 * k + 0.003 * random.random())
         twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
         assert twin.level[0] in (OK, BLIND)
-        assert abs(twin.drift[0]) < 0.01  # what it learns; to and fro would be 0.5
+        assert abs(twin.drift[0]) < 0.01  # what it learns; back and forth would be 0.5
 
 
 def test_a_wrong_file_is_told_from_the_start() -> None:
@@ -287,7 +287,7 @@ def test_a_command_that_comes_late_makes_no_change() -> None:
 
 @pytest.mark.parametrize("trouble", ["late", "twice", "old", "none", "gap", "clock", "restart"])
 def test_an_axis_that_stays_the_same_is_not_accused_in_disorder(trouble: str) -> None:
-    """Steps by lot to and fro, and one trouble in each move; the axis is another one a time."""
+    """Random steps back and forth, and one trouble in each move; the axis is another one a time."""
     for seed in range(1, 5):
         random = np.random.default_rng(seed)
         values = np.exp(random.normal(0.0, [0.05, 0.01])) * [0.4, P.actuator.gain]

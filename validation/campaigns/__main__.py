@@ -55,8 +55,8 @@ CAMPAIGNS: dict[str, Campaign] = {
         "the same, told the frequency of the drive", (f"{_STUDIES}traces", "--told", "7")
     ),
     "searches": Campaign(
-        "runs and steps found in traces of several runs and disturbances by lot",
-        (f"{_STUDIES}traces", "--kinds", "by lot", "200"),
+        "runs and steps found in traces of several runs and random disturbances",
+        (f"{_STUDIES}traces", "--kinds", "at random", "200"),
     ),
     **{
         name: Campaign(text, (f"{_STUDIES}identification", name, count, first))
@@ -64,7 +64,7 @@ CAMPAIGNS: dict[str, Campaign] = {
             ("fits", "errors and time of identify at one preload", "6", "3"),
             ("preloads", "the same at five preloads, for Eq. 13 and 14", "4", "2"),
             ("laws", "which law a contact follows", "24", "8"),
-            ("next", "three runs as suggested against three by lot", "5", "1"),
+            ("next", "three runs as suggested against three at random", "5", "1"),
             ("misfit", "misfits that are found, and those reported without reason", "40", "11"),
         )
     },

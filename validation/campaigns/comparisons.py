@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often `compare` gives the right verdict: traces by lot, from the independent integrator.
+"""How often `compare` gives the right verdict: random traces, from the independent integrator.
 
     python -m validation.campaigns.comparisons COUNT [FIRST_SEED]
 
-Each trace has a contact and a drive by lot, a run forward and one backward with rests, noise of 0.5
+Each trace has a random contact and drive, a run forward and one backward with rests, noise of 0.5
 to 3 nm, in half of the traces hum, in half drift, and a clock of its own. It is compared with the
 true parameters, where nothing may differ, and with a preload 20 % too large or too small, where
 something has to differ in each run; whether the step size does is counted, too.

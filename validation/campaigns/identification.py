@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What identify finds in experiments by lot, beside the coverage that `intervals` counts.
+"""What identify finds in random experiments, beside the coverage that `intervals` counts.
 
     python -m validation.campaigns.identification fits|preloads|misfit|laws|next COUNT [FIRST_SEED]
 
 ``fits``: one trace of 12 cycles with 1 nm of noise at 0.5 MHz. ``preloads``: the same at five
 preloads, for Eq. 13 and 14. ``misfit``: a lag of the amplifier of 1.5 us, a second contact, a
 preload that steps half-way, and none of these. ``laws``: contacts of LuGre, EPM and CEIM. ``next``:
-three runs as suggested against three by lot. Traces come from integrators that share nothing with
-the package.
+three runs as suggested against three at random. Traces come from integrators that share nothing
+with the package.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def _by_lot(random: np.random.Generator, low: float, high: float) -> Drive:
 
 
 def next_runs(seed: int) -> str:
-    """Three runs as suggested, and three by lot, after the same first one of 20 ms."""
+    """Three runs as suggested, and three at random, after the same first one of 20 ms."""
     random = np.random.default_rng(seed)
     axis = random_axis(random)
     first = _measured(axis, _by_lot(random, 300.0, 1500.0), 5e5, 0.0, seed)
@@ -171,7 +171,7 @@ def next_runs(seed: int) -> str:
     for k in range(3):
         told = found.next
         assert told is not None
-        # No more time is spent than by lot, whatever the rate.
+        # No more time is spent than at random, whatever the rate.
         steps = max(min(told.steps, int(0.88 * RECORD * told.frequency)), 4)
         drive = Drive(steps, told.frequency, told.amplitude)
         runs.append(_measured(axis, drive, 5e5, told.payload, 100 * seed + k))
@@ -184,7 +184,7 @@ def next_runs(seed: int) -> str:
         )
     suggested, random_ones = _widest(found), _widest(identify([first, *by_lot]))
     return (
-        f"widest interval {suggested:.4f} as suggested, {random_ones:.4f} by lot (logarithms):"
+        f"widest interval {suggested:.4f} as suggested, {random_ones:.4f} at random (logarithms):"
         f" {suggested / random_ones:.2f} of it; {'; '.join(texts)}; {off(found, truth_of(axis))}"
     )
 

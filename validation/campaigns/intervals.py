@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often intervals hold the truth: experiments by lot, from the independent integrator.
+"""How often intervals hold the truth: random experiments, from the independent integrator.
 
     python -m validation.campaigns.intervals [--linear] COUNT [FIRST_SEED] >> FILE
     python -m validation.campaigns.intervals --sum FILE
@@ -8,7 +8,7 @@ The first prints a line of JSON for each experiment, the second counts those of 
 intervals of each parameter hold the truth, with the binomial standard error, how wide they are,
 and what the misfits say.
 
-An experiment has a contact by lot and one or two traces of 12 cycles with other drives. The noise
+An experiment has a random contact and one or two traces of 12 cycles with other drives. The noise
 is white, pink or white and a random walk; the amplifier lags by 0 to 2 us; in half of the traces
 each there are hum, drift and creep. Starting values are wrong by up to a factor of 3. The width is
 compared with that of a fit which knows the lag, hum, drift, creep and the colour of the noise; it
@@ -74,7 +74,7 @@ class Trace:
 
 @dataclass(frozen=True)
 class Drawn:
-    """An experiment by lot."""
+    """A random experiment."""
 
     truth: dict[str, float]
     lag: float  #: s

@@ -308,12 +308,12 @@ KINDS: dict[str, tuple[Callable[[Plan], Made], bool]] = {
     "nothing": (_nothing, True),
 }
 #: Up to three runs, of other drives perhaps, with several disturbances: a kind for itself.
-BY_LOT = "by lot"
+AT_RANDOM = "at random"
 
 
 def lab_trace(kind: str, seed: int) -> LabTrace:
     """Return the trace of a kind; the same seed gives the same trace."""
-    if kind == BY_LOT:  # of another axis in every trace
+    if kind == AT_RANDOM:  # of another axis in every trace
         bench = random_bench(seed)
         first, every = bench.runs[0].frequency, tuple(bench.runs)
         return LabTrace(kind, seed, bench.t, bench.x, every, first, bench.axis, True)

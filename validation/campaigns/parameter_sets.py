@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sets of parameters by lot over all of every range: each gives a result, or a word why not.
+"""Sets of random parameters over all of every range: each gives a result, or a word why not.
 
     python -m validation.campaigns.parameter_sets [--count 20000] [--first 0]
 

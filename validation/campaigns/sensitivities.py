@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives by lot: held against differences that have converged.
+"""Exact derivatives at random points: held against differences that have converged.
 
     python -m validation.campaigns.sensitivities [--count 500] [--seed 1]
 

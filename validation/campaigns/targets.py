@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Targets of the closed loop by lot: each is reached, or ended by a fault that says why.
+"""Targets of the closed loop at random: each is reached, or ended by a fault that says why.
 
     python -m validation.campaigns.targets [--count 1000] [--seed 1] [--all]
 

@@ -22,7 +22,7 @@ from collections import Counter
 from stickslip_ros.traces.analysis import find_steps
 from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.runs import Run
-from validation.campaigns.lab_traces import BY_LOT, KINDS, LabTrace, lab_trace
+from validation.campaigns.lab_traces import AT_RANDOM, KINDS, LabTrace, lab_trace
 
 RIGHT, BACKSTEP, DOUBTFUL, NONE, WRONG = "right", "backstep", "doubtful", "none", "WRONG"
 WORDS = (RIGHT, BACKSTEP, DOUBTFUL, NONE, WRONG)
@@ -107,7 +107,7 @@ class Study:
             total += counts
         knowable: Counter[str] = Counter()
         for kind, counts in self.verdicts.items():
-            knowable += counts if kind == BY_LOT or KINDS[kind][1] else Counter()
+            knowable += counts if kind == AT_RANDOM or KINDS[kind][1] else Counter()
         for name, counts in (("that can be known", knowable), ("all", total)):
             lines.append(f"{name:26}" + "".join(f"{counts[word]:10}" for word in WORDS))
         lines += [
@@ -134,7 +134,7 @@ def main() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for seed in range(args.first, args.first + args.count):
-            for kind in (*KINDS, BY_LOT):
+            for kind in (*KINDS, AT_RANDOM):
                 if args.kinds in kind:
                     study.add(lab_trace(kind, seed))
     print(study)

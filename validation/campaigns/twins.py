@@ -4,7 +4,7 @@
     python -m validation.campaigns.twins WHAT COUNT [FIRST_SEED]
 
 WHAT is alarms (runs without a change), told (changes of the preload by 20 and 5 %), intervals
-(axes by lot from what the twin holds for likely, and a prediction of 500 steps of each), moves
+(random axes from what the twin holds for likely, and a prediction of 500 steps of each), moves
 (open loop, in COUNT parts, while the preload falls by 30 %) or causes (each cause, seen at two
 amplitudes and two frequencies). The motion of alarms and told is integrated once; noise is another
 one in every run.
@@ -79,7 +79,7 @@ def told(count: int, first: int) -> None:
 
 
 def intervals(count: int, first: int) -> None:
-    """Count intervals that hold the truth, of axes that creep from values by lot."""
+    """Count intervals that hold the truth, of axes that creep from values at random."""
     held: Counter[str] = Counter()
     widths = []
     for seed in range(first, first + count):
