@@ -148,11 +148,11 @@ class Actuation:
         """Move the actuator to a level (m) at a speed (m/s), None: that of `scan_rate`."""
         now = self._commanded
         speed = speed or self.config.parameters.drive.scan_rate * self.config.gain
-        way = self._dc_offset.ramp_to(level, now, speed)
-        self.kind = RAMP if way else REST
-        if way:
-            self._ramp_end = now.u + way.shift
-            self.sim.start(way, 1)
+        ramp = self._dc_offset.ramp_to(level, now, speed)
+        self.kind = RAMP if ramp else REST
+        if ramp:
+            self._ramp_end = now.u + ramp.shift
+            self.sim.start(ramp, 1)
         elif self._queued:
             self._begin_cycles(self._queued)
 
@@ -279,10 +279,10 @@ class Actuation:
     def ends_beyond(self, seconds: float) -> str:
         """Return the soft limit that the ramp may pass within a time (s); empty if none."""
         drive_cycle = self.sim.drive_cycle
-        way = min(
+        distance = min(
             abs(self._ramp_end - self.sim.commanded), seconds * float(abs(drive_cycle.rates).max())
         )
-        if way <= self._room(drive_cycle.sign):
+        if distance <= self._room(drive_cycle.sign):
             return ""
         return "soft_high" if drive_cycle.sign > 0 else "soft_low"
 

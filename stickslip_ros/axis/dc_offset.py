@@ -19,7 +19,7 @@ _NEAR_ZERO = 1e-15  # m: levels below are rounding
 
 
 class DcOffset:
-    """The level between cycles, and on its way to another one."""
+    """The level between cycles, and on its ramp to another one."""
 
     def __init__(self, config: Config) -> None:
         """Start at 0 V, with an empty memory."""
@@ -36,14 +36,14 @@ class DcOffset:
         return level if abs(level) > _NEAR_ZERO else 0.0
 
     def ramp_to(self, aim: float, now: State, speed: float) -> DriveCycle | None:
-        """Return the way to a level (m) at a speed (m/s); None if there is none to go."""
-        way = aim - self.at(now)
+        """Return the ramp to a level (m) at a speed (m/s); None if there is none to go."""
+        distance = aim - self.at(now)
         self.stay(now.t)
-        if abs(way) <= _NEAR_ZERO:
+        if abs(distance) <= _NEAR_ZERO:
             return None
         self._aim = aim
         if self._actuator.is_linear:
-            return ramp(way, abs(way) / speed)
+            return ramp(distance, abs(distance) / speed)
         volts = aim / self._gain - self._memory.volts
         self._start, self._rate = now.t, math.copysign(speed / self._gain, volts)
         pieces, _ = self._actuator.path(self._memory, volts / self._rate, self._rate)
@@ -66,7 +66,7 @@ class DcOffset:
     def take(self, config: Config, level: float, now: State) -> float | None:
         """Set another actuator, at the same voltage and deflection.
 
-        With other thresholds, its memory holds only the way from 0 V. level is the present level
+        With other thresholds, its memory holds only the path from 0 V. level is the present level
         (m). Returns the new level (m) for the target voltage of a running ramp.
         """
         old, new = self._actuator, config.commanded

@@ -52,7 +52,7 @@ class States(NamedTuple):
     v: NDArray[np.float64]  #: its velocity, m/s
     vibration: NDArray[np.float64]  #: amplitude of the free oscillation on the contact, m
     lost: NDArray[np.float64]  #: heat of the contact in the period, J
-    slid: NDArray[np.float64]  #: way that the contact slid in the period, m
+    slid: NDArray[np.float64]  #: distance that the contact slid in the period, m
     reading: NDArray[np.float64]  #: of the sensor that has arrived last, m
     failed: NDArray[np.int64]  #: 1 if the solver exceeded its budget or failed
 

@@ -51,7 +51,7 @@ class Task:
 _SENSOR = {
     "sensor_rate": 20e3, "sensor_latency": 1e-4, "sensor_noise": 0.5e-9, "sensor_resolution": 1e-10,
 }  # fmt: skip
-#: Soft ceramics: the deflection depends on the way of the voltage, and creeps by 2 % a decade
+#: Soft ceramics: the deflection depends on the path of the voltage, and creeps by 2 % a decade
 _CERAMICS = {"actuator": "hysteresis", "actuator_memory": True, "creep": 0.02}
 #: What differs from drive to drive of one make: preload by a fifth, friction by a quarter
 _MAKE = {"preload": (0.32, 0.48), "mu": (0.15, 0.25), "mass": (3.6e-3, 4.4e-3)}
@@ -111,7 +111,7 @@ class Weights:
     overshoot: float = 0.0  #: for each metre farther beyond the target than before, 1/m
     vibration: float = 0.0  #: for the ringing left by a period, over time, 1/(m s)
     energy: float = 0.0  #: for the heat of the contact, 1/J
-    wear: float = 0.0  #: for the way that the contact slides, 1/m
+    wear: float = 0.0  #: for the distance that the contact slides, 1/m
 
 
 class PeriodResult(NamedTuple):

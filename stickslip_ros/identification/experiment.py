@@ -114,7 +114,7 @@ class Experiment:
         starts (s). ParameterError, SolverError.
         """
         own = p.drive.frequency
-        # The variation along the way is not known for a measured axis.
+        # The variation along the track is not known for a measured axis.
         even = p
         if p.friction.surface_spread or p.friction.slip_spread:
             even = p.replace(surface_spread=0.0, slip_spread=0.0)

@@ -15,7 +15,7 @@ Before the slip the contact is at rest, z = 0. a0 has four parts:
 2. *The runner is pulled back* while the slip lasts: by tau^2 <<z>> + 2 zeta tau <z>, with the
    single and double mean of z over the slip; it gains the speed -(tau <z> + 2 zeta z_e).
 3. *The contact unwinds and overshoots*, a free oscillation with the damping ratio zeta. A swing
-   that would reach a > 1 goes a way p(a) plastically, from the balance of energy
+   that would reach a > 1 goes a distance p(a) plastically, from the balance of energy
    a^2 - 1 = 2 integral of z dr; it stops at z_m < a. The next swing is z_m exp(-pi zeta').
 4. *The rise goes on* meanwhile: rho tau.
 
@@ -164,8 +164,8 @@ class Numbers(NamedTuple):
             plastic = reach > 1.0
             if not plastic.any():
                 break
-            stopped, way = _swing(np.maximum(reach, 1.0), n)
-            step = step + sign * np.where(plastic, way, 0.0)
+            stopped, path = _swing(np.maximum(reach, 1.0), n)
+            step = step + sign * np.where(plastic, path, 0.0)
             reach = np.where(plastic, stopped, reach) * np.exp(-np.pi * n.zeta / phi)
             time, sign = time + np.pi / phi, -sign
         left = reach * np.exp(-n.zeta * (n.rest - time))
@@ -380,12 +380,12 @@ def _wind_up(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Arr
 
 
 def _swing(reach: Array, n: Numbers) -> tuple[Array, Array]:
-    """Return where a swing stops that would reach so far elastically, and its plastic way.
+    """Return where a swing stops that would reach so far elastically, and its plastic path.
 
     Marches in the energy e = a^2 - z^2, de = -2 z dr.
     """
     h = (reach * reach - 1.0) / _STEPS
-    z, way = np.ones_like(reach), np.zeros_like(reach)
+    z, path = np.ones_like(reach), np.zeros_like(reach)
 
     def slope(z: Array) -> Array:
         found: Array = 0.5 * _slope(z, n) / z
@@ -396,5 +396,5 @@ def _swing(reach: Array, n: Numbers) -> tuple[Array, Array]:
         k2 = slope(z + 0.5 * h * k1)
         k3 = slope(z + 0.5 * h * k2)
         new = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + slope(z + h * k3))
-        way, z = way + 0.25 * h * (1.0 / z + 1.0 / new), new
-    return z, way - (z - 1.0)
+        path, z = path + 0.25 * h * (1.0 / z + 1.0 / new), new
+    return z, path - (z - 1.0)

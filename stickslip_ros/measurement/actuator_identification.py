@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-#: Least way between two turning points, as a share of the range of the voltage, and in standard
+#: Least distance of two turning points, as a share of the range of the voltage, and in standard
 #: deviations of its noise.
 _LEAST_WAY, _NOISES = 0.01, 12.0
 #: Largest noise, as share of the range, at which turning points can be found.
@@ -74,7 +74,7 @@ class ActuatorRecording:
     times: Array  #: s, or numbers of samples where the time is not known
     volts: Array  #: V
     deflection: Array  #: m
-    way: NDArray[np.int64]  #: number of the turning point before each mean
+    branch: NDArray[np.int64]  #: number of the turning point before each mean
     turn_volts: Array  #: voltage at each turning point
     first: int  #: the first mean from which on no earlier past plays a part; 0 if there is none
     loops: int  #: whole loops from there on
@@ -107,10 +107,10 @@ class ActuatorRecording:
         for k, volts in enumerate(self.turn_volts):
             stands[k] = stand = np.clip(stand, volts - thresholds, volts + thresholds)
         rises = np.diff(self.turn_volts) > 0.0
-        before, volts = stands[self.way], self.volts[:, None]
+        before, volts = stands[self.branch], self.volts[:, None]
         up = np.maximum(before, volts - thresholds)
         down = np.minimum(before, volts + thresholds)
-        return np.where(rises[self.way][:, None], up, down), stands[-1]
+        return np.where(rises[self.branch][:, None], up, down), stands[-1]
 
 
 def record(times: Array | None, volts: Array, deflection: Array) -> ActuatorRecording:
@@ -134,12 +134,12 @@ def record(times: Array | None, volts: Array, deflection: Array) -> ActuatorReco
     starts = np.union1d(np.arange(0, len(volts), share), turns[1:-1])
     counts = np.diff(np.append(starts, len(volts)))
     means = [np.add.reduceat(one, starts) / counts for one in (times, volts, deflection)]
-    way = np.searchsorted(turns[1:-1], starts, side="right")
+    branch = np.searchsorted(turns[1:-1], starts, side="right")
     return ActuatorRecording(
         times=means[0],
         volts=means[1],
         deflection=means[2],
-        way=way,
+        branch=branch,
         turn_volts=volts[turns],
         first=int(np.searchsorted(starts, turns[first])),
         loops=loops,

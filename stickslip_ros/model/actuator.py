@@ -88,14 +88,14 @@ class Actuator:
         self, memory: Memory, duration: float, volt_rate: float
     ) -> tuple[list[tuple[float, float]], Memory]:
         """Return duration (s) and rate (m/s) of each straight piece of one voltage segment."""
-        way = duration * volt_rate
-        after = memory.moved(memory.volts + way, self.thresholds)
-        if self.is_linear or way == 0.0:
+        rise = duration * volt_rate
+        after = memory.moved(memory.volts + rise, self.thresholds)
+        if self.is_linear or rise == 0.0:
             return [(duration, self.elastic * volt_rate)], after
-        direction = 1.0 if way > 0.0 else -1.0
-        # Each play is pushed from where the voltage has gone this fraction of its way.
+        direction = 1.0 if rise > 0.0 else -1.0
+        # Each play is pushed from where the voltage has gone this fraction of its rise.
         gap = memory.plays + direction * self.thresholds - memory.volts
-        shares = np.clip(gap / way, 0.0, 1.0)
+        shares = np.clip(gap / rise, 0.0, 1.0)
         kinks = [0.0]
         for share in np.sort(shares).tolist():
             if share > kinks[-1] + _SHORTEST and share < 1.0 - _SHORTEST:
@@ -104,7 +104,9 @@ class Actuator:
         pieces = []
         here = memory
         for start, end in pairwise(kinks):
-            there = after if end == 1.0 else memory.moved(memory.volts + end * way, self.thresholds)
+            there = (
+                after if end == 1.0 else memory.moved(memory.volts + end * rise, self.thresholds)
+            )
             span = (end - start) * duration
             change = self.deflection(there) - self.deflection(here)
             pieces.append((span, change / span))

@@ -130,9 +130,9 @@ def _fastest(plant: Plant, stroke: float) -> float:
     if contact.z_s != contact.z_k or contact.kind >= FOREIGN or _is_carried(plant):
         return math.inf
     limit = max(contact.z_k, contact.z_ss if contact.kind < ALWAYS_PLASTIC else 0.0)
-    force, way = contact.sigma_0 * limit + abs(plant.force), stroke + limit
-    pushed = 2.0 * contact.sigma_1 * limit + contact.sigma_2 * way
-    return math.sqrt(force * way / plant.mass) + pushed / plant.mass
+    force, path = contact.sigma_0 * limit + abs(plant.force), stroke + limit
+    pushed = 2.0 * contact.sigma_1 * limit + contact.sigma_2 * path
+    return math.sqrt(force * path / plant.mass) + pushed / plant.mass
 
 
 def fineness_of(plant: Plant) -> float:
@@ -193,7 +193,7 @@ def adapt_state(old: Chain, new: Chain, state: Array) -> Array:
     """Return the state for a changed chain.
 
     Plays and creep keep their state if their constants are the same; otherwise the memory of the
-    actuator holds only the way from 0 to its present command.
+    actuator holds only the path from 0 to its present command.
     """
     taken, operators = new.rest(), len(new.thresholds)
     taken[:PLAYS] = state[:PLAYS]

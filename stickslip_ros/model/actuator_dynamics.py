@@ -72,9 +72,9 @@ def _add_piece(nodes: NDArray, count: int, t: float, u: float, area: float, summ
     measured from 0, the rounding of t would show in pieces of 1e-15 s. summed (m s) is how large
     the terms are that it is the sum of: a piece within their rounding is straight.
     """
-    span, way, bend = t - nodes[0, count - 1], u - nodes[1, count - 1], 0.0
+    span, rise, bend = t - nodes[0, count - 1], u - nodes[1, count - 1], 0.0
     if span > 0.0:
-        beside = area / span - 0.5 * way
+        beside = area / span - 0.5 * rise
         if abs(beside) > STILL + ROUNDING * summed / span:
             bend = -12.0 * beside / (span * span)
     nodes[0, count], nodes[1, count], nodes[2, count] = t, u, bend

@@ -174,18 +174,18 @@ def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: N
     """Write the deflection with hysteresis into out; a piece ends where a play begins to move."""
     operators = len(chain.thresholds)
     plays = state[PLAYS : PLAYS + operators]
-    shares = np.empty(operators + 1)  # of a piece's way, at which plays begin to move, and its end
+    shares = np.empty(operators + 1)  # of a piece's rise, at which plays begin to move, and its end
     out[0, 0], written = nodes[0, 0], 1
     out[1, 0] = chain.elastic * nodes[1, 0] + _weighted(chain, plays)
     for k in range(1, count):
         t, y, bend = nodes[0, k - 1], nodes[1, k - 1], nodes[2, k]
-        span, way = nodes[0, k] - t, nodes[1, k] - y
-        rate = way / span - 0.5 * bend * span if span > 0.0 else 0.0
+        span, rise = nodes[0, k] - t, nodes[1, k] - y
+        rate = rise / span - 0.5 * bend * span if span > 0.0 else 0.0
         parts = 0
         for i in range(operators):
-            gap = plays[i] + math.copysign(chain.thresholds[i], way) - y
-            if way != 0.0 and 1e-9 < gap / way < 1.0 - 1e-9:
-                shares[parts] = gap / way
+            gap = plays[i] + math.copysign(chain.thresholds[i], rise) - y
+            if rise != 0.0 and 1e-9 < gap / rise < 1.0 - 1e-9:
+                shares[parts] = gap / rise
                 parts += 1
         if parts > 1:
             shares[:parts].sort()
@@ -196,15 +196,15 @@ def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: N
                 continue
             if written >= out.shape[1] - 2:
                 return -1
-            here = nodes[1, k] if share == 1.0 else y + share * way
+            here = nodes[1, k] if share == 1.0 else y + share * rise
             for i in range(operators):
                 gap = chain.thresholds[i]
                 plays[i] = max(here - gap, min(here + gap, plays[i]))
             out[0, written] = nodes[0, k]
             if share < 1.0:
                 gone = share * span
-                if bend != 0.0:  # when rate t + bend t^2 / 2 has gone that part of the way
-                    passed = share * way
+                if bend != 0.0:  # when rate t + bend t^2 / 2 has gone that part of the rise
+                    passed = share * rise
                     root = math.sqrt(max(rate * rate + 2.0 * bend * passed, 0.0))
                     whole = abs(rate) + root
                     gone = min(2.0 * abs(passed) / whole, span) if whole > 0.0 else span
@@ -279,5 +279,5 @@ def _crept_way(behind: float, rate: float, bend: float, h: float, x: float) -> f
         first = -math.expm1(-x) / x
         second = (1.0 - first) / x
         third = (0.5 - second) / x
-    # Of the way: tau times the rate is metres, and its rounding would add up.
+    # Of the rise: tau times the rate is metres, and its rounding would add up.
     return x * (behind * first + h * (rate * second + bend * h * third))

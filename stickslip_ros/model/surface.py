@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A contact that varies: along the way, from slip to slip, with dwell and rate, by wear.
+"""A contact that varies: along the track, from slip to slip, with dwell and rate, by wear.
 
 All distances at which the contact gives way (z_ba, z_ss and the limits of z) are multiplied by
 
@@ -7,15 +7,15 @@ All distances at which the contact gives way (z_ba, z_ss and the limits of z) ar
     (1 + dwell_growth log10(1 + dwell / dwell_start) + rate_growth log10(1 + rate / rate_start))
     exp(-wear_rate s)
 
-g is a Gaussian field of unit variance along the runner's way, whose autocorrelation is
+g is a Gaussian field of unit variance along the track of the runner, whose autocorrelation is
 exp(-(dx / surface_length)^2); h(n) is a normal number for cycle n. Both depend on the seed alone,
 so a runner that comes back meets the same surface. The dwell is the time from the end of the last
 slip to the beginning of the next one; the contact sticks meanwhile. The rate is that at which the
 slip is commanded. Strength that grows with the logarithm of the time of rest, and changes with that
 of the rate, is the friction of Dieterich (J. Geophys. Res. 77 (1972) 3690) and Ruina (J. Geophys.
-Res. 88 (1983) 10359). s is the way that the contact has slid since the start. The depth worn off
-goes with load and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981); a preload that comes from a
-spring loses a fraction of itself for each metre, and the breakaway goes with it.
+Res. 88 (1983) 10359). s is the distance that the contact has slid since the start. The depth worn
+off goes with load and distance (J. F. Archard, J. Appl. Phys. 24 (1953) 981); a preload that comes
+from a spring loses a fraction of itself for each metre, and the breakaway goes with it.
 
 The factor changes where a drive cycle begins. Stiffness and damping stay the same, and so does the
 elastic energy sigma_0 z^2 / 2: no energy is created.
@@ -50,13 +50,13 @@ class CycleStart(NamedTuple):
     cycle: int  #: number of the cycle since the start
     dwell: float = 0.0  #: time at rest before the slip, s
     rate: float = 0.0  #: of the slip, m/s
-    slid: float = 0.0  #: way that the contact has slid since the start, m
+    slid: float = 0.0  #: distance that the contact has slid since the start, m
 
 
 class Surface(NamedTuple):
     """The variation of the contact."""
 
-    spread: float  #: standard deviation of the logarithm along the way
+    spread: float  #: standard deviation of the logarithm along the track
     length: float  #: correlation length, m
     slip_spread: float  #: standard deviation of the logarithm from cycle to cycle
     seed: int

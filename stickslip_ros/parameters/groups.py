@@ -101,9 +101,9 @@ class FrictionParameters(Extended):
         reason="at 1 a contact in three gives way at a third of its distance, or thrice")
     surface_spread: float = number(
         0.0, "", 0.0, 1.0,
-        "spread of the breakaway along the way, a share, typically 0.02 to 0.2; 0: none",
+        "spread of the breakaway along the track, a share, typically 0.02 to 0.2; 0: none",
         mutable=False,
-        reason="at 1 the friction changes threefold along the way")
+        reason="at 1 the friction changes threefold along the track")
     surface_length: float = number(
         1e-6, "m", 1e-9, 1e-2, "correlation length of this spread, typically 1e-7 to 1e-5",
         mutable=False,

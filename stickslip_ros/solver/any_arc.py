@@ -143,7 +143,7 @@ def sample_within(
 def turn_of_arc(
     arc: np.record, part: np.record, plant: np.record, sign: int
 ) -> tuple[float, float]:
-    """Return when (s) the runner turns towards sign within any arc, and its way (m) up to there.
+    """Return when (s) the runner turns towards sign within any arc, and its path (m) up to there.
 
     The time is nan where it does not. A tabulated arc along which it turns away before is gone
     through in the arcs that it is made of, in part.
@@ -155,15 +155,15 @@ def turn_of_arc(
     part.weight, part.trial = arc.weight, arc.trial
     begin_arc(part, plant, (arc.x, arc.z, arc.w), arc.rate, arc.bend)
     next_arc(part, plant, arc.length, False)
-    gone = way = 0.0
+    gone = moved = 0.0
     for _ in range(_MOST_PARTS):
         t, dr = turning_point(part, plant, sign)
         if t == t:
-            return gone + t, way + dr
+            return gone + t, moved + dr
         gone += part.length
         if not gone < arc.length:
             break
-        way += part.path + actuator_path(part, part.length)
+        moved += part.path + actuator_path(part, part.length)
         _next_part(part, plant, arc.length - gone)
     return math.nan, 0.0
 

@@ -104,7 +104,7 @@ STATE = _record(
     ("heat", "f8"),  # energy turned into heat in the contact, J
     *_numbers("f8", "cycle_x cycle_v cycle_z"),  # at its start; cycle_z nan if the plant changed
     *_numbers("f8", "x_min x_max"),  # extreme positions at its events, m
-    ("slid", "f8"),  # way that the contact has slid in cycles that were solved, since the start, m
+    ("slid", "f8"),  # distance (m) that the contact has slid, in solved cycles, since the start
     ("v_most", "f8"),  # largest speed at an event since this was set to 0, m/s
     # -- the last whole cycle; step and heat are nan before the first
     *_numbers("f8", "last_step last_heat last_z_max last_z_min last_x_min last_x_max"),

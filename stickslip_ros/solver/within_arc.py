@@ -150,7 +150,7 @@ def position_integral(arc: np.record, plant: np.record) -> float:
 
 @compiled
 def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, float]:
-    """Return when (s) the runner turns towards sign within the arc, and its way (m) up to there.
+    """Return when (s) the runner turns towards sign within the arc, and its path (m) up to there.
 
     The time is nan where it does not.
     """

@@ -41,8 +41,8 @@ _RECENTRE, FARTHEST = 0.04, math.log(3.0)
 #: Places of the logarithms and of the rate in the state, between position and ringing
 THETA, RATE = slice(1, -2), -2
 #: What the rate of the preload may be at the start and after a change, 1/s of stepping; its change
-#: in the root of a second as a fraction of itself; how well its slope holds on a way over which it
-#: drifts, as a fraction
+#: in the root of a second as a fraction of itself; how well its slope holds where it drifts, as a
+#: fraction
 _RATE, _RATE_WALK, _RATE_SLOPE = 0.03, 0.1, 0.25
 #: Times that readings after a change are gone through
 _REFITS = 2
@@ -53,12 +53,12 @@ _ABOUT = 0.05
 GLITCH, _JUMP = 5.0, 2
 
 
-class ModelledWay(NamedTuple):
+class ModelledMotion(NamedTuple):
     """What the model says of the time between two readings."""
 
-    way: float  #: m
-    slope: Array  #: of the way by each parameter's logarithm, m
-    scatter: float  #: variance of the way, m^2
+    distance: float  #: m
+    slope: Array  #: of the distance by each parameter's logarithm, m
+    scatter: float  #: variance of the distance, m^2
     blur: Blur  #: of the second reading
     stepping: float  #: s of cycles
     direction: int  #: of the cycles, 0 at rest
@@ -70,7 +70,7 @@ class ProcessedReading(NamedTuple):
     t: float  #: s
     reading: float  #: m
     parts: Parts
-    motion: ModelledWay
+    motion: ModelledMotion
 
 
 class ReadingFilter:
@@ -106,14 +106,16 @@ class ReadingFilter:
         self.covariance[[0, -1], [-1, 0]] = -(blur.ringing**2)
         self._blur, self._glitches = blur, 0
 
-    def go(self, way: Array | float, slope: Array, scatter: float, stepping: float = 0.0) -> None:
-        """Go on by a way (m), its slope by the logarithms, and its variance (m^2)."""
+    def go(
+        self, distance: Array | float, slope: Array, scatter: float, stepping: float = 0.0
+    ) -> None:
+        """Go on by a distance (m), its slope by the logarithms, and its variance (m^2)."""
         going = np.eye(len(self.covariance))
         going[0, THETA] = slope
         going[0, RATE] = 0.5 * stepping * slope[self._drifts]
         going[1 + self._drifts, RATE] = stepping
         self.state = self.state @ going.T
-        self.state[..., 0] += way
+        self.state[..., 0] += distance
         self.covariance = going @ self.covariance @ going.T
         self.covariance[0, 0] += scatter
 
@@ -232,16 +234,16 @@ class Tracker(ReadingFilter):
             self.covariance = self.covariance - np.outer(gain, known)
             self.forget(RATE, -1)
 
-    def motion(self, parts: Parts) -> ModelledWay:
+    def motion(self, parts: Parts) -> ModelledMotion:
         """Return what the model says of pieces of drive cycles."""
         model, settings, slope = self.renew(_RECENTRE), self._settings, np.zeros(len(self.names))
-        way = scatter = stepping = 0.0
+        distance = scatter = stepping = 0.0
         direction, blur = 0, Blur()
         for piece, begin, end in parts:
             if piece.drive is None:
                 continue
             curve, at = model.curve(piece.drive), parts_of_cycles(piece, begin, end)
-            way += self.sensor_gain * float(np.diff(curve.at(*at))[0])
+            distance += self.sensor_gain * float(np.diff(curve.at(*at))[0])
             slopes = self._first.slopes(piece.drive, self.names).at(*at)
             slope += self.sensor_gain * (slopes[:, 1] - slopes[:, 0])
             blur = curve.blur(piece, end, settings.timing)
@@ -253,18 +255,18 @@ class Tracker(ReadingFilter):
             if done > 0.0:
                 direction = piece.drive.direction
                 stepping += done / piece.drive.frequency
-        return ModelledWay(way, slope, scatter, blur, stepping, direction)
+        return ModelledMotion(distance, slope, scatter, blur, stepping, direction)
 
-    def advance(self, motion: ModelledWay, duration: float) -> None:
+    def advance(self, motion: ModelledMotion, duration: float) -> None:
         """Go on by a motion that takes a duration (s)."""
         settings, hours, rate = self._settings, duration / 3600.0, float(self.state[RATE])
-        walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.way)
+        walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.distance)
         walks = self._walks * walk
         # A walk from nothing at the begin has a third of its last variance in the mean.
         scatter = motion.scatter + float(motion.slope**2 @ walks) / 3.0
         drifting = 0.5 * motion.stepping * rate * float(motion.slope[self._drifts])
-        way = motion.way - float(motion.slope @ self._centre)
-        self.go(way, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping)
+        distance = motion.distance - float(motion.slope @ self._centre)
+        self.go(distance, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping)
         self.covariance[THETA, THETA] += np.diag(walks)
         self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 

@@ -453,14 +453,14 @@ class Twin:
 
         Raises TwinError as `predict_steps`, and where the steps do not lead to the target.
         """
-        way = target - self.predict_steps(0).position
-        direction = 1 if way >= 0.0 else -1
+        distance = target - self.predict_steps(0).position
+        direction = 1 if distance >= 0.0 else -1
         drive = self.timeline.piece(self.t, direction, 1.0).drive
         assert drive
         step, _ = self.tracker.step_size(drive)
         if not step * direction > 0.0:
             raise TwinError("the axis makes no steps in that direction; raise the amplitude")
-        near = round(way / step)
+        near = round(distance / step)
         return min(
             (self.predict_steps(direction * max(near + more, 0)) for more in (-1, 0, 1)),
             key=lambda found: abs(found.position - target),

@@ -192,11 +192,11 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
 
 
 #: Found at random: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines
-#: beside their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
-#: which each was off by as much as in a cycle of a millisecond; bends made of what rounding left;
-#: lines 5 pm off their curve, which a contact feels that slides from 51 pm on; lines as long as a
-#: ringing of 600 Hz, which it adds up; lines of a spring whose rates jump by four Stribeck
-#: velocities
+#: beside their curve, each of which turned a contact that yields at once; a second of sliding, in
+#: steps of which each was off by as much as in a cycle of a millisecond; bends made of what
+#: rounding left; lines 5 pm off their curve, which a contact feels that slides from 51 pm on; lines
+#: as long as a ringing of 600 Hz, which it adds up; lines of a spring whose rates jump by four
+#: Stribeck velocities
 FOUND: dict[str, dict[str, Any]] = {
     "bend within rounding": {
         **{"model": "ceim_without_mu", "preload": 3.7356428500744094, "mass": 0.29507838037333595},

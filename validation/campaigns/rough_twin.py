@@ -4,10 +4,10 @@
     python -m validation.campaigns.rough_twin [--minutes 60] [--seed 1]
 
 Between steps back and forth the axis is stopped for seconds, or ended and started again; others
-publish readings that are late, doubled or no numbers, and more commands than an axis takes; or the twin
-itself gets no processor. The twin has to live, to report once a second, to count each gap, restart
-and reading of no use, and may not grow. The axis never changes, so a change that is told is a false
-alarm.
+publish readings that are late, doubled or no numbers, and more commands than an axis takes; or the
+twin itself gets no processor. The twin has to live, to report once a second, to count each gap,
+restart and reading of no use, and may not grow. The axis never changes, so a change that is
+reported is a false alarm.
 """
 
 from __future__ import annotations
