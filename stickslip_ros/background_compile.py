@@ -28,8 +28,9 @@ from typing import IO, Any
 if sys.platform != "win32":
     import fcntl
 
-#: Set to "wait" to compile in the process itself, as tests and CI do.
-CHOICE = "STICKSLIP_COMPILE"
+#: Set to "wait" to compile in the process itself, as tests and CI do. The background process has
+#: another value.
+CHOICE, _NOTED = "STICKSLIP_COMPILE", "wait and note"
 #: What the background process runs: the user's own command that compiles everything.
 COMMAND = (sys.executable, "-m", __package__, "warm-up")
 _ROOT = Path(__file__).parent.parent
@@ -62,7 +63,7 @@ def compile_in_background(dispatcher: Any) -> None:
     own = dispatcher.py_func.__module__.startswith(f"{__package__}.")
 
     def chosen(*args: Any) -> Any:
-        if not index.exists() and os.environ.get(CHOICE, "") != "wait":
+        if not index.exists() and not os.environ.get(CHOICE, "").startswith("wait"):
             plain = getattr(_asked, "plain", False)
             if (plain or own) and _is_compiling(note) and plain:
                 _announce()
@@ -122,7 +123,7 @@ def _is_compiling(note: Path) -> bool:
                     stderr=file,  # how far it is; and with this file it holds the lock
                     cwd=note.anchor,
                     start_new_session=True,  # Ctrl-C is for the program that asked
-                    env={**os.environ, "PYTHONPATH": paths, CHOICE: "wait"},
+                    env={**os.environ, "PYTHONPATH": paths, CHOICE: _NOTED},
                 )
     except OSError:  # nothing can be written, or started
         return False
@@ -131,12 +132,10 @@ def _is_compiling(note: Path) -> bool:
 
 def _wait_for(index: Path, note: Path) -> None:
     """Wait until the background process has compiled a function, or has ended."""
-    said = 0.0
     while not index.exists() and (_child.poll() is None if _child else _is_held(note)):
-        if not said or time.monotonic() - said > REPORT_EVERY:
-            said = time.monotonic()
-            _say(f"waiting for the solver to be compiled in the background{_share(note)}")
+        _waiting.say(lambda: _share(note))
         time.sleep(_LOOK)
+    _waiting.end()
 
 
 def _announce() -> None:
@@ -150,9 +149,37 @@ def _announce() -> None:
         )
 
 
-def _say(text: str) -> None:
-    sys.stderr.write(f"{text}\n")
+def _say(text: str, end: str = "\n") -> None:
+    sys.stderr.write(f"{text}{end}")
     sys.stderr.flush()
+
+
+class ShareLine:
+    """Says on stderr how far a work is: in one line, which is renewed on a terminal.
+
+    In the background process each goes to the note in a line of its own.
+    """
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._said, self._open = 0.0, False
+
+    def say(self, share: Callable[[], str]) -> None:
+        """Say it with a share, such as " 35 %", if it is time to say it."""
+        renewed, noted = sys.stderr.isatty(), os.environ.get(CHOICE) == _NOTED
+        again = (renewed or noted) and time.monotonic() - self._said > REPORT_EVERY
+        if not self._said or again:
+            self._said, self._open = time.monotonic(), renewed
+            _say(f"{self._what}{share()}", "\r" if renewed else "\n")
+
+    def end(self) -> None:
+        """End the line of a terminal."""
+        if self._open:
+            self._open = False
+            _say("")
+
+
+_waiting = ShareLine("waiting for the solver to be compiled in the background")
 
 
 def _lock(note: IO[bytes]) -> bool:

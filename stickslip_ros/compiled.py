@@ -18,13 +18,12 @@ import hashlib
 import os
 import stat
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
 from stickslip_ros.background_compile import (
-    REPORT_EVERY,
+    ShareLine,
     compile_in_background,
     run_plain_meanwhile,
 )
@@ -151,8 +150,12 @@ def report_compilation() -> Iterator[None]:
         )
         yield
         return
-    with install_listener("numba:compile", _Reporter()):
-        yield
+    reporter = _Reporter()
+    with install_listener("numba:compile", reporter):
+        try:
+            yield
+        finally:
+            reporter.line.end()
 
 
 class _Reporter(Listener):
@@ -160,22 +163,16 @@ class _Reporter(Listener):
 
     def __init__(self) -> None:
         self._done: set[str] = set()  # functions of this package; numba compiles some of its own
-        self._said = 0.0
+        self.line = ShareLine("compiling the solver, once for this version: ")
 
     def on_start(self, event: Any) -> None:
-        self._say()
+        self.line.say(self._share)
 
     def on_end(self, event: Any) -> None:
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith(f"{__package__}."):
             self._done.add(f"{function.__module__}.{function.__qualname__}")
-        self._say()
+        self.line.say(self._share)
 
-    def _say(self) -> None:
-        now = time.monotonic()
-        if now - self._said < REPORT_EVERY and self._said:
-            return
-        self._said = now
-        share = min(99, 100 * len(self._done) // max(_functions, 1))
-        sys.stderr.write(f"compiling the solver, once for this version: {share} %\n")
-        sys.stderr.flush()
+    def _share(self) -> str:
+        return f"{min(99, 100 * len(self._done) // max(_functions, 1))} %"

@@ -204,7 +204,7 @@ def test_what_another_program_has_begun_to_compile_is_waited_for(tmp_path: Path)
         "    def write(self, text):\n"
         "        sys.__stderr__.write(text)\n"
         f"        os.kill({int(pid)}, 9)\n"
-        "    flush = sys.__stderr__.flush\n"
+        "    flush, isatty = sys.__stderr__.flush, sys.__stderr__.isatty\n"
         "sys.stderr = Heard()\n"
         "print(quarter(4.0), len(quarter.signatures))\n"
     )

@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from stickslip_ros.axis.events import value_text
 from stickslip_ros.cli.command_line import add_commands
 from stickslip_ros.cli.options import (
     flag,
@@ -22,7 +23,7 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import UsageError
-from stickslip_ros.parameters import parse_assignment
+from stickslip_ros.parameters import PARAMETERS, parse_assignment
 
 #: In the order of the help.
 ACTIONS = {
@@ -102,9 +103,17 @@ def _description(found: dict[str, Any]) -> list[str]:
             f"{'; '.join(sorted(kinds))}"
         )
     for name, parameters in found["axes"].items():
-        lines += ["", f"axis of {name}"]
-        lines += [f"  {key:<24} {text}".rstrip() for key, text in parameters.items()]
+        own = {key: text for key, text in parameters.items() if not _is_default(key, text)}
+        rest = len(parameters) - len(own)
+        lines += ["", f"axis of {name}; {rest} more parameters at their defaults, see --json"]
+        lines += [f"  {key:<24} {text}".rstrip() for key, text in own.items()]
     return lines
+
+
+def _is_default(name: str, text: str) -> bool:
+    """Return whether a recorded value of a parameter is the default of this version."""
+    row = PARAMETERS.get(name)
+    return row is not None and text == value_text(row.check(row.default))
 
 
 def _date(ns: int) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import errno
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -78,9 +79,13 @@ async def _serve(
         try:
             host, port = await server.start(host, port)
         except OSError as error:
+            of_port = error.errno in (errno.EADDRINUSE, errno.EACCES)
+            cure = (
+                "--port, or 0 for a free one" if of_port else "--host, an address of this machine"
+            )
             raise UsageError(
                 f"cannot listen on {host} port {port}: {error.strerror or error}; "
-                "choose another --port, or 0 for a free one"
+                f"choose another {cure}"
             ) from None
         print(f"{controller} listens on {host} port {port}, axes {', '.join(names)}", flush=True)
         watching = asyncio.create_task(_watch(names, watched))
@@ -109,6 +114,7 @@ async def _watch(names: Sequence[str], axes: Sequence[Axis]) -> None:
     if not axes:
         return
     if not sys.stdout.isatty():
+        print("axis,state,position (m),steps", flush=True)
         while True:
             for name, axis in zip(names, axes, strict=True):
                 print(f"{name},{axis.mode},{axis.state.x:.9g},{axis.status.step_count}", flush=True)

@@ -107,7 +107,8 @@ def run_send(args: argparse.Namespace) -> int:
                         axis.wait(_CYCLE)
                 waiting.close()
                 last = ", it ends with its cycle" if ends and axis.moving else ""
-                print(f"{_setting(command, axis)}{axis.summary}, at {place_of(axis)}{last}")
+                setting = _setting(command, arguments, axis)
+                print(f"{setting}{axis.summary}, at {place_of(axis)}{_ends_met(axis)}{last}")
                 if args.wait is not None and (by := axis.ended_by):
                     what = "another command" if by in COMMANDS else "a limit"
                     raise CommandRefused(f"{command.name} was ended by {what}: {by}")
@@ -119,10 +120,24 @@ def run_send(args: argparse.Namespace) -> int:
     return _OK
 
 
-def _setting(command: Command, axis: AxisClient) -> str:
-    """Return the value that a command has set, such as the frequency; "" if it sets none."""
+def _setting(command: Command, arguments: Sequence[Any], axis: AxisClient) -> str:
+    """Return the values that a command has set, such as the frequency; "" if it sets none."""
     value = axis.status.get(f"{command.name} ({command.unit})")
-    return f"{command.name} {format_si(float(value), command.unit)}, " if value else ""
+    found: Mapping[str, Any] = {command.name: float(value)} if value else {}
+    if arguments and isinstance(arguments[0], Mapping):
+        found = arguments[0]
+    units = {command.name: command.unit, **{name: row.unit for name, row in PARAMETERS.items()}}
+    return "".join(
+        f"{name} {format_si(one, units[name]) if isinstance(one, float) else one}, "
+        for name, one in found.items()
+    )
+
+
+def _ends_met(axis: AxisClient) -> str:
+    """Return which ends of the travel hold the runner or were hit, if there are such."""
+    met = [f"travel_{axis.status['held at']}", *axis.limits_hit]
+    ends = [end for end in ("low", "high") if f"travel_{end}" in met]
+    return f", against the {' and the '.join(ends)} end of the travel" if ends else ""
 
 
 # -- the values of a command line, by the type of the command's message

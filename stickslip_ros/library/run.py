@@ -18,7 +18,7 @@ from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import format_rows, micro_prefix
+from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
 from stickslip_ros.traces.motion import Motion, read_steps
 
@@ -258,7 +258,7 @@ class SimulatedRun:
             ("step size", f"{1e9 * self.step_size:.3f} nm"),
             ("backstep", f"{1e9 * self.backstep:.3f} nm"),
             ("0-amplitude", found),
-            ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro_prefix()}m/s"),
+            ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
         ]
         return format_rows(rows)
 

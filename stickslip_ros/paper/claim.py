@@ -111,7 +111,7 @@ class Check:
         if not self.judged or not finite:
             return ""
         factor, unit = scale_of(max(finite), self.unit)
-        low, high = (f"{factor * bound:.4g}".replace("-", "−") for bound in (self.low, self.high))
+        low, high = (f"{factor * bound:.4g}" for bound in (self.low, self.high))
         return f"{low if low == high else f'{low} to {high}'} {unit}".strip()
 
     @property

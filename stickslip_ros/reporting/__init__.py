@@ -53,15 +53,14 @@ def format_si(
         uncertainty = max(uncertainty, _FINEST) if unit == "m" else uncertainty
         places = max(0, 1 - _exponent(factor * uncertainty, 2))
         pair = f"{factor * value:.{places}f} ± {factor * uncertainty:.{places}f}"
-        return f"{pair} {name}".strip().replace("-", "−")
+        return f"{pair} {name}".strip()
     if abs(factor * value) < 1e-6 and unit in ("m", "s"):
         return f"0 {name}"  # a millionth of a nanometre, and nothing below it
     size = abs(factor * (value if like is None else like))
     places = digits - 1 - _exponent(size, digits) if size > 0.0 else 0
     if not 0.0 < size < 1e7 or places > 9:
         return f"{factor * value:.{digits}g} {name}".strip()
-    text = f"{factor * value:.{max(0, places)}f}"
-    return f"{text} {name}".strip().replace("-", "−")
+    return f"{factor * value:.{max(0, places)}f} {name}".strip()
 
 
 def _exponent(size: float, digits: int) -> int:

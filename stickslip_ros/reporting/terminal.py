@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Output for terminals, not for pipes: colours, the micro sign, notes on slow work.
+"""Output for terminals, not for pipes: colours, notes on slow work.
 
 Lines of a name and a value have a fixed width, so that programs that read them from a pipe find the
 values in the same column; a library for tables would move them with every longer name.
@@ -35,18 +35,6 @@ def style_text(text: str, style: str, stream: TextIO | None = None) -> str:
     if console.no_color or console.color_system is None or console.legacy_windows:
         return text
     return Style.parse(style).render(text)
-
-
-def micro_prefix(stream: TextIO | None = None) -> str:
-    """Return the prefix for 1e-6: the micro sign on a terminal that can show it, else "u"."""
-    stream = stream or sys.stdout
-    if not stream.isatty():
-        return "u"
-    try:
-        "µ".encode(stream.encoding or "ascii")
-    except UnicodeEncodeError:
-        return "u"
-    return "µ"
 
 
 def nanometres(length: float, error: float = 0.0) -> str:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from stickslip_ros.errors import StickslipError
+
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis
     from stickslip_ros.ros.client import AxisClient
@@ -102,7 +104,8 @@ def offline_axis(request: pytest.FixtureRequest) -> Axis:
     """Give an axis without ROS, whose time is an argument: ``advance(t)``."""
     from stickslip_ros.axis import Axis
 
-    return Axis(_parameters(request))
+    with _marker_of(request):
+        return Axis(_parameters(request))
 
 
 def _parameters(request: pytest.FixtureRequest) -> dict[str, Any]:
@@ -110,24 +113,36 @@ def _parameters(request: pytest.FixtureRequest) -> dict[str, Any]:
     markers = list(request.node.iter_markers(_MARKER))
     for marker in markers:
         if marker.args:
-            raise pytest.UsageError(
-                f"{request.node.nodeid}: @pytest.mark.{_MARKER} takes names only, as preload=1.0"
-            )
+            raise StickslipError("it takes names only, as preload=1.0")
     allowed = {"allow_faults": True} if "stickslip_fault" in request.fixturenames else {}
     given = {name: value for marker in reversed(markers) for name, value in marker.kwargs.items()}
     return {**allowed, **given}
 
 
+@contextmanager
+def _marker_of(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fail the test in one line, without a traceback, where its marker cannot be carried out."""
+    try:
+        yield
+    except StickslipError as error:
+        text = f"{request.node.nodeid}: @pytest.mark.{_MARKER}: {error}"
+        pytest.fail(text, pytrace=False)
+
+
 def _world(request: pytest.FixtureRequest, folder: Path) -> Iterator[InProcess]:
+    with _marker_of(request):
+        world = _world_of(_parameters(request), folder)
+    yield world
+    world.close()
+
+
+def _world_of(given: dict[str, Any], folder: Path) -> InProcess:
     from stickslip_ros.ros.in_process import InProcess
 
-    given = _parameters(request)
     names = list(given.pop("axes", []))
     of_axes: dict[str, Mapping[str, Any]] = {name: given.pop(name, {}) for name in names}
     given.setdefault("emulate_port", 0)
-    world = InProcess(folder, given, of_axes)
-    yield world
-    world.close()
+    return InProcess(folder, given, of_axes)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import format_rows, micro_prefix, nanometres
+from stickslip_ros.reporting.terminal import format_rows, nanometres
 from stickslip_ros.traces.backstep import ARC, SAMPLES, Backstep
 from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.ringing import Ringing
@@ -204,7 +204,7 @@ class Run:
             ("backstep", f"{nanometres(self.backstep, self.backstep_error)}{how}"),
             ("ringing", f"{self.ringing_frequency:.1f} Hz" if rings else "none visible"),
             ("decay", (damps if self._damps else "not determined") if rings else "-"),
-            ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro_prefix()}m/s"),
+            ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
         ]
         if math.isnan(balance.excitation):
             rows.append(("Eq. 9", "needs the deflection of the actuator, which is not known"))

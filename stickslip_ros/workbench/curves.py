@@ -116,7 +116,7 @@ def curves(p: Parameters, overlay: Overlay | None = None) -> dict[str, Any]:
     numbers = {
         "step size": format_si(run.step_size, "m"),
         "backstep": format_si(run.backstep, "m"),
-        "mean speed": f"{1e6 * run.step_size * p.drive.frequency:.4g} µm/s".replace("-", "−"),
+        "mean speed": f"{1e6 * run.step_size * p.drive.frequency:.4g} µm/s",
         "ringing": f"{ringing:.4g} Hz" if 0.0 < ringing < math.inf else "none",
     }
     if overlay:

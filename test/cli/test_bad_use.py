@@ -146,7 +146,7 @@ ROWS = [
     ("emulate", "anc300 --axes a,b,c,d,e,f,g,h", ["8 axes"]),
     ("emulate", "anc300 --axes x,,y", ["axis_name"]),
     ("emulate", "anc300 --set mass=-1", ["mass"]),
-    ("emulate", "anc300 --host 203.0.113.1 --port 0", ["203.0.113.1"]),
+    ("emulate", "anc300 --host 203.0.113.1 --port 0", ["203.0.113.1", "choose another --host"]),
 ]
 
 

@@ -45,10 +45,11 @@ def test_info_says_what_is_in_a_bag(bag: Path, capsys: pytest.CaptureFixture[str
         "lost_messages 0",
         "/axis/command/steps         9  std_msgs/msg/Int32  reliable, volatile",
         "/axis/events                1  diagnostic_msgs/msg/DiagnosticArray  best_effort, volatile",
-        "axis of /axis/events",
+        "axis of /axis/events; 1 more parameters at their defaults, see --json\n  preload",
         "preload                  0.30000000000000004",
     ):
         assert words in said
+    assert "ceim" not in said
 
 
 def test_info_is_one_object_with_json(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:

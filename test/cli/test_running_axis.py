@@ -91,10 +91,14 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
         r"stopped, 200 steps done, 0 left, at 24\.5\d+ µm\n", send("steps", "200", "--wait")
     )
     assert "stopped, -20 steps done" in send("steps", "-20", "--wait")
+    back = send("steps", "-300", "--wait")  # with one minus sign throughout
+    assert re.fullmatch(r"stopped, -300 steps done, 0 left, at -[\d.]+ µm\n", back)
+    send("steps", "300", "--wait")
     assert send("frequency", "2kHz").startswith("frequency 2000 Hz, stopped, ")
     assert "jogging" in send("jog", "500")
     assert send("stop").startswith("stopped, ")
-    send("parameters", "preload=1.0", "mass=0.003")
+    said = send("parameters", "preload=1.0", "mass=0.003")
+    assert said.startswith("preload 1.000 N, mass 0.003000 kg, stopped, ")
     assert "stopped" in send("zero")
     reached = re.fullmatch(
         r"holding, [\d.]+ .?m from the target, at (.*) from the zero, joint [\d.]+ µm\n",
@@ -148,6 +152,19 @@ def test_a_move_that_a_soft_limit_ends_is_no_success(
     assert main(["send", "steps", "100", "--wait", *client]) == 1
     assert "steps was ended by a limit: soft_high" in capsys.readouterr().err
     assert main(["send", "parameters", "soft_high=1.0", *client]) == 0
+
+
+def test_the_end_of_the_travel_is_said(
+    make_axis: MakeAxis, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_axis(frequency=1000.0, travel_low=-1e-6)
+    assert main(["send", "steps", "-30", "--wait", "--timeout", f"{PATIENCE}"]) == 0
+    assert capsys.readouterr().out.endswith(" nm, against the low end of the travel\n")
+    with AxisClient(timeout=PATIENCE) as client:
+        client.set_parameters({"preload": 0.5}, mass=0.003)
+        client.step(-5).wait(PATIENCE)
+        assert client.limits_hit == ["travel_low"]
+        assert (client.parameters["preload"], client.parameters["mass"]) == ("0.5", "0.003")
 
 
 def test_watch_prints_lines_in_a_pipe(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:

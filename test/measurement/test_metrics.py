@@ -67,7 +67,7 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
     for missing in cases:
         assert replace(one, **missing).differs is None
     assert replace(one, run=1234.5e-9, measured=3e-9).texts[:2] == ("1234.5 nm", "3.0 nm")
-    assert replace(one, run=math.nan, measured=-2e-8).texts[:3] == ("–", "−20.000 nm", "–")
+    assert replace(one, run=math.nan, measured=-2e-8).texts[:3] == ("–", "-20.000 nm", "–")
 
 
 def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() -> None:

@@ -269,7 +269,7 @@ def test_bounds_are_included_and_nan_never_holds(value: float, holds: bool) -> N
 
 def test_bounds_as_text() -> None:
     assert Y.bounds == "0.5 to 1.5"
-    assert Check("x", unit="m", low=-1e-9, high=-1e-10).bounds == "−1 to −0.1 nm"
+    assert Check("x", unit="m", low=-1e-9, high=-1e-10).bounds == "-1 to -0.1 nm"
     assert Check("x", low=1.0, high=1.0).bounds == "1"
     assert Check("x", basis=NOTHING, low=1.0, high=1.0).bounds == ""
     assert Check("x", 2.527e6, "N/m").text == "2.527 N/µm"

@@ -77,8 +77,9 @@ def test_a_mistake_in_the_marker_is_told(tmp_path: Path) -> None:
     )
     found = run_pytest(tmp_path, [])
     assert found.returncode == 1
-    assert "prelaod" in found.stdout
+    assert "@pytest.mark.stickslip: there is no parameter 'prelaod'; did you mean" in found.stdout
     assert "takes names only" in found.stdout
+    assert "plugin.py" not in found.stdout  # a line each, and no traceback
 
 
 def test_loading_the_plugin_loads_nothing_else() -> None:

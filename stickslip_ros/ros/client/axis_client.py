@@ -15,7 +15,7 @@ from __future__ import annotations
 import operator
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -182,7 +182,7 @@ class AxisClient(AxisListener):
         """
         command = COMMANDS[name]
         if command.type == SET_PARAMETERS:
-            return self.set_parameters(**arguments[0])
+            return self.set_parameters(*arguments)
         if command.type == TRAJECTORY:
             arguments = ([self._joint], *arguments)
         message = _message(name, *arguments)
@@ -262,8 +262,11 @@ class AxisClient(AxisListener):
         """Apply an external force (N) along the axis."""
         return self.send("load", newtons)
 
-    def set_parameters(self, **values: Any) -> AxisClient:
-        """Set parameters of the axis, all or none."""
+    def set_parameters(
+        self, parameters: Mapping[str, Any] | None = None, /, **values: Any
+    ) -> AxisClient:
+        """Set parameters of the axis, all or none: of a mapping, by name, or both."""
+        values = {**(parameters or {}), **values}
         wanted = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         request = SetParametersAtomically.Request(parameters=wanted)
         # Those that every node has are no event of the axis.
@@ -357,13 +360,23 @@ class AxisClient(AxisListener):
 
         The name of a command, of anybody, or of a soft limit, ``soft_low`` or ``soft_high``.
         """
-        for values in (one.values for one in self._answers if one.stamp > self._answered):
+        for values in self._since_answer():
             event = values["event"]
             if values["outcome"] == "applied" and event in COMMANDS and COMMANDS[event].moves:
                 return event
             if event == "limit" and values["limit"].startswith("soft"):
                 return values["limit"]
         return ""
+
+    @property
+    def limits_hit(self) -> list[str]:
+        """What the motion of the last command has hit, each once, the first first.
+
+        They are the ends of the travel, "travel_low" and "travel_high", and the soft limits,
+        "soft_low" and "soft_high".
+        """
+        events = self._since_answer()
+        return list(dict.fromkeys(one["limit"] for one in events if one["event"] == "limit"))
 
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
         """Wait until the axis is in that state; TimeoutError after timeout (s)."""
@@ -388,6 +401,11 @@ class AxisClient(AxisListener):
         return self._report
 
     # -- inside
+
+    def _since_answer(self) -> list[dict[str, str]]:
+        """Return the events since the answer to the last command."""
+        with self._changed:
+            return [one.values for one in self._answers if one.stamp > self._answered]
 
     def _call(self, name: str, request: Any, noted: bool = True) -> AxisClient:
         since = self._forget_answers()
