@@ -92,7 +92,7 @@ class AxisNode(GuardedNode):
             self._diagnostics.prepare(self.axis)
 
         self._outputs = {
-            topic.name: publisher_of(self, topic)
+            topic.name: publisher_of(self, topic, values.node.publish_rate)
             for topic in OUTPUTS.values()
             if not topic.of_process
         }

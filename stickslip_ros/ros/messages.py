@@ -243,9 +243,12 @@ def message_class(type_name: str) -> type[Any]:
     return found
 
 
-def publisher_of(node: Node, topic: OutputTopic) -> Publisher:
-    """Return a reliable publisher of a topic of the table."""
-    qos = QoSProfile(depth=topic.kept or topic.depth)
+def publisher_of(node: Node, topic: OutputTopic, rate: float = 0.0) -> Publisher:
+    """Return a reliable publisher of a topic of the table; a reader may be late by half a second.
+
+    rate: messages a second, where that is known.
+    """
+    qos = QoSProfile(depth=topic.kept or max(10, round(0.5 * rate)))
     if topic.kept:
         qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
     return node.create_publisher(message_class(topic.type), topic.name, qos)

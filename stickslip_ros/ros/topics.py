@@ -25,7 +25,6 @@ class OutputTopic:
     type: str
     content: str  #: for docs/node.md
     kept: int = 0  #: messages that those get who come late; 0: none
-    depth: int = 10  #: messages that may wait for a slow reader
     of_process: bool = False  #: published once, whatever the number of axes
     joints: Callable[[Axis], Joints] | None = None  #: of a JointState published with every state
 

@@ -4,6 +4,7 @@
 import os
 import resource
 import shutil
+import signal
 import time
 from pathlib import Path
 from typing import Any
@@ -129,6 +130,25 @@ def test_a_full_disk_is_said_and_loses_nothing_before(
     assert main(["bag", "recover", str(tmp_path / "run"), "--out", str(tmp_path / "mended")]) == 3
     kept = counts(tmp_path / "mended")["/texts"]
     assert kept * 2006 > 150_000
+
+
+def test_a_recorder_that_gets_no_processor_for_a_while_loses_nothing(
+    start_node: Start, tmp_path: Path
+) -> None:
+    """Ten messages of each topic waited for it, which is 10 ms: half of a run was lost."""
+    recorder = start_node("recorder_node", output="bag")
+    recorder.wait_for("recording")
+    axis = start_node("axis_node", publish_rate=1000.0)
+    recorder.wait_for("first message of /joint_states")
+    for _ in range(3):
+        time.sleep(0.2)
+        os.kill(recorder.pid, signal.SIGSTOP)
+        time.sleep(0.3)
+        os.kill(recorder.pid, signal.SIGCONT)
+    assert (axis.interrupt(), recorder.terminate()) == (0, 0)
+    with open_bag(tmp_path / "bag") as bag:
+        assert bag.message_count > 1000
+        assert bag.custom_data["lost_messages"] == "0"
 
 
 def test_a_bag_that_vanishes_is_noticed(ros: Ros, start_node: Start, tmp_path: Path) -> None:
