@@ -22,9 +22,9 @@ from std_srvs.srv import Trigger
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.library import warm_up
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.recordings import BagError, open_bag, resimulate
-from stickslip_ros.ros.axis_host import compile_axis
 from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 
@@ -192,7 +192,7 @@ def soak(
     parameters = () if params_file is None else ("--params-file", str(params_file))
     found = Soaked(seed)
     bag = folder / "bag"
-    compile_axis()  # or the axis would do so when it has a minute to be ready
+    warm_up()  # or the axis would compile when it has a minute to be ready
     with (
         child_node("recorder_node", folder, "-p", f"output:={bag}", own_session=True) as recorder,
         child_node("axis_node", folder, *parameters, own_session=True) as axis,
