@@ -63,7 +63,7 @@ class Actuation:
         self._run_before = 0  # steps in both directions before it
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
-        self._take_sensor()
+        self._read_sensor()
 
     # -- requests
 
@@ -80,7 +80,7 @@ class Actuation:
     @property
     def sensed(self) -> float:
         """Position at the sensor (m), without noise: x, low-pass filtered if it has a bandwidth."""
-        self._take_sensor()
+        self._read_sensor()
         return self._dynamics.sensed if self._dynamics else self.x
 
     @property
@@ -167,7 +167,7 @@ class Actuation:
     def change_later(self) -> None:
         """Apply changes when the running cycle ends, or at once if none runs."""
         if self.kind != CYCLES:
-            self.take_parameters()
+            self.apply_parameters()
         elif not self._change:
             done = self.sim.cycles_done
             self._change = (
@@ -179,11 +179,11 @@ class Actuation:
         self._shortened = True
         self.change_later()
 
-    def take_parameters(self) -> None:
+    def apply_parameters(self) -> None:
         """Use plant and actuator of the present settings from now on."""
         self._plant = self.config.plant()
         self.set_load(self.load)
-        aim = self._dc_offset.take(self.config, self.level, self._commanded)
+        aim = self._dc_offset.replace(self.config, self.level, self._commanded)
         if isinstance(self.sim, DrivenSimulation):
             self.sim.set_chain(Chain.of(self.config.parameters))
         if aim is not None and self.kind == RAMP:
@@ -249,7 +249,7 @@ class Actuation:
         left = 0 if self._shortened else self.sim.cycles_left
         if left:
             self._account_for_cycles()
-        self.take_parameters()
+        self.apply_parameters()
         if not left:
             return ARRIVED
         self._start_cycles(left)
@@ -272,7 +272,7 @@ class Actuation:
         self._change = None
         self._x_end = self.x
         self.halt()
-        self.take_parameters()
+        self.apply_parameters()
 
     # -- soft limits
 
@@ -293,7 +293,7 @@ class Actuation:
         """The present state with the commanded deflection in place of that of the actuator."""
         return replace(self.sim.state, u=self.sim.commanded)
 
-    def _take_sensor(self) -> None:
+    def _read_sensor(self) -> None:
         """Use the sensor of the present parameters from now on."""
         p, old = self.config.parameters.sensor, self._dynamics
         if not has_bandwidth(p):
@@ -309,11 +309,11 @@ class Actuation:
 
     def _watch(self, t: float) -> None:
         """Advance to the samples, up to time t (s), that a sensor with a bandwidth needs."""
-        self._take_sensor()
+        self._read_sensor()
         if self._dynamics:
             for times in self._dynamics.due(t, driven=self.kind != REST):
                 samples = self.sim.sample(times)
-                self._dynamics.see(samples.x, samples.v)
+                self._dynamics.record(samples.x, samples.v)
 
     def _room(self, sign: int) -> float:
         """Return how far (m) it is to the soft limit in the direction of sign."""

@@ -132,7 +132,7 @@ class Axis(Device):
         if command.ignored(self, *arguments):
             return
         details = command.details(arguments)
-        reason, prepared, more = self._look_at(command, arguments)
+        reason, prepared, more = self._checked(command, arguments)
         if reason:
             raise self._refusal(name, reason, **details)
         self.note(name, "applied", **details, **more)
@@ -149,7 +149,7 @@ class Axis(Device):
     def why_not(self, name: str, *arguments: Any) -> str:
         """Return why a command of the registry would be refused now, empty if it would not."""
         command = COMMANDS[name]
-        return self._look_at(command, command.completed(arguments))[0]
+        return self._checked(command, command.completed(arguments))[0]
 
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
@@ -217,7 +217,7 @@ class Axis(Device):
 
     # -- inside
 
-    def _look_at(
+    def _checked(
         self, command: Command, arguments: tuple[Any, ...]
     ) -> tuple[str, tuple[Any, ...], Mapping[str, Any]]:
         """Return why a command is refused, what of it is carried out, more details of its event."""

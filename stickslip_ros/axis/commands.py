@@ -167,7 +167,7 @@ def _set_parameters(axis: Device, new: Parameters) -> None:
     if replace(new, node=axis.parameters.node) == axis.parameters:
         axis.config.parameters = new  # nothing of the motion, which stays the same to the last bit
         return
-    axis.config.take(new)
+    axis.config.apply(new)
     axis.take_faults()
     axis.actuation.change_later()
 

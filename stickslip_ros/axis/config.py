@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stickslip_ros.axis.faults import NONE, PRELOAD_LOSS, Faults, faults_of
-from stickslip_ros.axis.sensor import Sensor, has_bandwidth, looks_per_reading
+from stickslip_ros.axis.sensor import Sensor, has_bandwidth, samples_per_reading
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.model.actuator_chain import has_chain
@@ -73,7 +73,7 @@ class Config:
             )
         plant = self.plant()
         if has_bandwidth(self.parameters.sensor):
-            looks_per_reading(self.parameters.sensor, plant.ringing_frequency)
+            samples_per_reading(self.parameters.sensor, plant.ringing_frequency)
         for frequency in (self.frequency, *jogs):
             self.check_drive(self.rounded("amplitude", self.amplitude), frequency)
 
@@ -133,8 +133,8 @@ class Config:
                 f"target is {x:g} m; {what} allow {low:g} to {high:g} m: choose one in this range"
             )
 
-    def take(self, p: Parameters) -> None:
-        """Take parameters that `changed` has found fit."""
+    def apply(self, p: Parameters) -> None:
+        """Apply parameters that `changed` has found fit."""
         self.parameters = p
         self._drive_cycles.clear()
         self.sensor = Sensor(p.sensor)
@@ -142,7 +142,7 @@ class Config:
         self.drive(self.amplitude, self.frequency)
 
     def drive(self, amplitude: float, frequency: float) -> None:
-        """Take an amplitude (V) and a frequency (Hz) that `check_drive` has found fit."""
+        """Set an amplitude (V) and a frequency (Hz) that `check_drive` has found fit."""
         self.parameters = self._driven(self.nearest(amplitude), frequency)
 
     # -- derived from the settings
@@ -208,5 +208,5 @@ class Config:
         """Return the settings at the start; ParameterError if the parameters make no axis."""
         config = Config(p, Sensor(p.sensor), Actuator.of(p.actuator))
         config.check_all()
-        config.take(p)
+        config.apply(p)
         return config

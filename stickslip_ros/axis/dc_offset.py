@@ -63,7 +63,7 @@ class DcOffset:
         self._stand(volts)
         self._stand(0.0)
 
-    def take(self, config: Config, level: float, now: State) -> float | None:
+    def replace(self, config: Config, level: float, now: State) -> float | None:
         """Set another actuator, at the same voltage and deflection.
 
         With other thresholds, its memory holds only the path from 0 V. level is the present level

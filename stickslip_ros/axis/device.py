@@ -243,7 +243,7 @@ class Device:
         actuation, old, new = self.actuation, self._task, self._next
         if actuation.kind == CYCLES:
             actuation.end_cycles()
-            actuation.take_parameters()
+            actuation.apply_parameters()
         self._task, self._next, self._leaving = new, None, False
         self.supervisor.task_began(actuation)
         if new is None:

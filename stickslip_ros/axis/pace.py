@@ -122,7 +122,7 @@ class Pace:
         """
         before = self._together
         wanted = max(self._due(steady), self.ns, self._acted + 1)
-        reached = self._go_to(wanted, steady, only)
+        reached = self._advance_to(wanted, steady, only)
         return reached == self.ns and (reached > before or reached == wanted)
 
     def act(self, steady: int, axis: Axis) -> None:
@@ -135,7 +135,7 @@ class Pace:
             axis.advance(later * 1e-9)
             self.ns = max(self.ns, later)
         else:
-            self._go_to(max(self._due(steady), self.ns, later), steady, axis)
+            self._advance_to(max(self._due(steady), self.ns, later), steady, axis)
         self._acted = self.ns
 
     def leap(self, ns: int, budget: float) -> bool:
@@ -181,7 +181,7 @@ class Pace:
         # Whole numbers as long as they do: a float counts single nanoseconds for 104 days only.
         return due + (elapsed if self.factor == 1.0 else int(elapsed * self.factor)) - self.dropped
 
-    def _go_to(self, wanted: int, steady: int, only: Axis | None) -> int:
+    def _advance_to(self, wanted: int, steady: int, only: Axis | None) -> int:
         """Advance all axes or one to a time (ns), within the budget; return the time reached."""
         if only and self._late:
             return self._together

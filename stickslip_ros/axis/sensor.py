@@ -162,7 +162,7 @@ class LowPass:
         self._states = np.zeros((order, 1), dtype=np.complex128)
         self._zero = x  # filtered values are small, and so is their rounding
 
-    def see(self, x: Array, v: Array) -> Array:
+    def filter(self, x: Array, v: Array) -> Array:
         """Return the output (m) at the next samples x (m) with the rates v (m/s), (samples,)."""
         y = np.zeros(len(x))
         for k, values in enumerate((x - self._zero, v * self._dt)):
@@ -202,7 +202,7 @@ def has_bandwidth(p: SensorParameters) -> bool:
     return p.sensor_bandwidth is not None and p.sensor_bandwidth >= LOWEST
 
 
-def looks_per_reading(p: SensorParameters, ringing: float) -> int:
+def samples_per_reading(p: SensorParameters, ringing: float) -> int:
     """Return the number of samples per reading; ringing is the frequency of the runner, Hz.
 
     Raises ParameterError for a ringing too fast to be followed.
@@ -222,25 +222,25 @@ class SensorDynamics:
     def __init__(self, p: SensorParameters, ringing: float, t: float, x: float) -> None:
         """Start settled at time t (s) with the runner at x (m); ringing in Hz."""
         self.parameters = p
-        self._looks = looks_per_reading(p, ringing)
+        self._samples = samples_per_reading(p, ringing)
         self._rate = p.sensor_rate
-        self._group = self._looks * math.ceil(_LOOK * p.sensor_rate)  # samples between looks
+        self._group = self._samples * math.ceil(_LOOK * p.sensor_rate)  # samples between looks
         self._next = self._number_at(t) + 1
         self._end = self._next  # sample after those that are due
         self._still = False  # runner and output, in the last group
         self._settled = True  # the filter has to start from `_x`
         self._range = (-math.inf, math.inf)  # of both in this group, m; not of the first
-        self._low_pass = LowPass(p, 1.0 / (self._rate * self._looks), x)
+        self._low_pass = LowPass(p, 1.0 / (self._rate * self._samples), x)
         self._x = x  # at the last sample, m
         self.sensed = x  #: filtered position at the last reading, m
 
     def _times(self, numbers: NDArray[np.int64]) -> Array:
-        """Return the times (s) of samples; sample k * looks has exactly the time of reading k."""
-        return (numbers / self._looks) / self._rate
+        """Return the times (s) of samples; reading k has exactly that of sample k * `_samples`."""
+        return (numbers / self._samples) / self._rate
 
     def _number_at(self, t: float) -> int:
         """Return the number of the last sample at time t (s)."""
-        near = math.floor(t * self._rate * self._looks)
+        near = math.floor(t * self._rate * self._samples)
         around = np.arange(near - 1, near + 2)
         return int(around[self._times(around) <= t][-1])
 
@@ -260,17 +260,17 @@ class SensorDynamics:
             self._end = min((self._next // self._group + 1) * self._group, last + 1)
             first, step = self._next, 1
             if self._still:
-                step = self._looks
+                step = self._samples
                 first = max(-(-first // step), (self._end - 1) // step) * step
             yield self._times(np.arange(first, self._end, step))
 
-    def see(self, x: Array, v: Array) -> None:
+    def record(self, x: Array, v: Array) -> None:
         """Filter positions (m) and velocities (m/s) at the samples that were due, (samples,)."""
         if not self._still:
             if self._settled:
                 self._low_pass.settle(self._x)
-            readings = np.arange(self._next, self._end) % self._looks == 0
-            y = self._low_pass.see(x, v)
+            readings = np.arange(self._next, self._end) % self._samples == 0
+            y = self._low_pass.filter(x, v)
             self._seen(x, y)
             if readings.any():
                 self.sensed = float(y[readings][-1])

@@ -126,7 +126,7 @@ class SweepTable:
         self._sweep = sweep
         self.path = path
         with writing(path):
-            there, end = self._look(resume)
+            there, end = self._kept_rows(resume)
             self.done = there  #: points in the file
             self._file = path.open("r+" if end else "w", newline="", encoding="utf-8")
             if end:
@@ -136,7 +136,7 @@ class SweepTable:
                 write_header(sweep, self._file)
                 self._file.flush()
 
-    def _look(self, resume: bool) -> tuple[int, int]:
+    def _kept_rows(self, resume: bool) -> tuple[int, int]:
         """Return points and bytes of the file that can stay."""
         try:
             with self.path.open("rb") as file:
@@ -199,7 +199,7 @@ class SweepTable:
         """Return how many points the file holds now, also in the middle of an `append`."""
         if not self._file.closed:
             self._file.flush()
-        return self._look(resume=True)[0]
+        return self._kept_rows(resume=True)[0]
 
 
 def _fields(line: str, skipped: int) -> list[float]:

@@ -68,11 +68,11 @@ def advance(
     """
     kernel, each, ahead = kernel_in(axis), contacts_in(contacts, False), contacts_in(contacts, True)
     kernel.arc.holds = 0
-    return _go_on(plant_in(plant), kernel, each, ahead, drive, rows)
+    return _run_drive(plant_in(plant), kernel, each, ahead, drive, rows)
 
 
 @compiled
-def _go_on(
+def _run_drive(
     plant: np.record,
     kernel: np.record,
     contacts: NDArray | None,
@@ -170,7 +170,7 @@ def sample(
         if previewing and (times[k] - s.start) - s.done * period < period:
             _preview(moved, kernel, each, ahead, drive, rows)
         else:
-            _go_on(moved, kernel, each, ahead, drive, rows)
+            _run_drive(moved, kernel, each, ahead, drive, rows)
             previewing = s.steady != 0 and s.done < s.count
         if s.unfinished:
             return k

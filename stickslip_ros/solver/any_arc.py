@@ -16,7 +16,7 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
-from stickslip_ros.solver.general_arcs import force_of, general_arc, second_after, takes_steps
+from stickslip_ros.solver.general_arcs import force_of, general_arc, needs_steps, second_after
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.within_arc import (
     actuator_path,
@@ -65,7 +65,7 @@ def find_arc(
     """
     if contacts is None:
         next_arc(arc, plant, limit, tables)
-    elif takes_steps(contacts[0]):
+    elif needs_steps(contacts[0]):
         general_arc(arc, plant, contacts, limit)
     else:
         contacts_arc(arc, plant, contacts, limit)

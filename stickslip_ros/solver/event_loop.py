@@ -83,7 +83,7 @@ def solve_cycles(
     arc.weight = max(plant.inv_omega, CARRIED * period if plant.slides != 0 else 0.0)
     while True:
         if drive.shape[1] > _FEWEST_TO_SEARCH:
-            _take_elastic_pieces(plant, s, kernel, contacts, drive, period)
+            _pass_elastic_pieces(plant, s, kernel, contacts, drive, period)
         outlook = arc_limits(s, drive, period)
         over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
         if over or (outlook.last and not outlook.ahead > 0.0):
@@ -110,7 +110,7 @@ def solve_cycles(
                 s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
             break
         _track_backstep(plant, s, kernel, outlook.resting)
-        _take_arc(plant, s, arc, contacts)
+        _pass_arc(plant, s, arc, contacts)
         if lined:
             s.heat += heat_since(s, plant, s.tau - s.open_tau)
             open_account(s)
@@ -128,7 +128,7 @@ def solve_cycles(
 
 
 @compiled
-def _take_elastic_pieces(
+def _pass_elastic_pieces(
     plant: np.record,
     s: np.record,
     kernel: np.record,
@@ -242,10 +242,10 @@ def _track_backstep(plant: np.record, s: np.record, kernel: np.record, resting: 
 
 
 @compiled
-def _take_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray | None) -> None:
+def _pass_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray | None) -> None:
     """Move the anchor to the end of the arc; bring extremes and the account of energy up to it."""
     if contacts is not None:
-        _take_contacts(plant, s, arc, contacts)
+        _move_contacts(plant, s, arc, contacts)
     x = _end_position(s, arc)
     s.trial = arc.trial
     s.slid += abs(arc.path - (arc.z_end - s.z))  # w keeps its sign where alpha is not 0
@@ -270,7 +270,7 @@ def _take_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray 
 
 
 @compiled
-def _take_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDArray) -> None:
+def _move_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDArray) -> None:
     """Move each contact to the end of the arc, and correct the energy of their mean deflection.
 
     The correction is the elastic energy of all contacts minus that of the mean deflection; for a

@@ -193,7 +193,7 @@ SECOND = 1
 
 
 @compiled
-def takes_steps(c: np.record) -> bool:
+def needs_steps(c: np.record) -> bool:
     """Return whether arcs of a contact are steps: its law has its own rate, or z_lim follows w."""
     return c.kind >= FOREIGN or c.kind == ELASTOPLASTIC_CALC or c.z_k != c.z_s  # type: ignore[no-any-return]
 

@@ -225,7 +225,7 @@ def vary_contacts(
     # Tables take longer to fill than the one cycle in which the contact is as it is.
     plant.precomputed, plant.burst_top = -1, 0.0
     if contacts is None:
-        _take_tables(nominal, factor, plant)
+        _scale_tables(nominal, factor, plant)
     else:
         each, nominal_each = contacts_in(contacts, False), contacts_in(nominal_contacts, False)
         for i in range(len(each)):
@@ -240,7 +240,7 @@ def _scale_distances(contact: np.record, nominal: np.record, factor: float) -> N
 
 
 @compiled
-def _take_tables(nominal: np.record, factor: float, plant: np.record) -> None:
+def _scale_tables(nominal: np.record, factor: float, plant: np.record) -> None:
     """Fill the tables of a plant from those of one that gives way a factor earlier.
 
     Without a load the motion knows no other length, so that it is the same but for its size.

@@ -194,7 +194,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
 
 
 @compiled
-def _goes_to(t: float, args: tuple[np.record, np.record, int, bool]) -> bool:
+def _moves_towards(t: float, args: tuple[np.record, np.record, int, bool]) -> bool:
     """Return whether runner or deflection moves to a side at t (s) of an arc.
 
     args: arc, plant, side, and True for the deflection, of a series or a short swing alone.
@@ -207,8 +207,8 @@ def _goes_to(t: float, args: tuple[np.record, np.record, int, bool]) -> bool:
     return side * (within_arc(arc, plant, t)[2] + rate_after(arc, t)) > 0.0  # type: ignore[no-any-return]
 
 
-#: When (s) it no longer moves to a side: of the args of `_goes_to` and a bracket
-turn_from = bisection(_goes_to)
+#: When (s) it no longer moves to a side: of the args of `_moves_towards` and a bracket
+turn_from = bisection(_moves_towards)
 
 
 @compiled
@@ -228,7 +228,7 @@ def turns_within(arc: np.record, plant: np.record, h: float, times: NDArray) -> 
                 if found == len(times) or (deflection and arc.kind not in (TAYLOR, ELASTIC)):
                     continue
                 there, back = (arc, plant, side, deflection), (arc, plant, -side, deflection)
-                if _goes_to(left, there) and _goes_to(right, back):
+                if _moves_towards(left, there) and _moves_towards(right, back):
                     times[found] = turn_from(there, left, right)
                     found += 1
         left = right

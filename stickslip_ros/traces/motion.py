@@ -153,7 +153,7 @@ def read_steps(p: Parameters, steps: int) -> Motion:
         for number, t in enumerate(times):
             for looks in dynamics.due(t):
                 samples = simulation.sample(looks)
-                dynamics.see(samples.x, samples.v)
+                dynamics.record(samples.x, samples.v)
             x[number] = dynamics.sensed
         return x
 
@@ -187,7 +187,10 @@ def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
     while done < len(x):
         t = motion.t[0] + dt * np.arange(first, min(first + _CHUNK, last + 1))
         rate = motion.velocity_at(t)
-        seen = position.see(motion.position_at(t), rate), velocity.see(rate, np.gradient(rate, dt))
+        seen = (
+            position.filter(motion.position_at(t), rate),
+            velocity.filter(rate, np.gradient(rate, dt)),
+        )
         known = np.concatenate([ends, [t, *seen]], axis=1)
         part = slice(done, int(np.searchsorted(motion.t, t[-1], side="right")))
         x[part] = np.interp(motion.t[part], known[0], known[1])

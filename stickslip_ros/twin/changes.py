@@ -78,7 +78,7 @@ class ChangeDetector:
         """Time (s) at which the likeliest change began."""
         return float(self._onsets[np.argmax(self._runs)])
 
-    def see(self, t: float, duration: float, deviation: float) -> bool:
+    def update(self, t: float, duration: float, deviation: float) -> bool:
         """Take a reading at t (s) after a duration (s) of stepping; return whether it is a change.
 
         deviation is that from the prediction, in its standard deviations, positive in the direction
@@ -262,8 +262,8 @@ class ReadingsSince:
         likely.anchor(self.seen[0].reading, blurs[0])
         logs, squares = np.zeros(len(ways)), np.zeros(len(ways))
         for k, one in enumerate(self.seen[1:]):
-            likely.go(ways[:, k], one.motion.slope, one.motion.scatter)
-            _, deviation, z = likely.see(one.reading, blurs[k + 1])
+            likely.predict(ways[:, k], one.motion.slope, one.motion.scatter)
+            _, deviation, z = likely.correct(one.reading, blurs[k + 1])
             logs -= 0.5 * z**2 + math.log(deviation)
             squares += z**2
             if k % _PIECE == 0:

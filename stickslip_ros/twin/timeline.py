@@ -73,8 +73,8 @@ class Timeline:
         self._direction = 0
         self._before = 0.0, 0.0  # amplitude and frequency of the steps before
 
-    def take(self, command: TwinCommand) -> None:
-        """Take a command; those of the drive count from the next cycle on, as on the axis."""
+    def add(self, command: TwinCommand) -> None:
+        """Add a command; those of the drive count from the next cycle on, as on the axis."""
         name, value, t = command.name, command.value, command.t
         if name in ("amplitude", "frequency"):
             setattr(self, name, value)

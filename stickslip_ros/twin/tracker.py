@@ -106,7 +106,7 @@ class ReadingFilter:
         self.covariance[[0, -1], [-1, 0]] = -(blur.ringing**2)
         self._blur, self._glitches = blur, 0
 
-    def go(
+    def predict(
         self, distance: Array | float, slope: Array, scatter: float, stepping: float = 0.0
     ) -> None:
         """Go on by a distance (m), its slope by the logarithms, and its variance (m^2)."""
@@ -119,7 +119,9 @@ class ReadingFilter:
         self.covariance = going @ self.covariance @ going.T
         self.covariance[0, 0] += scatter
 
-    def see(self, reading: float, blur: Blur, glitch: float = math.inf) -> tuple[Any, float, Any]:
+    def correct(
+        self, reading: float, blur: Blur, glitch: float = math.inf
+    ) -> tuple[Any, float, Any]:
         """Take a reading (m) after `go`, unless it is beyond so many deviations, a glitch.
 
         Return what was expected (m), the standard deviation (m) of the difference, and this in it.
@@ -266,14 +268,16 @@ class Tracker(ReadingFilter):
         scatter = motion.scatter + float(motion.slope**2 @ walks) / 3.0
         drifting = 0.5 * motion.stepping * rate * float(motion.slope[self._drifts])
         distance = motion.distance - float(motion.slope @ self._centre)
-        self.go(distance, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping)
+        self.predict(
+            distance, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping
+        )
         self.covariance[THETA, THETA] += np.diag(walks)
         self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 
-    def take(self, one: ProcessedReading, duration: float) -> tuple[float, float, float]:
+    def update(self, one: ProcessedReading, duration: float) -> tuple[float, float, float]:
         """Go on to a reading, and take it; return as `see`."""
         self.advance(one.motion, duration)
-        return self.see(one.reading, one.motion.blur, GLITCH)
+        return self.correct(one.reading, one.motion.blur, GLITCH)
 
     def rebased(
         self,
@@ -300,7 +304,7 @@ class Tracker(ReadingFilter):
             new.prior = new.deviations
             new.anchor(seen[0].reading, seen[0].motion.blur)
             for before, one in pairwise(seen):
-                new.take(one._replace(motion=new.motion(one.parts)), one.t - before.t)
+                new.update(one._replace(motion=new.motion(one.parts)), one.t - before.t)
         return new
 
     def renew(self, within: float) -> Model:

@@ -178,7 +178,7 @@ class Twin:
                 known = (one for seen, one in self._seen if seen.t > max(t, self._steady))
                 self.tracker = next(known, self.tracker)
         self._still = t, self._still[1]
-        now.take(command)
+        now.add(command)
 
     def measure(self, t: float, reading: float) -> Update | None:
         """Take a reading (m) with its time stamp (s); None if it is of no use by itself."""
@@ -207,7 +207,7 @@ class Twin:
         if self._lost or math.isnan(self.t):
             self._anchor(t, reading)
             return None
-        return self._take(t, reading, duration)
+        return self._update(t, reading, duration)
 
     def _clock_jumped(self, t: float) -> bool:
         """Take an old reading; return whether there were only such for so long that it is none."""
@@ -234,7 +234,7 @@ class Twin:
         self._judge_at, self._judging, self._lost = 0, None, False
         self.t = self._anchored = t
 
-    def _take(self, t: float, reading: float, duration: float) -> Update:
+    def _update(self, t: float, reading: float, duration: float) -> Update:
         tracker, before = self.tracker, copy.copy(self.tracker)
         parts = list(self.timeline.between(self.t, t))
         motion = tracker.motion(parts)
@@ -244,7 +244,7 @@ class Twin:
                 tracker.forget(RATE, -1)  # every other cause would look like a rate there
             self._drive = drive
         seen = ProcessedReading(t, reading, parts, motion)
-        expected, deviation, z = tracker.take(seen, duration)
+        expected, deviation, z = tracker.update(seen, duration)
         self._seen.append((seen, before))
         self._since += bool(self.changes or motion.direction)
         judged = self._since == self.settings.judged_from and not self._drifts
@@ -263,7 +263,7 @@ class Twin:
             self.driven += duration
             self._excited = t if abs(z) < GLITCH else self._excited
             if (t > self._doubtful or abs(z) < GLITCH) and not self._pending:
-                changed = self.detector.see(t, duration, motion.direction * z)
+                changed = self.detector.update(t, duration, motion.direction * z)
         if changed and t <= self._doubtful:
             self.troubles["deviations in disorder"] += 1
             onset, self._astray, changed = self.detector.onset, True, False
@@ -271,7 +271,7 @@ class Twin:
             self.detector.reset()
         elif changed:
             self._change(seen)
-        self._go_on_judging()
+        self._continue_judging()
         if self.changes and self._judge_at:
             self.changes[-1].step_after = self.tracker.step_size(self.changes[-1].drive)[0]
         due = not self.history or not 0.0 <= t - self.history[-1][0] < _PERIOD
@@ -305,7 +305,7 @@ class Twin:
         judging = self._judging is not None and self.changes[-1].verdict is None
         return judging or self._judge_at == self.settings.judged_from
 
-    def _go_on_judging(self) -> None:
+    def _continue_judging(self) -> None:
         """Judge the last change, later once more: a piece now and then."""
         if self._judge_at and self._since >= self._judge_at:
             again = self._judge_at * _AGAIN

@@ -124,7 +124,7 @@ class Workbench(Panel):
             raise TraceError("there is no measurement to fit to; open one below")
         return self.fitting.start(base.replace(**read_changes(texts)), overlay.motion)
 
-    def _take(self, p: Parameters) -> None:
+    def _set(self, p: Parameters) -> None:
         with self._lock:
             self._base = p
 
@@ -141,7 +141,7 @@ class Workbench(Panel):
                 if path.suffix.lower() in (".yaml", ".yml"):
                     base = read_yaml(path)
                     curves(base)
-                    self._take(base)
+                    self._set(base)
                     return {"parameters": file_name}
                 overlay = Overlay.of(load_motion(path, _reading_of(how)).motion)
             except StickslipError as error:

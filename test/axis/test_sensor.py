@@ -139,7 +139,7 @@ def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:
 def test_the_response_to_a_cubic_is_that_of_the_textbook() -> None:
     p, dt = table_1(sensor_bandwidth=100.0).sensor, 1e-5
     t = np.linspace(dt, 1000 * dt, 1000)
-    y = LowPass(p, dt, 5e-9).see(5e-9 + 1e-3 * t**3, 3e-3 * t**2)
+    y = LowPass(p, dt, 5e-9).filter(5e-9 + 1e-3 * t**3, 3e-3 * t**2)
     lag = 1.0 / (2.0 * math.pi * 100.0)
     cubic = t**3 - 3.0 * lag * t**2 + 6.0 * lag**2 * t - 6.0 * lag**3 * (1.0 - np.exp(-t / lag))
     assert y == pytest.approx(5e-9 + 1e-3 * cubic, abs=1e-20)
@@ -149,7 +149,7 @@ def test_a_slow_sensor_of_a_long_move_keeps_its_gain() -> None:
     """It was 0.06 nm off after a millimetre, and 2.8 nm at 1 Hz: rounding of the filter."""
     p = table_1(sensor_bandwidth=10.0, sensor_order=2, sensor_damping=0.7).sensor
     t = np.linspace(1e-6, 1.0, 10**6)
-    y = LowPass(p, 1e-6, 0.0).see(1e-3 * t, np.full_like(t, 1e-3))
+    y = LowPass(p, 1e-6, 0.0).filter(1e-3 * t, np.full_like(t, 1e-3))
     behind = 2.0 * 0.7 / (2.0 * math.pi * 10.0)
     assert y[-1] == pytest.approx(1e-3 * (1.0 - behind), abs=1e-13)
 
@@ -290,7 +290,7 @@ def test_readings_at_rest_are_those_of_every_sample() -> None:
                 parts.advance(between)
         times = np.append(((k - 1) * 250 + numbers) / 250 / 1000, t)
         samples = exact.actuation.sim.sample(times)
-        y = low_pass.see(samples.x, samples.v)[-1]
+        y = low_pass.filter(samples.x, samples.v)[-1]
         exact.advance(t)
         whole.advance(t)
         parts.advance(t)

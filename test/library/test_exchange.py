@@ -184,5 +184,5 @@ def test_the_reading_is_that_of_the_sensor(order: int) -> None:
     times = np.arange(5000) * 1e-7
     pushed = np.column_stack([np.zeros_like(times), np.full_like(times, 1e-3)])
     _, linear, _ = lsim(tuple(axis), pushed, times)
-    seen = LowPass(p.sensor, 1e-7, 0.0).see(linear[:, 0], np.gradient(linear[:, 0], times))
+    seen = LowPass(p.sensor, 1e-7, 0.0).filter(linear[:, 0], np.gradient(linear[:, 0], times))
     np.testing.assert_allclose(linear[:, 2], seen, atol=1e-14)

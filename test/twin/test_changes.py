@@ -15,7 +15,7 @@ def test_mean_time_to_a_false_alarm_is_the_one_set_or_longer() -> None:
     for _ in range(200):
         detector = ChangeDetector(interval)
         for k in range(readings):
-            if detector.see(0.05 * k, interval / readings, float(random.standard_normal())):
+            if detector.update(0.05 * k, interval / readings, float(random.standard_normal())):
                 alarms += 1
                 detector.reset()
     # 95 % bound of the expectation of a Poisson count
@@ -40,7 +40,7 @@ def test_a_shift_is_told_soon_with_its_onset() -> None:
     detector = ChangeDetector(86_400.0)
     told = None
     for k in range(1500):
-        if detector.see(0.01 * k, 0.01, float(random.standard_normal()) + 2.0 * (k >= 1000)):
+        if detector.update(0.01 * k, 0.01, float(random.standard_normal()) + 2.0 * (k >= 1000)):
             told = k
             break
     assert told is not None and 1000 <= told < 1020
@@ -50,4 +50,4 @@ def test_a_shift_is_told_soon_with_its_onset() -> None:
 def test_two_glitches_are_no_change() -> None:
     detector = ChangeDetector(3600.0)
     for k in range(2000):
-        assert not detector.see(0.01 * k, 0.01, 1e9 if k in (1500, 1501) else 0.0)
+        assert not detector.update(0.01 * k, 0.01, 1e9 if k in (1500, 1501) else 0.0)

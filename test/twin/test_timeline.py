@@ -35,19 +35,19 @@ def test_cycles_are_those_of_the_axis() -> None:
             "amplitude": float(random.integers(150, 300)),
         }[name]  # fmt: skip
         axis.command(name, *(() if name == "stop" else (int(value) if name == "steps" else value,)))
-        timeline.take(TwinCommand(t, name, value))
+        timeline.add(TwinCommand(t, name, value))
     t += 0.02
     axis.command("stop")
-    timeline.take(TwinCommand(axis.state.t, "stop"))
+    timeline.add(TwinCommand(axis.state.t, "stop"))
     axis.advance(t + 1.0)
     assert _done(timeline, t + 1.0) == pytest.approx(axis.status.step_count, abs=1e-6)
 
 
 def test_unknown_cycles_make_blind() -> None:
     timeline = Timeline(300.0, 100.0)
-    timeline.take(TwinCommand(1.0, "position", 1e-6))
+    timeline.add(TwinCommand(1.0, "position", 1e-6))
     assert timeline.blind_between(1.5, 2.0)
-    timeline.take(TwinCommand(3.0, "steps", 10.0))
+    timeline.add(TwinCommand(3.0, "steps", 10.0))
     assert timeline.blind_between(2.5, 3.1)
     assert not timeline.blind_between(3.05, 4.0)
     assert not timeline.blind_between(0.0, 0.9)
@@ -56,7 +56,7 @@ def test_unknown_cycles_make_blind() -> None:
 def test_what_is_past_is_forgotten() -> None:
     timeline = Timeline(300.0, 100.0)
     for k in range(1000):
-        timeline.take(TwinCommand(0.2 * k, "steps", 10.0))
+        timeline.add(TwinCommand(0.2 * k, "steps", 10.0))
         timeline.forget(0.2 * k)
     assert len(timeline.pieces) < 4
     assert math.isfinite(timeline.pieces[-1].end)
