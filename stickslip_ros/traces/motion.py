@@ -19,7 +19,7 @@ from stickslip_ros.axis.sensor import (
     Sensor,
     SensorDynamics,
     has_bandwidth,
-    looks_per_reading,
+    samples_per_reading,
 )
 from stickslip_ros.files import whole_file
 from stickslip_ros.model import Plant
@@ -178,7 +178,7 @@ def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
     """Filter a motion with the low-pass of the sensor, settled at its start, if there is one."""
     if not has_bandwidth(p.sensor) or motion.duration == 0.0:
         return motion
-    looks = looks_per_reading(p.sensor, Plant.of(p).ringing_frequency)
+    looks = samples_per_reading(p.sensor, Plant.of(p).ringing_frequency)
     dt = 1.0 / (p.sensor.sensor_rate * looks)
     position, velocity = LowPass(p.sensor, dt, float(motion.x[0])), LowPass(p.sensor, dt, 0.0)
     x, v = np.empty_like(motion.x), np.empty_like(motion.x)
@@ -187,11 +187,9 @@ def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
     while done < len(x):
         t = motion.t[0] + dt * np.arange(first, min(first + _CHUNK, last + 1))
         rate = motion.velocity_at(t)
-        seen = (
-            position.filter(motion.position_at(t), rate),
-            velocity.filter(rate, np.gradient(rate, dt)),
-        )
-        known = np.concatenate([ends, [t, *seen]], axis=1)
+        moved = position.filter(motion.position_at(t), rate)
+        speed = velocity.filter(rate, np.gradient(rate, dt))
+        known = np.concatenate([ends, [t, moved, speed]], axis=1)
         part = slice(done, int(np.searchsorted(motion.t, t[-1], side="right")))
         x[part] = np.interp(motion.t[part], known[0], known[1])
         v[part] = np.interp(motion.t[part], known[0], known[2])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A twin: the model beside a real axis, told the same commands, which says what has changed."""
+"""A twin: the model beside a real axis, given the same commands, which says what has changed."""
 
 from typing import TYPE_CHECKING
 

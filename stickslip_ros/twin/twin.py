@@ -80,7 +80,7 @@ class TrackedParameter(NamedTuple):
 
 @dataclass
 class Change:
-    """A change that was told."""
+    """A change that was reported."""
 
     told: float  #: s
     onset: float  #: s, the likeliest
@@ -99,7 +99,7 @@ class Change:
         text = f"step {sizes}, {when if self.at_start else f'since {self.onset:.6g} s'}"
         waits = "not judged, as it goes on" if self.goes_on else "not judged yet"
         cause = self.verdict.text if self.verdict else waits
-        return f"{text} (told at {self.told:.6g} s); cause: {cause}"
+        return f"{text} (reported at {self.told:.6g} s); cause: {cause}"
 
 
 class Forecast(NamedTuple):
@@ -136,7 +136,7 @@ class Twin:
         self._doubtful = -math.inf  # s, until when there is disorder
         self._astray = False  # whether its cycles are not known, until it rests
         self._still = math.nan, math.nan  # since when (s) and where (m) it has not moved
-        self._steady = -math.inf  # since when nothing was told, s
+        self._steady = -math.inf  # since when nothing was reported, s
         self._begun = math.nan  # time of the first reading that showed cycles, s
         self._excited = -math.inf  # time of the last reading that showed cycles, s
         self._judging: Pieces[None] | None = None
@@ -301,7 +301,7 @@ class Twin:
 
     @property
     def _pending(self) -> bool:
-        """Whether a change waits for its first verdict: until then, one is told at a time."""
+        """Whether a change waits for its first verdict: until then, one is reported at a time."""
         judging = self._judging is not None and self.changes[-1].verdict is None
         return judging or self._judge_at == self.settings.judged_from
 
