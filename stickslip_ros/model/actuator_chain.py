@@ -110,7 +110,7 @@ class Chain(NamedTuple):
 def limits_of_pieces(p: ActuatorParameters, plant: Plant) -> tuple[float, float, float]:
     """Return error (m), mean_only_rate (m/s) and runner (1/s) of the `Chain` before a plant."""
     slides_on = plant.contact.kind == ALWAYS_PLASTIC or _is_carried(plant)  # it may, all the time
-    error = ERROR * (_YIELDING if slides_on else 1.0) * fineness_of(plant)
+    error = ERROR * (_YIELDING if slides_on else 1.0) * _fineness_of(plant)
     error *= min(1.0, p.actuator_damping / _FIRM) if p.actuator_resonance else 1.0
     runner = math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass)
     return error, _fastest(plant, p.gain_in_force * p.max_voltage), runner
@@ -135,7 +135,7 @@ def _fastest(plant: Plant, stroke: float) -> float:
     return math.sqrt(force * path / plant.mass) + pushed / plant.mass
 
 
-def fineness_of(plant: Plant) -> float:
+def _fineness_of(plant: Plant) -> float:
     """Return the fraction of the deviation that the lines may have for so small a deflection."""
     least = min(plant.contact.z_s, plant.contact.z_k)
     return min(max(least / _FELT, _FINEST), 1.0)

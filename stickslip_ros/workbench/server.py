@@ -104,7 +104,7 @@ class Workbench(Panel):
         super().__init__({"/curves": self.answer, "/fit": lambda _: self.fitting.state})
         self._lock = threading.Lock()
         self._base, self._overlay = base, overlay
-        self.fitting = Fitting(self._take)
+        self.fitting = Fitting(self._set)
 
     @property
     def state(self) -> tuple[Parameters, Overlay | None]:
