@@ -37,7 +37,8 @@ ERRORS = {
     4: "Not possible in this state",
 }
 _RANGE, _OUTPUT_OFF, _NO_REFERENCE, _STATE = ERRORS
-_BAD = (-32602, "Invalid params")  # an error of JSON-RPC, as are those that follow
+#: Errors of JSON-RPC
+_BAD, _NO_REQUEST = (-32602, "Invalid params"), (-32600, "Invalid Request")
 #: Settings that are stored and reported, without an effect on the motion.
 _SETTINGS: dict[str, bool | int] = {
     "control.ControlAutoReset": False,
@@ -204,17 +205,19 @@ class AmcDialogue(Dialogue):
         number, said = None, dict[str, Any]()
         try:
             request = json.loads(line or b"")
+            require(isinstance(request, dict), _NO_REQUEST)
             number = request.get("id")
+            require(isinstance(request.get("method"), str), _NO_REQUEST)
             said = {"result": self._result(request)}
         except Refused as refused:
             code, message = refused.reason
             said = {"error": {"code": code, "message": message}}
-        except (ValueError, AttributeError, RecursionError):
+        except (ValueError, RecursionError):
             said = {"error": {"code": -32700, "message": "Parse error"}}
         return json.dumps({"jsonrpc": "2.0", **said, "id": number}).encode() + b"\r\n"
 
     def _result(self, request: dict[str, Any]) -> list[Any]:
-        name = str(request.get("method")).removeprefix("com.attocube.").removeprefix("amc.")
+        name = request["method"].removeprefix("com.attocube.").removeprefix("amc.")
         values = request.get("params") or []
         require(isinstance(values, list), _BAD)
         command, whose = OF_CONTROLLER.get(name), self.controller

@@ -50,6 +50,16 @@ class Request(NamedTuple):
     moves: bool = False  #: refused while the channel may not move
 
 
+def within(low: float, high: float, reason: Any) -> Callable[..., Any]:
+    """Return what reads a number from low to high. It raises Refused for others."""
+
+    def read(value: Any) -> Any:
+        require(low <= value <= high, reason)
+        return value
+
+    return read
+
+
 def stored(
     name: Hashable,
     read: Callable[..., Any],

@@ -24,6 +24,7 @@ from stickslip_ros.emulator.controller import (
     Request,
     require,
     stored,
+    within,
 )
 from stickslip_ros.version import __version__
 
@@ -34,7 +35,7 @@ class Code(IntEnum):
     """The errors that `ERR?` tells."""
 
     NONE, SYNTAX, UNKNOWN, TOO_LONG = 0, 1, 2, 3
-    NO_SERVO, LIMITS, STOPPED, INVALID_AXIS, RANGE, COUNT = 5, 7, 10, 15, 17, 24
+    NO_SERVO, LIMITS, VELOCITY, STOPPED, INVALID_AXIS, RANGE, COUNT = 5, 7, 8, 10, 15, 17, 24
     NO_LIMIT_SWITCH, UNKNOWN_PARAMETER, READ_ONLY, SERVO_ON = 32, 54, 64, 79
 
 
@@ -65,6 +66,7 @@ class GcsAxis(Channel):
         self.referencing = False  #: a reference move runs
         self.needs_reference = True  #: before closed-loop moves
         self.steps = 0.0  #: commanded last, in open loop
+        self.home = 0.0  #: where the position was that counts as 0, mm
 
     def tick(self) -> None:
         """End a reference move: its end counts as 0."""
@@ -108,6 +110,11 @@ class GcsAxis(Channel):
         self.set_position(_MM * mm)
         self.referenced = True
 
+    def define_home(self) -> None:
+        """Let the present position count as 0."""
+        self.home += self.position / _MM
+        self.set_position(0.0)
+
     def run_steps(self, steps: float) -> None:
         """Run whole steps in open loop."""
         require(not self.servo, Code.SERVO_ON)
@@ -117,6 +124,11 @@ class GcsAxis(Channel):
             self.axis.command_steps(int(steps))
         else:
             self.halt()
+
+    def register(self, number: float) -> str:
+        """Return the one register, of the state."""
+        require(number == 1, Code.RANGE)
+        return f"0x{self.bits:04X}"
 
     def set_parameter(self, number: float, value: float) -> None:
         """Store a parameter; none has an effect on the motion."""
@@ -209,7 +221,7 @@ class GcsDialogue(Dialogue):
             word, *numbers = rest[first : first + each]
             require(word in axes, Code.INVALID_AXIS)
             found = self.carry_out(command, axes[word], numbers)
-            if name == "SPA?":
+            if name in ("SPA?", "SRG?"):
                 word = " ".join([word, *numbers])
             answers.append(f"{word}={found}")
         if not name.endswith("?"):
@@ -237,6 +249,13 @@ class Gcs(Controller):
             axis.halt()
         self.error = Code.STOPPED
 
+    def restart(self) -> None:
+        """Begin as at power-on."""
+        for axis in self.channels:
+            axis.halt()
+        self.channels = [GcsAxis(one.axis) for one in self.channels]
+        self.error = Code.NONE
+
 
 def _parameter(axis: GcsAxis, number: float) -> str:
     kind = _PARAMETERS.get(int(number), ("",))[0]
@@ -247,6 +266,8 @@ def _parameter(axis: GcsAxis, number: float) -> str:
 
 OF_AXIS: dict[str, Request] = {
     "CST?": Request(lambda a: f"SIM-{a.axis.parameters.node.axis_name}"),
+    "DFH": Request(GcsAxis.define_home),
+    "DFH?": Request(lambda a: f"{a.home:.7f}"),
     "FNL": Request(lambda a: require(False, Code.NO_LIMIT_SWITCH), moves=True),
     "FPL": Request(lambda a: require(False, Code.NO_LIMIT_SWITCH), moves=True),
     "FRF": Request(GcsAxis.find_reference, moves=True),
@@ -269,6 +290,7 @@ OF_AXIS: dict[str, Request] = {
     "RON?": Request(lambda a: f"{a.needs_reference:d}"),
     "SPA": Request(GcsAxis.set_parameter, 2),
     "SPA?": Request(_parameter, 1),
+    "SRG?": Request(GcsAxis.register, 1),
     "STP": Request(GcsAxis.halt),
     "SVO": Request(GcsAxis.set_servo, 1),
     "SVO?": Request(lambda a: f"{a.servo:d}"),
@@ -276,8 +298,15 @@ OF_AXIS: dict[str, Request] = {
     "TMX?": Request(lambda a: f"{a.range[1]:.7f}"),
     "TRS?": Request(lambda a: "1"),
 }
-for _name, _setting in (("ACC", 0xB), ("DEC", 0xC), ("VEL", "velocity")):
-    OF_AXIS[_name], OF_AXIS[f"{_name}?"] = stored(_setting, float, show="{:.6f}".format)
+
+for _name, _setting, _most, _code in (
+    ("ACC", 0xB, _PARAMETERS[0x4A][2], Code.RANGE),
+    ("DEC", 0xC, _PARAMETERS[0x4B][2], Code.RANGE),
+    ("VEL", "velocity", _PARAMETERS[0xA][2], Code.VELOCITY),
+):
+    OF_AXIS[_name], OF_AXIS[f"{_name}?"] = stored(
+        _setting, within(0.0, _most, _code), show="{:.6f}".format
+    )
 
 
 def _help(_: Gcs) -> str:
@@ -299,10 +328,13 @@ OF_CONTROLLER: dict[str, Callable[[Gcs], str | None]] = {
     "\x07": lambda c: ("\xb0" if any(a.referencing for a in c.channels) else "\xb1") + "\n",
     "\x18": Gcs.stop,
     "*IDN?": lambda c: f"(c)stickslip_ros Physik Instrumente, E-871.1A1, SIM-0, {__version__}\n",
+    "CCL?": lambda c: "0\n",
     "CSV?": lambda c: "2.0\n",
     "HLP?": _help,
     "HPA?": _parameters,
+    "RBT": Gcs.restart,
     "SAI?": lambda c: " \n".join(c.axes) + "\n",
     "SSN?": lambda c: "SIM-0\n",
+    "TVI?": lambda c: "".join(c.axes) + "\n",
     "VER?": lambda c: f"stickslip_ros {__version__}\n",
 }

@@ -85,6 +85,11 @@ _NM = 1e-9
 _MCS_STATUS = {FAULT: 9, DISABLED: 9, TARGETING: 4, HOLDING: 3, SCANNING: 2, JOGGING: 1}
 #: Settings that are stored and reported, without an effect on the motion
 _SETTINGS = {"CLS": "0", "CLA": "0", "SD": "0", "SC": "0,0", "CLF": str(MOST_HERTZ)}
+#: Lowest and highest number of each
+_RANGES: dict[str, list[tuple[float, float]]] = {
+    "CLS": [(0, 1e8)], "CLA": [(0, 1e7)], "SD": [(0, 1)], "SC": [(-math.inf, math.inf), (0, 1)],
+    "CLF": [(50, MOST_HERTZ)],
+}  # fmt: skip
 
 
 class McsChannel(Channel):
@@ -157,7 +162,9 @@ def _scan(channel: McsChannel, level: float, speed: int) -> None:
     channel.axis.command_scan(level * FULL_SCALE_V / _LEVELS)
 
 
-def _joined(*numbers: int) -> str:
+def _joined(name: str, *numbers: int) -> str:
+    """Return the numbers of a setting as they are stored. Raises Refused."""
+    _check(all(low <= n <= high for n, (low, high) in zip(numbers, _RANGES[name], strict=True)))
     return ",".join(map(str, numbers))
 
 
@@ -207,9 +214,9 @@ MCS_CHANNEL: dict[str, Request] = {
     "GSN": Request(lambda c: "SN#,1"),
     "GFV": Request(lambda c: "FV#,1,0,0"),
 }
-for _name, _numbers in _SETTINGS.items():
+for _name, _ranges in _RANGES.items():
     MCS_CHANNEL[f"S{_name}"], MCS_CHANNEL[f"G{_name}"] = stored(
-        _name, _joined, _numbers.count(",") + 1, partial("{}#,{}".format, _name)
+        _name, partial(_joined, _name), len(_ranges), partial("{}#,{}".format, _name)
     )
 
 
@@ -225,12 +232,14 @@ _BAUD = re.compile(r"CB\d{4,6}")
 _SCU_STATUS = {TARGETING: "T", HOLDING: "H", SCANNING: "A", FAULT: "S", DISABLED: "S"}
 
 
-class ScuChannel(Channel):
-    """A channel with its settings: stored and reported, without an effect on the motion."""
+#: Settings that are stored and reported, without an effect on the motion: letter and range
+_SCU_SETTINGS = {"CLF": ("F", LEAST_HERTZ, MOST_HERTZ), "SD": ("D", 0, 1), "ST": ("T", 1, 40)}
 
-    loop_hertz = MOST_HERTZ
-    safe_direction = 0
-    positioner = 1  #: a linear one
+
+class ScuChannel(Channel):
+    """A channel with its settings; the positioner is a linear one."""
+
+    first_settings: ClassVar = {"CLF": MOST_HERTZ, "SD": 0, "ST": 1}
 
 
 class ScuCommand(NamedTuple):
@@ -320,15 +329,16 @@ def _go_to_end(channel: ScuChannel, D: str) -> None:
     channel.axis.command_jog(math.copysign(channel.axis.status.frequency, 1 if D == "U" else -1))
 
 
-def _set(name: str, letter: str, low: int, high: int) -> Callable[..., None]:
-    """Return the command that stores a whole number."""
+def _scu_setting(name: str) -> tuple[ScuCommand, ScuCommand]:
+    """Return the commands that set and get a setting, a whole number."""
+    letter, low, high = _SCU_SETTINGS[name]
 
-    def run(channel: ScuChannel, **values: str) -> None:
-        value = _number(values[letter])
-        _check(low <= value <= high)
-        setattr(channel, name, int(value))
+    def keep(channel: ScuChannel, **values: str) -> None:
+        _check(low <= _number(values[letter]) <= high)
+        channel.settings[name] = int(_number(values[letter]))
 
-    return run
+    show = ScuCommand(lambda c: f"{name}#{letter}{c.settings[name]}")
+    return ScuCommand(keep, letter), show
 
 
 SCU_CONTROLLER: dict[str, Callable[[Scu], str | None]] = {
@@ -358,10 +368,6 @@ SCU_CHANNEL: dict[str, ScuCommand] = {
     "GPPK": ScuCommand(lambda c: "PPK#P0"),
     "M": ScuCommand(lambda c: f"M#{_SCU_STATUS.get(c.axis.mode, 'SM'[c.axis.moving])}"),
     "GSP": ScuCommand(lambda c: "SP#P"),
-    "GST": ScuCommand(lambda c: f"ST#T{c.positioner}"),
-    "SST": ScuCommand(_set("positioner", "T", 1, 40), "T"),
-    "GCLF": ScuCommand(lambda c: f"CLF#F{c.loop_hertz}"),
-    "SCLF": ScuCommand(_set("loop_hertz", "F", LEAST_HERTZ, MOST_HERTZ), "F"),
-    "GSD": ScuCommand(lambda c: f"SD#D{c.safe_direction}"),
-    "SSD": ScuCommand(_set("safe_direction", "D", 0, 1), "D"),
 }
+for _name in _SCU_SETTINGS:
+    SCU_CHANNEL[f"S{_name}"], SCU_CHANNEL[f"G{_name}"] = _scu_setting(_name)

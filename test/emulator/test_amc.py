@@ -120,7 +120,9 @@ def test_the_requests_of_the_epics_driver(emulate: Callable[..., Any]) -> None:
     ("asked", "code"),
     [
         ("not json", -32700),
-        ("[1]", -32700),
+        ("[1]", -32600),
+        ("{}", -32600),
+        ('{"method": 5}', -32600),
         ("}", -32700),
         ('{"a": "' + "x" * 5000 + '"}', -32700),
         ('{"method": "com.attocube.amc.fly.away"}', -32601),

@@ -45,8 +45,17 @@ def test_pipython_references_moves_steps_and_stops(emulate: Callable[..., Any]) 
             device.HLT()
         assert not device.IsMoving("1")["1"]
         assert device.qSPA(["1"], [0x14]) == {"1": {0x14: 1}}
+        assert device.qSRG("1", 1)["1"][1] & 0x9000  # on target, with its servo
+        assert (device.qCCL(), device.qTVI().strip()) == (0, "1")
         pitools.startup(device, refmodes="POS")
         assert device.qPOS("1")["1"] == pytest.approx(0.0, abs=1e-4)
+        device.MOV("1", 0.001)
+        pitools.waitontarget(device, "1", polldelay=0.01)
+        device.DFH("1")
+        assert device.qPOS("1")["1"] == pytest.approx(0.0, abs=1e-4)
+        assert device.qDFH("1")["1"] == pytest.approx(0.001, abs=1e-4)
+        device.RBT()
+        assert (device.qSVO()["1"], device.qFRF()["1"], device.qCCL()) == (False, False, 0)
 
 
 def test_the_dialogue_of_the_epics_driver(emulate: Callable[..., Any]) -> None:
@@ -94,6 +103,10 @@ def test_the_dialogue_of_the_epics_driver(emulate: Callable[..., Any]) -> None:
         ("OSM 1 1.5", 17),
         ("OVL 1 1e9", 17),
         ("POS 1 0", 5),
+        ("VEL 1 -1", 8),
+        ("VEL 1 5.1", 8),
+        ("ACC 1 1001", 17),
+        ("SRG? 1 2", 17),
         ("SPA? 1 0x999", 54),
         ("SPA 1 0x14 0", 64),
         ("\x06", 2),
