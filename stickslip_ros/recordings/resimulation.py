@@ -25,8 +25,6 @@ from stickslip_ros.recordings.runs import (
     SET_POINT_TOPICS,
     RecordedRun,
     Sample,
-    contacts_of,
-    joints_of,
     recorded_runs,
     recorded_states,
 )
@@ -173,19 +171,17 @@ def _again(
         found.duration = sample.time_ns * 1e-9
         on_state()
     if not found.states:
-        raise NotRepeatable(
-            f"{bag.path} holds no state of {run.node}; record {run.joints_topic} as well"
-        )
+        topic = next(iter(run.state_topics))
+        raise NotRepeatable(f"{bag.path} holds no state of {run.node}; record {topic} as well")
     return found
 
 
 def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
     """Return field, index and value for all that a message says of the axis."""
-    rows = (contacts_of if sample.topic == run.contact_topic else joints_of)(axis)
     names = list(sample.message.name)
     return [
         (name, names.index(joint), value)
-        for end, *values in rows
+        for end, *values in run.state_topics[sample.topic][1](axis)
         if (joint := f"{run.axis_name}{end}") in names
         for name, value in zip(_UNITS, values, strict=True)
         if value is not None and len(getattr(sample.message, name))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -86,14 +86,12 @@ class RecordedRun:
         return str(self.events[0].details.get("axis_name", "axis"))
 
     @property
-    def joints_topic(self) -> str:
-        """Topic with runner and actuator."""
-        return f"{self.node.rpartition('/')[0]}/joint_states"
-
-    @property
-    def contact_topic(self) -> str:
-        """Topic with the contact."""
-        return f"{self.node}/contact"
+    def state_topics(self) -> dict[str, tuple[str, Callable[[Axis], Joints]]]:
+        """The topics with its states: the joint that each is about, what computes all."""
+        return {
+            f"{self.node.rpartition('/')[0]}/joint_states": (SLIDER, joints_of),
+            f"{self.node}/contact": (CONTACT_SUFFIX, contacts_of),
+        }
 
 
 #: Topics below the node of an axis with set points, which are events as well
@@ -190,16 +188,12 @@ def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
     :raises NotRepeatable: the stamps of a topic run back.
     :raises BagError: a message is damaged, or not what its type says.
     """
-    streams = [
-        _states_on(bag, topic, run)
-        for topic in (run.joints_topic, run.contact_topic)
-        if bag.counts.get(topic)
-    ]
+    streams = [_states_on(bag, topic, run) for topic in run.state_topics if bag.counts.get(topic)]
     return heapq.merge(*streams, key=lambda sample: sample.time_ns)
 
 
 def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]:
-    joint = run.axis_name + (CONTACT_SUFFIX if topic == run.contact_topic else SLIDER)
+    joint = run.axis_name + run.state_topics[topic][0]
     last = -1
     for message, state in decode_messages(bag, [topic]):
         try:
