@@ -75,7 +75,7 @@ def _aged(p: Parameters, plants: Plant, possible: NDArray[np.bool_]) -> Plant:
         point = p.point(k)
         surface, command = Surface.of(point.friction), command_of(point)
         if surface and command.slip >= 0:
-            factors[k] = surface.aged(command.dwell, command.slip_rate)
+            factors[k] = surface.ageing_factor(command.dwell, command.slip_rate)
     return scale_distances(plants, factors)
 
 

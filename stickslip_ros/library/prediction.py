@@ -132,7 +132,7 @@ class Numbers(NamedTuple):
         zeta = c.sigma_1 / (2.0 * plant.mass * omega)
         return cls(stroke, c.z_k / c.z_ba, zeta, omega * slip, stroke / rest, c.z_ss / c.z_ba, rest)
 
-    def ranged(self, left: Any) -> dict[str, Any]:
+    def with_range(self, left: Any) -> dict[str, Any]:
         """Return the numbers that `RANGES` limits, by name; left: ringing at the slip, in z_ba."""
         return {
             "lambda": self.limit, "zeta": self.zeta, "tau": self.tau, "s": self.s, "left": left,
@@ -147,11 +147,11 @@ class Numbers(NamedTuple):
         """Return the step and the ringing left at the next slip, in z_ba; each (points,)."""
         n = Numbers(*np.broadcast_arrays(*self))
         sliding = _steady(n)
-        _, single, double = _wind_up(n.stroke, n, sliding)
+        _, single, double = _slide(n.stroke, n, sliding)
         swept = n.tau / n.stroke
         # The runner goes back while the contact winds up, which shortens the path.
         path = n.stroke + n.rho * n.tau - double * swept**2 - 2.0 * n.zeta * single * swept
-        end, _, _ = _wind_up(np.maximum(path, 0.0), n, sliding)
+        end, _, _ = _slide(np.maximum(path, 0.0), n, sliding)
         speed = -(single * swept + 2.0 * n.zeta * end)
         step = path - end
         phi = np.sqrt(1.0 - np.minimum(n.zeta, 0.99) ** 2)
@@ -234,7 +234,7 @@ def steps_over(p: Parameters, volts: Array) -> tuple[Array, Array]:
     numbers = Numbers.of(plant, varied)
     sizes, left = numbers.step()
     holds = drives_of(varied, len(volts), 1)[1]
-    for name, found in numbers.ranged(left).items():
+    for name, found in numbers.with_range(left).items():
         holds = holds & (found >= RANGES[name].low) & (found <= RANGES[name].high)
     lengths = plant.contact.z_ba * np.stack(
         [sizes, np.broadcast_to(numbers.error(left), holds.shape)]
@@ -320,7 +320,7 @@ def _fitting(p: Parameters) -> Plant:
 
 
 def _check(numbers: Numbers, left: float) -> None:
-    for name, found in numbers.ranged(left).items():
+    for name, found in numbers.with_range(left).items():
         value, allowed = float(found), RANGES[name]
         if not allowed.low <= value <= allowed.high:
             size = f"{value:.3g}" if math.isfinite(value) else "above 1"
@@ -356,7 +356,7 @@ def _steady(n: Numbers) -> tuple[Array, Array]:
     return z, z - 1.0 + _LIFETIMES / rate
 
 
-def _wind_up(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+def _slide(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Array, Array, Array]:
     """Return z after a path from 0, its integral and its double integral over it.
 
     From z = 1 on by Runge-Kutta steps of fourth order, until the contact slides steadily; sliding

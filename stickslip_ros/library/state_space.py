@@ -111,12 +111,12 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     )
     if p.actuator.actuator_resonance:
         low_pass = _low_pass(p.actuator.actuator_resonance, p.actuator.actuator_damping)
-        axis = _behind(low_pass, axis)
+        axis = _with_input_filter(low_pass, axis)
     if p.actuator.amplifier_bandwidth:
-        axis = _behind(_low_pass(p.actuator.amplifier_bandwidth, None), axis)
+        axis = _with_input_filter(_low_pass(p.actuator.amplifier_bandwidth, None), axis)
     if has_bandwidth(p.sensor):
         zeta = p.sensor.sensor_damping if p.sensor.sensor_order == 2 else None
-        axis = _read(axis, _low_pass(p.sensor.sensor_bandwidth or 0.0, zeta))
+        axis = _with_reading(axis, _low_pass(p.sensor.sensor_bandwidth or 0.0, zeta))
     return axis
 
 
@@ -132,7 +132,7 @@ def _low_pass(bandwidth: float, zeta: float | None) -> LowPass:
     return np.array([[0.0, 1.0], [-square, -2.0 * zeta * omega]]), np.array([[0.0], [square]])
 
 
-def _behind(low_pass: LowPass, axis: StateSpace) -> StateSpace:
+def _with_input_filter(low_pass: LowPass, axis: StateSpace) -> StateSpace:
     """Return the axis with its voltage behind a low-pass."""
     A, B = low_pass
     none = np.zeros((len(A), 1))
@@ -145,7 +145,7 @@ def _behind(low_pass: LowPass, axis: StateSpace) -> StateSpace:
     )
 
 
-def _read(axis: StateSpace, low_pass: LowPass) -> StateSpace:
+def _with_reading(axis: StateSpace, low_pass: LowPass) -> StateSpace:
     """Return the axis with its position behind a low-pass as a further output."""
     A, B = low_pass
     states, more = len(axis.A), len(A)

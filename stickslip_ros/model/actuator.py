@@ -34,7 +34,7 @@ OPERATORS = 8
 _SHORTEST = 1e-9
 
 
-def _none() -> Array:
+def _no_thresholds() -> Array:
     return np.empty(0)
 
 
@@ -43,8 +43,8 @@ class Actuator:
     """Deflection = elastic * voltage + sum of weights * plays, m; linear without plays."""
 
     elastic: float  #: m/V
-    thresholds: Array = field(default_factory=_none)  #: r (V), (operators,)
-    weights: Array = field(default_factory=_none)  #: m/V, (operators,)
+    thresholds: Array = field(default_factory=_no_thresholds)  #: r (V), (operators,)
+    weights: Array = field(default_factory=_no_thresholds)  #: m/V, (operators,)
 
     @classmethod
     def of(cls, p: ActuatorParameters) -> Actuator:

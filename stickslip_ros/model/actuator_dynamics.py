@@ -159,7 +159,7 @@ def _relax(
     turn = lag * math.log(-e / (b * lag)) if -e * b > 0.0 and abs(e) > abs(b) * lag else math.inf
     at = 0.0
     while at < span and count < nodes.shape[1] - 4:
-        left = e * _fading(at, lag)
+        left = e * _decay(at, lag)
         jerk = abs(left) / (lag * lag * lag) if left != 0.0 else 0.0
         if chain.omega > 0.0:
             error = _INPUT * chain.error
@@ -176,7 +176,7 @@ def _relax(
             to = turn
         h = to - at
         gone = -left * lag * math.expm1(-h / lag) if lag > 0.0 else 0.0
-        u = c + b * (to - lag) - e * _fading(to, lag)
+        u = c + b * (to - lag) - e * _decay(to, lag)
         t = t_end if to == span else t_end - (span - to)
         summed = (abs(left) + abs(b) * h) * h
         count = _add_piece(nodes, count, t, u, (left + 0.5 * b * h) * h - gone, summed)
@@ -185,7 +185,7 @@ def _relax(
 
 
 @compiled
-def _fading(t: float, lag: float) -> float:
+def _decay(t: float, lag: float) -> float:
     """Return exp(-t / lag), 0 without a lag."""
     if not lag > 0.0:
         return 0.0

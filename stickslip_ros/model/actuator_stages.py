@@ -119,12 +119,12 @@ def follow(
     else:
         state[DRIVEN] = state[COMMAND]
     if count > 0 and len(chain.thresholds):
-        count = _hysteretic(chain, state, nodes, count, spare)
+        count = _hysteresis(chain, state, nodes, count, spare)
         nodes[:, :count] = spare[:, :count]
     elif count > 0:
         nodes[1:, :count] *= chain.elastic
     if count > 0 and len(chain.creep_times):
-        count = _crept(chain, state, nodes, count, spare)
+        count = _creep(chain, state, nodes, count, spare)
         nodes[:, :count] = spare[:, :count]
     if count > 0 and chain.omega > 0.0:
         count = resonate(chain, state, nodes, count, spare)
@@ -170,7 +170,7 @@ def _commanded(state: NDArray, durations: NDArray, rates: NDArray, nodes: NDArra
 
 
 @compiled
-def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
+def _hysteresis(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
     """Write the deflection with hysteresis into out; a piece ends where a play begins to move."""
     operators = len(chain.thresholds)
     plays = state[PLAYS : PLAYS + operators]
@@ -228,7 +228,7 @@ def _weighted(chain: Chain, plays: NDArray) -> float:
 
 
 @compiled
-def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
+def _creep(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
     """Write the deflection with creep into out, in pieces short enough for its curvature."""
     first = PLAYS + len(chain.thresholds)
     creep, per_s = state[first:], 1.0 / chain.creep_times
@@ -251,7 +251,7 @@ def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArra
             if written >= out.shape[1] - 2:
                 return -1
             for i in range(len(creep)):
-                creep[i] += _crept_way(q - creep[i], rate, bend, h, h * per_s[i])
+                creep[i] += _creep_path(q - creep[i], rate, bend, h, h * per_s[i])
             last = not end - t - h > 1e-9 * h
             t = end if last else t + h
             q = nodes[1, k] if last else q + (rate + 0.5 * bend * h) * h
@@ -265,7 +265,7 @@ def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArra
 
 
 @compiled
-def _crept_way(behind: float, rate: float, bend: float, h: float, x: float) -> float:
+def _creep_path(behind: float, rate: float, bend: float, h: float, x: float) -> float:
     """Return how far (m) one exponential of the creep gets in h (s), x of its time constants.
 
     It is behind (m) what comes in, which goes at a rate (m/s) with a bend (m/s^2).

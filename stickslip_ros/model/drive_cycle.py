@@ -138,7 +138,7 @@ def stack_cycles(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveC
     return DriveCycles(durations, rates, slip, sign, slip_parts, bends)
 
 
-def through(actuator: Actuator, start: float, voltage: DriveCycle) -> DriveCycle:
+def deflect(actuator: Actuator, start: float, voltage: DriveCycle) -> DriveCycle:
     """Return the drive cycle of the deflection that an actuator settles to; it closes.
 
     voltage has rates in V/s, its cycle begins at the level start (V). An actuator with hysteresis

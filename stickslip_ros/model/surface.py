@@ -87,9 +87,9 @@ class Surface(NamedTuple):
             exponent += self.slip_spread * _normal(self.seed, 1, moment.cycle)
         wear = min(-self.wear_rate * moment.slid, _MOST_WORN)  # so that its exponential is finite
         worn = min(max(math.exp(wear), 1.0 / _MOST_WORN), _MOST_WORN)
-        return math.exp(exponent) * self.aged(moment.dwell, moment.rate) * worn
+        return math.exp(exponent) * self.ageing_factor(moment.dwell, moment.rate) * worn
 
-    def aged(self, dwell: float, rate: float) -> float:
+    def ageing_factor(self, dwell: float, rate: float) -> float:
         """Return the factor of a contact that slips at a rate (m/s) after a dwell (s) at rest."""
         grown = self.dwell_growth * math.log10(1.0 + dwell / self.dwell_start)
         return 1.0 + grown + self.rate_growth * math.log10(1.0 + rate / self.rate_start)

@@ -18,10 +18,10 @@ from stickslip_ros.model.actuator_chain import (
     without_chain,
 )
 from stickslip_ros.model.actuator_stages import settled
-from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, ramp, stack_cycles, through
+from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, deflect, ramp, stack_cycles
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters, parameter
 from stickslip_ros.waveforms import WAVEFORMS, Shape
-from stickslip_ros.waveforms.built_in import PER_MICROSECOND, no_time, sawtooth_shape
+from stickslip_ros.waveforms.built_in import PER_MICROSECOND, sawtooth_shape, slip_too_long
 
 __all__ = [
     "WAVEFORMS",
@@ -66,7 +66,7 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     if actuator.is_linear:
         return _drive_cycle(d, shape, p.actuator.gain_in_force, sign)
     voltage = _drive_cycle(d, shape, 1.0, sign)
-    return through(actuator, sign * shape.start * d.amplitude, voltage)
+    return deflect(actuator, sign * shape.start * d.amplitude, voltage)
 
 
 def command_of(p: Parameters, sign: int = 1) -> DriveCycle:
@@ -119,7 +119,7 @@ def largest_slip(d: DriveParameters) -> Any:
 def _drive_cycle(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveCycle:
     cycles, possible = _cycles_of(shape, np.array([sign * gain * d.amplitude]), sign)
     if not possible[0]:
-        raise ParameterError(no_time(d, shape))
+        raise ParameterError(slip_too_long(d, shape))
     return cycles.row(0)
 
 

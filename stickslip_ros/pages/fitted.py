@@ -157,7 +157,7 @@ def _profiles(found: Fit) -> Figure:
         seen = profile.rise <= _SHOWN
         for drawn, rise, mode in (
             (values[seen], profile.rise[seen], "markers"),
-            (*_between(values[seen], profile.rise[seen]), "lines"),
+            (*_interpolated(values[seen], profile.rise[seen]), "lines"),
         ):
             data.append(
                 line_of(factor * drawn, rise, profile.name, SIMULATED, "", named, mode=mode,
@@ -183,7 +183,7 @@ def _profiles(found: Fit) -> Figure:
     return {"data": data, "layout": layout_of(60 + 270 * rows, **frame)}
 
 
-def _between(values: Array, rise: Array) -> tuple[Array, Array]:
+def _interpolated(values: Array, rise: Array) -> tuple[Array, Array]:
     """Return a profile drawn out between its points: its root is about straight on either side."""
     fine = np.union1d(values, np.linspace(values[0], values[-1], _POINTS_BETWEEN))
     side = np.sign(np.arange(len(values)) - int(np.argmin(rise)))

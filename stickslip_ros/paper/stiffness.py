@@ -151,7 +151,7 @@ def stiffness_curves(base: Set, constant: float) -> Curves:
     )
 
 
-def both() -> tuple[Curves, Curves]:
+def curves_of_both_sets() -> tuple[Curves, Curves]:
     """Return the curves with Table 1 and with the joint set."""
     return stiffness_curves(TABLE_1, CONSTANT), stiffness_curves(
         {**JOINT, "spring": JOINT_SENSOR}, JOINT_CONSTANT
@@ -177,7 +177,7 @@ def _numbers(found: Curves) -> Values:
 
 def bounds_of_force() -> Result:
     """The curves of both sets."""
-    sets = dict(zip(("", "_joint"), both(), strict=True))
+    sets = dict(zip(("", "_joint"), curves_of_both_sets(), strict=True))
     return Result(
         paired(_numbers, *sets.values()),
         tables={
@@ -227,7 +227,7 @@ def table_1() -> Result:
 def joint_set() -> Result:
     """Seven numbers of four figures and a table from one set."""
     step, share, ringing = _step_and_ringing(JOINT)
-    old, new = both()
+    old, new = curves_of_both_sets()
     (constant, _), (linear, _), _ = new.highest
     (old_constant, _), (old_linear, _), _ = old.highest
     was = _step_and_ringing(TABLE_1)

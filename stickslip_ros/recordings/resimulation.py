@@ -138,10 +138,10 @@ def resimulate(
             origin = {"resimulated_from": str(bag.path), "changes": json.dumps(changes)}
             folder = stack.enter_context(whole_folder(out))
             copy = _Copy(bag, stack.enter_context(BagWriter(folder, custom_data=origin)))
-        return [_again(bag, run, changes, copy, on_state) for run in runs]
+        return [_resimulate_run(bag, run, changes, copy, on_state) for run in runs]
 
 
-def _again(
+def _resimulate_run(
     bag: BagReader,
     run: RecordedRun,
     changes: Mapping[str, Any],

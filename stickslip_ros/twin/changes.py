@@ -105,7 +105,7 @@ class Cause:
     unit: str = ""  #: of what is added to the parameter; without one a size is a logarithm
     #: whether the change stands at the place where it came and beyond, and not elsewhere
     local: bool = False
-    #: sizes from low to high that are solved at first; ways in between are interpolated
+    #: sizes from low to high that are solved at first; moves in between are interpolated
     solved: int = 9
 
     def applied(self, p: Parameters, size: float) -> Parameters:
@@ -115,7 +115,7 @@ class Cause:
         value = float(p.value(self.parameter))
         return p.replace(**{self.parameter: value + size if self.unit else value * math.exp(size)})
 
-    def reach(self, p: Parameters) -> tuple[float, float]:
+    def sizes(self, p: Parameters) -> tuple[float, float]:
         """Return the sizes, lowest and highest, after which there still is an axis."""
         possible = [0.0]
         for size in np.linspace(self.low, self.high, _TRIED).tolist():
@@ -187,30 +187,30 @@ class ReadingsSince:
         best: dict[str, float] = {}
         evidence: dict[str, float] = {}
         for name, cause in CAUSES.items():
-            low, high = cause.reach(p)
+            low, high = cause.sizes(p)
             yield None
             if low < high and (warms or name != "temperature"):
-                best[name], evidence[name] = yield from self._seek(cause, low, high, blurs)
+                best[name], evidence[name] = yield from self._likeliest(cause, low, high, blurs)
         top, *_ = ranked = sorted(evidence, key=lambda name: -evidence[name])
         shares = {name: math.exp(evidence[name] - evidence[top]) for name in ranked}
         total, count = sum(shares.values()), len(self.seen) - 1
         after = {name: CAUSES[name].applied(p, size) for name, size in best.items()}
-        own = yield from self._blurs(Model(after[top]))  # another mass rings in another way
-        ways = yield from self._ways(CAUSES[top], np.array([best[top]]))
-        _, squares = yield from self._likelihood(ways, own)
+        own = yield from self._blurs(Model(after[top]))  # another mass rings otherwise
+        moves = yield from self._moves(CAUSES[top], np.array([best[top]]))
+        _, squares = yield from self._likelihood(moves, own)
         explained = bool(squares[0] <= count + MISFIT * math.sqrt(2.0 * count))
         posterior = {name: share / total for name, share in shares.items()}
         return Attribution(posterior, best, after, explained, self.settings.certainty)
 
-    def _seek(
+    def _likeliest(
         self, cause: Cause, low: float, high: float, blurs: Sequence[Blur]
     ) -> Pieces[tuple[float, float]]:
         """Return the likeliest size of a cause from low to high, and its logarithmic evidence."""
         reach, count = (low, high), cause.solved
         for _ in range(_ROUNDS):
             solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
-            ways = yield from self._ways(cause, solved)
-            logs, _ = yield from self._likelihood(CubicSpline(solved, ways)(sizes), blurs)
+            moves = yield from self._moves(cause, solved)
+            logs, _ = yield from self._likelihood(CubicSpline(solved, moves)(sizes), blurs)
             k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
             mean = float(np.exp(logs - logs[k]).sum()) * width
             if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
@@ -219,27 +219,27 @@ class ReadingsSince:
             count = _SOLVED
         return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
 
-    def _ways(self, cause: Cause, sizes: Array) -> Pieces[Array]:
-        """Return the ways (sizes, readings - 1) of a cause, m."""
+    def _moves(self, cause: Cause, sizes: Array) -> Pieces[Array]:
+        """Return the moves (sizes, readings - 1) of a cause, m."""
         if not cause.parameter or cause.local:
-            before = yield from self._ways_of(self.before.model.p)  # without a change
+            before = yield from self._moves_with(self.before.model.p)  # without a change
             if not cause.parameter:
                 return np.asarray(before * np.exp(sizes)[:, None])
-        ways = np.empty((len(sizes), len(self.seen) - 1))
+        moves = np.empty((len(sizes), len(self.seen) - 1))
         for k, size in enumerate(sizes.tolist()):
-            ways[k] = yield from self._ways_of(cause.applied(self.before.model.p, size))
+            moves[k] = yield from self._moves_with(cause.applied(self.before.model.p, size))
         if not cause.local:
-            return ways
+            return moves
         positions = np.array([one.reading for one in self.seen[1:]])
         beyond = (positions - self.place) * (positions[0] - self.place) >= 0.0
-        return np.where(beyond, ways, before)
+        return np.where(beyond, moves, before)
 
-    def _ways_of(self, p: Parameters) -> Pieces[Array]:
+    def _moves_with(self, p: Parameters) -> Pieces[Array]:
         found = np.zeros(len(self.seen) - 1)
         for drive, rows in self._parts.items():
             (number, begin, end, rest, rest_end), curve = np.array(rows).T, CycleCurve.of(p, drive)
-            way = curve.at(end, rest_end) - curve.at(begin, rest)
-            found += np.bincount(number.astype(np.int64), way, len(found))
+            move = curve.at(end, rest_end) - curve.at(begin, rest)
+            found += np.bincount(number.astype(np.int64), move, len(found))
             yield None
         return self.before.sensor_gain * found
 
@@ -255,14 +255,14 @@ class ReadingsSince:
                 yield None
         return found
 
-    def _likelihood(self, ways: Array, blurs: Sequence[Blur]) -> Pieces[tuple[Array, Array]]:
-        """Return logarithms of likelihoods and sums of squares of ways, (sizes,) each."""
-        likely = ReadingFilter(len(self.before.names), self.settings.noise, ways.shape[:1])
+    def _likelihood(self, moves: Array, blurs: Sequence[Blur]) -> Pieces[tuple[Array, Array]]:
+        """Return logarithms of likelihoods and sums of squares of moves, (sizes,) each."""
+        likely = ReadingFilter(len(self.before.names), self.settings.noise, moves.shape[:1])
         likely.covariance[THETA, THETA] = self.before.covariance[THETA, THETA]
         likely.anchor(self.seen[0].reading, blurs[0])
-        logs, squares = np.zeros(len(ways)), np.zeros(len(ways))
+        logs, squares = np.zeros(len(moves)), np.zeros(len(moves))
         for k, one in enumerate(self.seen[1:]):
-            likely.predict(ways[:, k], one.motion.slope, one.motion.scatter)
+            likely.predict(moves[:, k], one.motion.slope, one.motion.scatter)
             _, deviation, z = likely.correct(one.reading, blurs[k + 1])
             logs -= 0.5 * z**2 + math.log(deviation)
             squares += z**2

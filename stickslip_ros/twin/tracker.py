@@ -76,16 +76,16 @@ class ProcessedReading(NamedTuple):
 class ReadingFilter:
     """Position, logarithms of n parameters, a rate, and ringing: the state (..., 3 + n).
 
-    Leading axes are ways that the axis may have gone, whose covariance is one. Arrays are replaced
+    Leading axes are moves that the axis may have made, whose covariance is one. Arrays are replaced
     and never written to, so a shallow copy keeps what is known now.
     """
 
-    def __init__(self, n: int, noise: float, ways: tuple[int, ...] = (), drifts: int = 0) -> None:
+    def __init__(self, n: int, noise: float, shape: tuple[int, ...] = (), drifts: int = 0) -> None:
         """Begin at zero, known well; the rate is that of one parameter.
 
         noise (m) is the standard deviation of a reading.
         """
-        self.state = np.zeros((*ways, 3 + n))
+        self.state = np.zeros((*shape, 3 + n))
         self.covariance = np.zeros((3 + n, 3 + n))
         self._noise, self._blur = noise, Blur()  # that of the last reading
         self._drifts = drifts

@@ -62,7 +62,7 @@ def slip_time(d: DriveParameters) -> Any:
     return d.amplitude / (d.slewrate * PER_MICROSECOND)
 
 
-def no_time(d: DriveParameters, shape: Shape) -> str:
+def slip_too_long(d: DriveParameters, shape: Shape) -> str:
     """Return the error message for a cycle without time for the slip, with the cure."""
     period, fall, time = 1.0 / d.frequency, slip_time(d), shape.time_for_slip
     cycle = f"frequency {d.frequency:g} Hz leaves {1e6 * period:g} us a cycle"

@@ -123,7 +123,7 @@ def curves(p: Parameters, overlay: Overlay | None = None) -> dict[str, Any]:
         numbers["step measured"] = format_si(overlay.step_size, "m", uncertainty=overlay.step_error)
     return {
         **_step(p, direction, overlay),
-        "over": {name: _over(p, name, direction) for name in _RANGES},
+        "over": {name: _steps_over(p, name, direction) for name in _RANGES},
         "numbers": numbers,
         "left_out": list(left_out(p, OF_A_CYCLE)),
         "values": shown_values(p),
@@ -200,7 +200,7 @@ def _window(
     return found
 
 
-def _over(p: Parameters, name: str, direction: int) -> dict[str, list[float | None]]:
+def _steps_over(p: Parameters, name: str, direction: int) -> dict[str, list[float | None]]:
     """Return the step size (nm) over the values of a parameter, None where no axis is possible."""
     low, high, log, count = _RANGES[name]
     at = float(p.flat()[name])

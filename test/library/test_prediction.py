@@ -84,7 +84,7 @@ def shares(p: Parameters, count: int) -> tuple[float, float, int]:
         step, left = numbers.step()
     z_ba = np.asarray(plant.contact.z_ba)
     step, error = z_ba * step, z_ba * numbers.error(left)
-    placed = numbers.ranged(left)
+    placed = numbers.with_range(left)
     holds = np.all(
         [(placed[k] >= r.low) & (placed[k] <= r.high) for k, r in RANGES.items()], axis=0
     )

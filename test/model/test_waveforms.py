@@ -13,7 +13,7 @@ from table_1 import table_1
 from stickslip_ros.model import WAVEFORMS, DriveCycle, drive_of
 from stickslip_ros.model.waveforms import Shape, drives_of, largest_slip
 from stickslip_ros.parameters import DriveParameters, ParameterError
-from stickslip_ros.waveforms.built_in import no_time, slip_time
+from stickslip_ros.waveforms.built_in import slip_time, slip_too_long
 
 STROKE = 160e-9
 
@@ -115,7 +115,7 @@ def test_limits_of_the_amplifier() -> None:
 
 def test_a_shape_that_says_nothing_of_its_slip_has_a_cure_too() -> None:
     shape = Shape((-1e-3, 2e-3), (1.0, -1.0), (1, 2))
-    assert no_time(table_1().drive, shape) == (
+    assert slip_too_long(table_1().drive, shape) == (
         "frequency 100 Hz leaves 10000 us a cycle, too little for a segment of the waveform: "
         "lower the frequency"
     )
