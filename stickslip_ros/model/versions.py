@@ -95,6 +95,10 @@ CHANGES: tuple[ModelChange, ...] = (
         14, "no step is so long that the estimate of its error has a root",
         lambda p: _ages(p) or p.friction.contacts > 1, "0.02 nm a cycle, overdamped",
     ),
+    ModelChange(
+        15, "a runner with a spring sees the bend of amplifier, creep or actuator, as one without",
+        lambda p: bool(p.value("spring")) and has_chain(p.actuator), "0.04 nm a cycle",
+    ),
 )  # fmt: skip
 
 #: Recordings that name no version were made with this one.

@@ -153,7 +153,7 @@ def turn_of_arc(
     if not sign * arc.path < 0.0 < sign * (arc.w_end + rate_after(arc, arc.length)):
         return math.nan, 0.0
     part.weight, part.trial = arc.weight, arc.trial
-    begin_arc(part, plant, (arc.x, arc.z, arc.w), arc.rate, arc.bend)
+    begin_arc(part, plant, (arc.x, arc.z, arc.w), (arc.rate, arc.bend, arc.length))
     next_arc(part, plant, arc.length, False)
     gone = moved = 0.0
     for _ in range(_MOST_PARTS):
@@ -173,7 +173,7 @@ def _next_part(part: np.record, plant: np.record, limit: float) -> None:
     """Let a part of a tabulated arc be the one that follows, at most limit (s) long."""
     h = part.length
     state = part.x + part.path + actuator_path(part, h), part.z_end, part.w_end
-    begin_arc(part, plant, state, rate_after(part, h), part.bend)
+    begin_arc(part, plant, state, (rate_after(part, h), part.bend, limit))
     next_arc(part, plant, limit, False)
 
 

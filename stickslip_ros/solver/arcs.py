@@ -133,7 +133,7 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
                 t, slowed = _end_of_hold((arc, plant), 0.0, t), False
         end = TaylorEnd(t, TURN if slowed and floor == 0.0 else FREE, math.nan)
     else:
-        branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
+        branch = branch_at(plant, z, w, pull, mirror * arc.pulled, mirror)
         if branch.along:
             expand_along(arc.work, plant, branch, w)
         else:
@@ -208,7 +208,7 @@ def _steady(arc: np.record, plant: np.record, pull: float) -> float:
     """Return the equilibrium of z (m, mirrored) near z, for alpha as printed; nan without one."""
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
-    branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
+    branch = branch_at(plant, z, w, pull, mirror * arc.pulled, mirror)
     rate, by_z, _ = rates(plant, branch, z, w)
     return z - rate / by_z if by_z < 0.0 else math.nan
 

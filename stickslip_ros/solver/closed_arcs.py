@@ -68,7 +68,7 @@ def rest_line(arc: np.record, plant: np.record) -> Line:
     if plant.spring == 0.0:
         return Line(arc.force / plant.sigma_0, 0.0)
     total = plant.sigma_0 + plant.spring
-    b = -plant.spring * arc.rate / total
+    b = -plant.spring * arc.pulled / total
     damped = (plant.sigma_1 + plant.sigma_2) * b
     return Line((arc.force - plant.spring * (arc.x - arc.z) - damped) / total, b)
 

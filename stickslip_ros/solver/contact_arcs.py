@@ -239,7 +239,7 @@ def _expand(arc: np.record, plant: np.record, contacts: NDArray) -> None:
         work[Z, n] = elastic / plant.sigma_0
         if n < ORDER:
             pull = arc.force - plant.spring * arc.x if n == 0 else 0.0
-            x = dr + mirror * arc.rate if n == 1 else dr
+            x = dr + mirror * arc.pulled if n == 1 else dr
             net = mirror * pull - plant.spring * x - elastic - damped
             work[W, n + 1] = net / plant.mass * PER_NEXT[n]
 

@@ -184,16 +184,20 @@ def _next_arc(
     arc.trial = s.trial
     arc.hit = 0
     near = not s.near_low <= s.x <= s.near_high
-    if bend != 0.0 and (plant.spring != 0.0 or too_short or (near and s.v == 0.0)):
-        # With a spring or at a stop a straight line takes the place of a part of a bent piece.
+    if bend != 0.0 and (too_short or (near and s.v == 0.0)):
+        # At a stop a straight line takes the place of a part of a bent piece.
         slides_on = plant.kind == ALWAYS_PLASTIC or plant.slides != 0
         chord = _SLIDING_WITHIN if slides_on else _STRAIGHT_WITHIN
         limit = min(limit, math.sqrt(chord / abs(bend)))
         rate, bend = rate + 0.5 * bend * limit, 0.0
         s.rate = rate  # which decides whether the stop holds the runner
+    elif bend != 0.0 and plant.spring != 0.0:
+        # The line that pulls it moves the runner by this share of what it is beside the piece.
+        share = plant.spring / (plant.sigma_0 + plant.spring)
+        limit = min(limit, math.sqrt(_STRAIGHT_WITHIN / (share * abs(bend))))
     if near:
         s.stopped = holding_stop(plant, s, contacts)
-    begin_arc(arc, plant, (s.x, s.z, s.v - rate), rate, bend)
+    begin_arc(arc, plant, (s.x, s.z, s.v - rate), (rate, bend, limit))
     if s.stopped != 0:
         if s.tracking and (s.segment != s.slip or outlook.resting):
             s.backstep = s.x_top - s.x_low
@@ -326,6 +330,8 @@ def heat_since(s: np.record, plant: np.record, duration: float) -> float:
     stored = 0.5 * plant.sigma_0 * (z * z - z0 * z0)
     if s.bend != 0.0:  # u' gets from s.rate - s.bend * duration to s.rate
         moment = 0.5 * force * duration * duration - mass * (duration * v - (x - x0))
+        # of the spring: x is a parabola of its ends and its mean
+        moment -= (0.5 * s.impulse + spring * (x - x0) * duration / 12.0) * duration
         stored += s.bend * (moment - duration * impulse)
     return on_runner - s.rate * impulse - stored  # type: ignore[no-any-return]
 

@@ -330,7 +330,7 @@ def _fill_stage(
     pull = arc.force
     if plant.spring != 0.0:
         rates[stage, size - 1] = w
-        dr = arc.mirror * rates[y, size - 1] + arc.rate * h * TIMES[stage]
+        dr = arc.mirror * rates[y, size - 1] + arc.pulled * h * TIMES[stage]
         pull -= plant.spring * (arc.x + dr)
     rates[stage, _W] = (arc.mirror * pull - force) / mass
 

@@ -151,8 +151,9 @@ ARC = _record(
     ("length", "f8"),  # s
     ("mirror", "f8"),  # +1 or -1: sign that makes w positive
     *_numbers("f8", "x z w rate"),  # at its start: m, m, m/s, and u' in m/s
-    # u'', m/s^2, and the load less what accelerates the runner along with the actuator, N
-    *_numbers("f8", "bend force"),
+    # u'', m/s^2, the load less what accelerates the runner along with the actuator, N, and the rate
+    # of the line that stands for the actuator at the spring, m/s
+    *_numbers("f8", "bend force pulled"),
     *_numbers("f8", "line line_rate"),  # a (m) and b (m/s) of an elastic arc
     # of a gliding arc: mirrored force at the start, N; where z tends to, m, and how fast, 1/m
     *_numbers("f8", "net z_slide approach_rate"),

@@ -37,14 +37,21 @@ AT_REST = 1e-3
 
 @compiled
 def begin_arc(
-    arc: np.record, plant: np.record, state: tuple[float, float, float], rate: float, bend: float
+    arc: np.record,
+    plant: np.record,
+    state: tuple[float, float, float],
+    piece: tuple[float, float, float],
 ) -> None:
     """Let an arc start at position x, deflection z (m), speed w (m/s), the state.
 
-    rate is u' (m/s), bend is u'' (m/s^2). Seen from a bent actuator the runner has a load more.
+    piece is u' (m/s), u'' (m/s^2) and how long it has u'' (s). Seen from a bent actuator the runner
+    has a load more. A spring is pulled by the line with the mean and the first moment of the piece.
     """
-    (arc.x, arc.z, arc.w), arc.rate, arc.bend = state, rate, bend
-    arc.force = plant.force - plant.mass * bend
+    (arc.x, arc.z, arc.w), (arc.rate, arc.bend, span) = state, piece
+    arc.pulled, arc.force = arc.rate, plant.force
+    if arc.bend != 0.0:
+        arc.pulled += 0.5 * arc.bend * span
+        arc.force += (plant.spring * span * span / 12.0 - plant.mass) * arc.bend
     arc.z_max, arc.z_min = -math.inf, math.inf
     arc.cost = 1
 
@@ -66,7 +73,7 @@ def rate_after(arc: np.record, t: float) -> float:
 def is_at_rest(arc: np.record, plant: np.record, net: float) -> bool:
     """Return whether an arc under a net force (N) begins at rest and stays there."""
     return (  # type: ignore[no-any-return]
-        plant.spring * arc.rate == 0.0
+        plant.spring * arc.pulled == 0.0
         and abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0 < AT_REST * plant.tolerance
     )
 
@@ -85,7 +92,7 @@ def glide_of(arc: np.record, plant: np.record) -> Glide:
     if plant.slides != 0 and arc.approach_rate == 0.0:
         # What little z is off goes at once, and damping makes a speed of it that stays.
         w += plant.sigma_1 * mirror * (arc.z - arc.z_slide) / plant.mass
-    return Glide(w, arc.net, plant.sigma_2, plant.spring, plant.mass, mirror * arc.rate)
+    return Glide(w, arc.net, plant.sigma_2, plant.spring, plant.mass, mirror * arc.pulled)
 
 
 @compiled
@@ -123,18 +130,18 @@ def _implicit(arc: np.record, plant: np.record, t: float) -> Moved:
     """Return the state after t (s) of an implicit arc, mirrored."""
     mirror = arc.mirror
     pull = mirror * (arc.force - plant.spring * arc.x)
-    branch = branch_at(plant, mirror * arc.z, mirror * arc.w, pull, mirror * arc.rate, mirror)
+    branch = branch_at(plant, mirror * arc.z, mirror * arc.w, pull, mirror * arc.pulled, mirror)
     return resolve(arc, plant, branch, t)
 
 
 @compiled
 def position_integral(arc: np.record, plant: np.record) -> float:
     """Return the integral of the position (m s) over the arc; with a spring only."""
-    h, rate, z, w = arc.length, arc.rate, arc.z_end, arc.w_end
-    straight = (arc.x + 0.5 * rate * h) * h
+    h, z, w = arc.length, arc.z_end, arc.w_end
+    straight = (arc.x + (0.5 * arc.rate + arc.bend * h / 6.0) * h) * h
     if arc.kind == ELASTIC:  # sum up the equation of motion
         damping, total = plant.sigma_1 + plant.sigma_2, plant.sigma_0 + plant.spring
-        pull = plant.force - plant.spring * (arc.x - arc.z + 0.5 * rate * h)
+        pull = arc.force - plant.spring * (arc.x - arc.z + 0.5 * arc.pulled * h)
         z_sum = (pull * h - plant.mass * (w - arc.w) - damping * (z - arc.z)) / total
         return straight + z_sum - arc.z * h  # type: ignore[no-any-return]
     if arc.kind == STIFF:
@@ -142,9 +149,10 @@ def position_integral(arc: np.record, plant: np.record) -> float:
     if arc.kind == TAYLOR:
         return straight + arc.mirror * moment(arc.work, h)  # type: ignore[no-any-return]
     if arc.kind == GLIDE:
-        impulse = (plant.force - plant.sigma_0 * z) * h - plant.sigma_1 * (z - arc.z)
+        impulse = (arc.force - plant.sigma_0 * z) * h - plant.sigma_1 * (z - arc.z)
         impulse -= plant.sigma_2 * arc.path + plant.mass * (w - arc.w)
-        return impulse / plant.spring  # type: ignore[no-any-return]
+        beside = straight - (arc.x + 0.5 * arc.pulled * h) * h
+        return impulse / plant.spring + beside  # type: ignore[no-any-return]
     return straight  # type: ignore[no-any-return]
 
 

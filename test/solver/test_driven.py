@@ -196,7 +196,7 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
 #: steps of which each was off by as much as in a cycle of a millisecond; bends made of what
 #: rounding left; lines 5 pm off their curve, which a contact feels that slides from 51 pm on; lines
 #: as long as a ringing of 600 Hz, which it adds up; lines of a spring whose rates jump by four
-#: Stribeck velocities
+#: Stribeck velocities; the same of a ringing actuator, which each had another mean than the curve
 FOUND: dict[str, dict[str, Any]] = {
     "bend within rounding": {
         **{"model": "ceim_without_mu", "preload": 3.7356428500744094, "mass": 0.29507838037333595},
@@ -242,6 +242,14 @@ FOUND: dict[str, dict[str, Any]] = {
         **{"amplifier_slew": 2.01262, "slewrate": 261.508, "amplitude": 80.19368},
         **{"frequency": 2.731115, "waveform": "shaped", "split": 0.792523},
         **{"latency": 0.0987429},
+    },
+    "lines of a spring in a ringing": {
+        **{"model": "epm_calc", "preload": 11.810744719721464, "mu": 0.06910843397471968},
+        **{"mu_s": 0.055037055344834426, "mu_k": 0.5048660234322013, "mass": 0.22007926125847097},
+        **{"v_stribeck": 0.4519030615600421, "sigma_1": 1.534409970945536},
+        **{"spring": 4068.8261103073064, "actuator_resonance": 802824.7155372372},
+        **{"actuator_damping": 0.001430512208269869, "slewrate": 241.46420256868083},
+        **{"amplitude": 210.44874558746977, "frequency": 229.28040885584858},
     },
     "a slip of a picosecond": {
         **{"preload": 0.001, "sigma_0": 5.43e8, "sigma_1": 1137.0, "mass": 11.8},
