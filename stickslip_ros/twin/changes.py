@@ -262,8 +262,8 @@ class ReadingsSince:
         likely.anchor(self.seen[0].reading, blurs[0])
         logs, squares = np.zeros(len(moves)), np.zeros(len(moves))
         for k, one in enumerate(self.seen[1:]):
-            likely.predict(moves[:, k], one.motion.slope, one.motion.scatter)
-            _, deviation, z = likely.correct(one.reading, blurs[k + 1])
+            likely.move(moves[:, k], one.motion.slope, one.motion.scatter)
+            _, deviation, z = likely.read(one.reading, blurs[k + 1])
             logs -= 0.5 * z**2 + math.log(deviation)
             squares += z**2
             if k % _PIECE == 0:

@@ -9,11 +9,10 @@ import math
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from stickslip_ros.arrays import Array
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START, Event
 from stickslip_ros.measurement.load_motion import is_bag, load_motion
@@ -27,7 +26,6 @@ from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.twin.settings import TwinError
 from stickslip_ros.twin.timeline import TwinCommand
 
-Array = NDArray[np.floating[Any]]
 Log = list[TwinCommand | tuple[float, float]]
 
 #: Commands whose cycles the twin knows, and others that begin none; it knows nothing of the cycles
@@ -90,7 +88,7 @@ def read_log(
         for command in commands_of(event, 1e-9 * (event_ns(run.start_ns, event) - origin))
     ]
     stamps = first - origin + np.rint(1e9 * motion.t).astype(np.int64)
-    return _merged(commands, 1e-9 * stamps, motion.x)
+    return _merged(commands, np.asarray(1e-9 * stamps, np.float64), motion.x)
 
 
 def event_ns(start_ns: int, event: Event) -> int:
@@ -99,7 +97,7 @@ def event_ns(start_ns: int, event: Event) -> int:
 
 
 def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:
-    """Return the rows as they stand: late, doubled and empty ones are the twin's to tell."""
+    """Return the rows as they stand: the twin reports late, doubled and empty ones."""
     with naming(path):
         table, plain = open_table(path, how.decimal), {one.key: "Hz" for one in _COLUMNS}
         plainly = replace(how, units={**plain, **how.units})  # V and Hz, whatever the unit says

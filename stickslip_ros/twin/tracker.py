@@ -106,22 +106,18 @@ class ReadingFilter:
         self.covariance[[0, -1], [-1, 0]] = -(blur.ringing**2)
         self._blur, self._glitches = blur, 0
 
-    def predict(
-        self, distance: Array | float, slope: Array, scatter: float, stepping: float = 0.0
-    ) -> None:
+    def move(self, dx: Array | float, slope: Array, scatter: float, stepping: float = 0.0) -> None:
         """Go on by a distance (m), its slope by the logarithms, and its variance (m^2)."""
         going = np.eye(len(self.covariance))
         going[0, THETA] = slope
         going[0, RATE] = 0.5 * stepping * slope[self._drifts]
         going[1 + self._drifts, RATE] = stepping
         self.state = self.state @ going.T
-        self.state[..., 0] += distance
+        self.state[..., 0] += dx
         self.covariance = going @ self.covariance @ going.T
         self.covariance[0, 0] += scatter
 
-    def correct(
-        self, reading: float, blur: Blur, glitch: float = math.inf
-    ) -> tuple[Any, float, Any]:
+    def read(self, reading: float, blur: Blur, glitch: float = math.inf) -> tuple[Any, float, Any]:
         """Take a reading (m) after `go`, unless it is beyond so many deviations, a glitch.
 
         Return what was expected (m), the standard deviation (m) of the difference, and this in it.
@@ -268,16 +264,14 @@ class Tracker(ReadingFilter):
         scatter = motion.scatter + float(motion.slope**2 @ walks) / 3.0
         drifting = 0.5 * motion.stepping * rate * float(motion.slope[self._drifts])
         distance = motion.distance - float(motion.slope @ self._centre)
-        self.predict(
-            distance, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping
-        )
+        self.move(distance, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping)
         self.covariance[THETA, THETA] += np.diag(walks)
         self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 
     def update(self, one: ProcessedReading, duration: float) -> tuple[float, float, float]:
         """Go on to a reading, and take it; return as `see`."""
         self.advance(one.motion, duration)
-        return self.correct(one.reading, one.motion.blur, GLITCH)
+        return self.read(one.reading, one.motion.blur, GLITCH)
 
     def rebased(
         self,

@@ -395,6 +395,6 @@ def test_a_curve_is_the_motion_from_rest_to_rest() -> None:
 def test_a_reading_in_the_ringing_is_no_better_anchor_than_it_is() -> None:
     blur, filtered = Blur(ringing=1e-8), ReadingFilter(1, 2e-9)
     filtered.anchor(5e-9, blur)
-    filtered.predict(0.0, np.zeros(1), 0.0)
-    *_, z = filtered.correct(5e-9 + 1e-8, Blur())
+    filtered.move(0.0, np.zeros(1), 0.0)
+    *_, z = filtered.read(5e-9 + 1e-8, Blur())
     assert abs(z) == pytest.approx(1e-8 / math.sqrt(1e-16 + 8e-18))
