@@ -55,11 +55,13 @@ class Experiment:
     before: bool = False  #: the axis stepped before the measurement began
     doubtful: bool = False  #: starts and numbers of steps may be wrong by one
     beyond: bool = False  #: the axis stepped on after the last visible slip
+    repeats: str = ""  #: which samples repeat others and were left out, in words
 
     @classmethod
     def of(cls, parameters: Parameters, motion: Motion) -> Experiment:
         """Find the runs of the drive in a measurement. IdentificationError if it shows no steps."""
         frequency = parameters.drive.frequency
+        motion, repeats = without_repeats(motion)
         found = _found(motion, frequency)
         if not found:
             raise IdentificationError(
@@ -73,7 +75,7 @@ class Experiment:
         if not main.decay > 0.0 or _is_no_ringing(main.ringing_frequency, frequency):
             ringing = None
         runs = tuple(_stepping(one, frequency) for one in found)
-        return cls(parameters, motion, runs, ringing, doubtful=doubtful)
+        return cls(parameters, motion, runs, ringing, doubtful=doubtful, repeats=repeats)
 
     @cached_property
     def slip(self) -> tuple[float, float]:
@@ -147,6 +149,37 @@ class Experiment:
         return behind.x, v if behind.v is None else behind.v
 
 
+def without_repeats(motion: Motion) -> tuple[Motion, str]:
+    """Return a motion without values that a recorder repeats, which are no data; and how many.
+
+    A new sample repeats the last one by chance, more seldom the finer the record is beside its
+    noise. Where it is coarser, as long as most of its values stand.
+    """
+    x = motion.x
+    jumps = np.abs(np.diff(x))
+    begins = np.flatnonzero(np.append(1.0, jumps))
+    stand = np.diff(begins, append=len(x))
+    noise, step = noise_of(x[begins]), float(np.min(jumps[jumps > 0.0], initial=math.inf))
+    if not noise > RECORD.least_noise or not step < math.inf:
+        return motion, ""
+    # Differences of noise have 2 sqrt(pi) times its deviation as the inverse of their density at 0.
+    chance = step / (2.0 * math.sqrt(math.pi) * noise)
+    if noise < 2.0 * step:
+        chance = 0.01 ** (1.0 / float(np.quantile(stand, 0.99)))
+    longest = 1.0 + math.log(RECORD.repeated / len(x)) / math.log(chance)
+    if stand.max() <= longest:
+        return motion, ""
+    again = np.repeat(stand > longest, stand)
+    again[begins] = False
+    first = float(motion.t[begins[np.argmax(stand)]])
+    text = (
+        f"{motion.source}: {100.0 * float(np.mean(again)):.2g} % of the samples repeat the value "
+        f"before, longest for {format_si(motion.spacing * float(stand.max()), 's', 3)} from "
+        f"{first:.4g} s on; they are no data and left out"
+    )
+    return Motion(motion.source, motion.t[~again], x[~again]), text
+
+
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
     """Raise IdentificationError if equal runs have different steps: drive or axis changed."""
     for k, one in enumerate(runs):
@@ -209,6 +242,8 @@ def _stepping(run: Run, frequency: float) -> Stepping:
 def check_record(experiment: Experiment) -> Iterator[str]:
     """Yield messages about a record before it is fitted, one line each."""
     p, motion = experiment.parameters, experiment.motion
+    if experiment.repeats:
+        yield experiment.repeats
     ringing = experiment.ringing.frequency if experiment.ringing else Plant.of(p).ringing_frequency
     rate, stroke = 1.0 / motion.spacing, p.drive.amplitude * p.actuator.gain_in_force
     if rate < RECORD.samples_a_swing * ringing:

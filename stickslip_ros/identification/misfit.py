@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests whether residuals are more than noise, and finds the effect that explains them best.
 
-Three tests use the whitened residuals. Averaged over the phases of the drive cycle, they must not
+Four tests use the whitened residuals. Averaged over the phases of the drive cycle, they must not
 differ by more than chance: otherwise the model lacks a part of each cycle. Nor must they differ in
 each third of the run, because the residuals of a changing axis change their sign. And the means of
-cycles must not differ: otherwise, too, the axis changed during the run. All tests compare variances
-(F), at a significance that chance reaches once in thousands of measurements.
+cycles must not differ: otherwise, too, the axis changed during the run. And they must not be far
+larger in motion than at rest, where the sensor alone makes them. All tests compare variances (F),
+at a significance that chance reaches once in thousands of measurements.
 """
 
 from __future__ import annotations
@@ -54,6 +55,8 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     found = [one for three in runs for one in three]
     if not runs:
         return None
+    loud = _in_motion(problem, best)
+    found += loud
     probability = min(1.0, *(one.chance * len(found) for one in found))
     gains = _gains(problem, best)
     free = max(len(best.residuals) - problem.size, 1)
@@ -62,7 +65,7 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     if not (probability < MISFIT.chance or gains.get(slow, 0.0) > least):
         return None
     within, along, between = max(runs, key=lambda three: sum(one.size for one in three))
-    text = f"{within.text}; {along.text}; {between.text}"
+    text = "; ".join([within.text, along.text, between.text, *(one.text for one in loud)])
     changed = between.size > MISFIT.changed * within.size
     if changed or along.size > MISFIT.part_changed * within.size:
         text += ", so the axis changed during the run: its preload, its track or its load"
@@ -160,6 +163,31 @@ def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
         f"(cycle {worst + 1})"
     )
     return _Finding(chance, beyond, float(np.sqrt(np.mean(means**2))), text)
+
+
+def _in_motion(problem: Problem, best: Point) -> list[_Finding]:
+    """Return for each trace that rests how much larger its residuals are in motion."""
+    found, row = [], 0
+    for k, fit in enumerate(problem.fits):
+        white = best.residuals[row : row + fit.size]
+        row += fit.size
+        if isinstance(fit, CurveFit):
+            continue
+        cycle = fit.cycles(problem.clock(best.unknowns, k))
+        white, kept = white[: len(cycle)], fit.kept > 0.0
+        moving, still = (white[kept & one] for one in (np.isfinite(cycle), np.isnan(cycle)))
+        if min(len(moving), len(still)) < MISFIT.at_rest:
+            continue
+        # Where it rests, a sensor that rounds makes no noise.
+        step = np.abs(np.diff(fit.experiment.motion.x))
+        rounding = float(np.min(step[step > 0.0])) ** 2 / (12.0 * fit.noise.size**2)
+        power, quiet = (float(np.mean(one**2)) for one in (moving, still))
+        ratio = power / (quiet + rounding)
+        chance = float(scipy.stats.f.sf(ratio / MISFIT.louder**2, len(moving), len(still)))
+        beyond = max(power - MISFIT.louder**2 * (quiet + rounding), 0.0) * len(moving)
+        text = f"the noise is {math.sqrt(ratio):.2g} times that at rest"
+        found.append(_Finding(chance, beyond, 0.0, text))
+    return [one for one in found if one.chance < MISFIT.chance]
 
 
 _LAG, _SENSOR = "a lag of the amplifier", "a slow sensor"

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 class RecordSettings:
     """Tolerances for runs in a record, and limits for messages before a fit."""
 
+    repeated: float = 1e-4  #: chance that a record of fresh samples repeats a value as often
+    least_noise: float = 1e-12  #: m, of a sensor: simulated records have less, and rest at 0
     same_frequency: float = 0.01  #: part that clocks of a drive and a recorder may differ by
     ringing_over_drive: float = 2.0  #: least ratio of ringing to drive frequency
     near_hum: float = 0.05  #: part of a harmonic of the mains within which ringing may be hum
@@ -157,6 +159,10 @@ class MisfitSettings:
     named: int = 2  #: effects at most: the third best hardly ever is the cause
     slow: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand
     sensor_bandwidth: float = 1e5  #: Hz, of a slow sensor: its effect grows with the square
+    louder: float = (
+        1.5  #: ratio of the residuals in motion to those at rest that is left to sensors
+    )
+    at_rest: int = 100  #: bins, below which a record shows no rest
     part: float = 0.01  #: change of a parameter for its derivative
 
 

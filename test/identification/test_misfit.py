@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Axes that no parameters explain, from an integrator of their own; lagging ones that some do."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bench_traces import Axis, Drive
@@ -45,6 +47,34 @@ def test_another_axis_is_told(other: Other) -> None:
     assert found.misfit is not None
     assert "repeats with the drive" in found.misfit.text
     assert found.as_json()["misfit"].startswith("lab: ")
+
+
+@pytest.mark.long
+def test_noise_that_comes_with_the_motion_is_told() -> None:
+    """The fit printed 22 nm of noise where the record showed 1.5 nm, and said nothing."""
+    motion = trace(Other())
+    moving = (motion.t > 5e-3) & (motion.t < 3.5e-2)
+    noise = 3e-9 * moving * np.random.default_rng(6).standard_normal(len(motion.t))
+    start = {name: 1.5 * value for name, value in truth_of(AXIS).items()}
+    found = identify([(Parameters.of({**KNOWN, **start}), replace(motion, x=motion.x + noise))])
+    assert found.misfit is not None
+    assert "times that at rest" in found.misfit.text
+
+
+@pytest.mark.long
+def test_a_value_held_after_the_run_moves_no_interval() -> None:
+    motion = trace(Other())
+    x = motion.x[:17_503]  # in the ringing after the last slip
+    x = np.append(x, np.full(10_000, x[-1]))
+    start = {name: 1.5 * value for name, value in truth_of(AXIS).items()}
+    held = Motion("lab", np.arange(len(x)) / 5e5, x)
+    found = identify([(Parameters.of({**KNOWN, **start}), held)])
+    assert found.misfit is None
+    (note,) = found.notes
+    assert "for 20.0 ms from 0.035 s on; they are no data" in note
+    for name, true in truth_of(AXIS).items():
+        one = found.parameters[name]
+        assert holds(one.low, true, one.high), name
 
 
 @pytest.mark.long

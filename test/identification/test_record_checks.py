@@ -2,6 +2,7 @@
 """What is said of a record before a fit, and what is not claimed where it shows too little."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,12 @@ import pytest
 from experiments import small
 
 from stickslip_ros.identification import Experiment, identify
-from stickslip_ros.identification.experiment import Stepping, check_record, is_too_coarse
+from stickslip_ros.identification.experiment import (
+    Stepping,
+    check_record,
+    is_too_coarse,
+    without_repeats,
+)
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
@@ -47,6 +53,39 @@ def test_one_line_says_what_does_not_fit(changed: dict[str, object], words: str 
     (line,) = said
     assert line.startswith("lab: ")
     assert re.search(words, line)
+
+
+def _held(x: np.ndarray) -> np.ndarray:
+    return np.append(x[:2000], np.full(1000, x[2000]))
+
+
+@pytest.mark.parametrize(
+    ("recorded", "step", "left"),
+    [
+        (lambda x: x, 0.0, 3000),
+        (lambda x: x, 2e-9, 3000),  # coarse beside its noise: values repeat by chance
+        (_held, 0.0, 2001),
+        (_held, 2e-9, 2001),
+        (lambda x: np.repeat(x[::5], 5), 0.0, 600),  # a sensor that is slower than its recorder
+        (lambda x: np.minimum(x, 5e-7), 0.0, None),
+        (lambda x: np.zeros_like(x) + (T > 0.01) * T, 0.0, 3000),  # simulated: at rest at 0
+    ],
+)
+def test_values_that_repeat_are_no_data(
+    recorded: Callable[[np.ndarray], np.ndarray], step: float, left: int | None
+) -> None:
+    """The last value, held for 20 ms after a run, moved all intervals, and nothing was said."""
+    x = recorded(X + NOISE)
+    x = step * np.round(x / step) if step else x
+    kept, said = without_repeats(Motion("lab", T, x))
+    if left is None:
+        left = int(np.count_nonzero(x < 5e-7)) + 200
+        assert len(kept.t) < left < 2200
+    else:
+        assert len(kept.t) == pytest.approx(left, abs=8)  # before a stretch, too, by chance
+    assert bool(said) == (len(kept.t) < 3000)
+    assert not said or "repeat the value before" in said
+    assert (np.diff(kept.t) > 0.0).all()
 
 
 def test_a_record_is_too_coarse_for_what_is_seen_or_found() -> None:
