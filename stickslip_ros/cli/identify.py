@@ -64,7 +64,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--laws", "A,B", text, nargs="?", const="")
     text = "write the parameters of the first run with the values found"
     option(parser, "--out", "FILE.yaml", text, Path)
-    text = "data and fit, residuals, profiles, correlations, starts"
+    text = "data and fit, residuals, profiles"
     add_outputs(parser, text, "values and intervals")
     add_measurement_options(parser)
 

@@ -13,7 +13,7 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
-from stickslip_ros.identification.settings import CURVE
+from stickslip_ros.identification.settings import DESCENT
 from stickslip_ros.identification.trace_fit import BinnedModel
 from stickslip_ros.library.sweep_metrics import METRICS, Points
 from stickslip_ros.measurement.reading import MeasurementError
@@ -114,7 +114,7 @@ class CurveFit:
 
     clocks = 0
     clock_weight = 0.0
-    step = CURVE.stride
+    step = DESCENT.curve_difference
 
     def __init__(self, parameters: Parameters, curve: Curve) -> None:
         """Take the measured numbers in one row, metric by metric. IdentificationError."""
@@ -126,7 +126,7 @@ class CurveFit:
         sizes, stated = [], []
         for name, values in curve.metrics.items():
             own = curve.deviations.get(name)
-            usual = max(CURVE.deviation * abs(float(np.nanmedian(values))), 1e-12)
+            usual = max(DESCENT.curve_deviation * abs(float(np.nanmedian(values))), 1e-12)
             sizes.append(np.full(self._points, usual) if own is None else own)
             stated.append(np.full(self._points, own is not None))
         self.deviation = np.concatenate(sizes)[self._known]
@@ -154,7 +154,7 @@ class CurveFit:
     def model(self, parameters: Parameters, clock: Array) -> BinnedModel:
         """Return the metrics of the model, nan at points without one. ParameterError."""
         columns = parameters.replace(**self.curve.varied)
-        points = Points(columns, self._points, CURVE.steps)
+        points = Points(columns, self._points, DESCENT.curve_steps)
         found = []
         for name in self.curve.metrics:
             if name == RINGING:
@@ -170,7 +170,7 @@ class CurveFit:
     def residuals(self, seen: BinnedModel) -> tuple[Array, Array]:
         """Return residuals (size,) in standard deviations, and an empty basis."""
         left = (self.measured - seen.x) / self.deviation
-        return np.nan_to_num(left, nan=CURVE.no_value), np.zeros((self.size, 0))
+        return np.nan_to_num(left, nan=DESCENT.no_value), np.zeros((self.size, 0))
 
     def projected(self, change: Array, basis: Array) -> Array:
         """Return the change of the residuals for a change of the model, (size,) or (size, n)."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.free import LAG, unit_of
-from stickslip_ros.identification.settings import FREE
+from stickslip_ros.identification.settings import SEARCH
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
@@ -45,7 +45,7 @@ class Estimate:
             self.low is not None
             and self.high is not None
             and not self.at_bound
-            and self.high <= FREE.determined * self.low
+            and self.high <= SEARCH.determined * self.low
         )
 
     @property
@@ -174,7 +174,6 @@ class Fit:
     runs: tuple[FittedRun, ...]
     curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]
-    starts: tuple[float, ...]  #: deviance after the descent from each start
     next: Suggestion | None = None  #: what to measure next, if asked for
     laws: tuple[RankedLaw, ...] = ()  #: friction laws, the best first, if asked for
     misfit: Misfit | None = None  #: residuals that are more than noise
@@ -216,7 +215,7 @@ class Fit:
     def ensemble(self) -> Ensemble | None:
         """The values with their uncertainty, to draw sets from; None after an interruption.
 
-        A missing end of an interval counts as a factor of `FREE.determined`.
+        A missing end of an interval counts as a factor of `SEARCH.determined`.
         """
         if not self.complete or not self.correlations:
             return None
@@ -224,8 +223,8 @@ class Fit:
         return Ensemble(
             tuple(one.name for one in found),
             tuple(one.value for one in found),
-            tuple(one.low or one.value / FREE.determined for one in found),
-            tuple(one.high or one.value * FREE.determined for one in found),
+            tuple(one.low or one.value / SEARCH.determined for one in found),
+            tuple(one.high or one.value * SEARCH.determined for one in found),
             tuple(tuple(self.correlations[a.name][b.name] for b in found) for a in found),
         )
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import IdentificationError
-from stickslip_ros.identification.settings import FREE
+from stickslip_ros.identification.settings import SEARCH
 from stickslip_ros.laws import LAWS
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters, parameter
@@ -57,12 +57,14 @@ class FreeParameters:
             values["amplifier_bandwidth"] = 1.0 / (2.0 * math.pi * lag)
         return base.replace(**values)
 
-    def with_lag(self, start: float = FREE.lag_start) -> FreeParameters:
+    def with_lag(self, start: float = SEARCH.lag_start) -> FreeParameters:
         """Return these parameters and, as the last, the lag of the amplifier."""
-        begin, low, high = np.log(np.array([start, FREE.lag_low, FREE.lag_high]) + FREE.lag_knee)
+        begin, low, high = np.log(
+            np.array([start, SEARCH.lag_low, SEARCH.lag_high]) + SEARCH.lag_knee
+        )
         return FreeParameters(
             (*self.names, LAG), np.append(self.start, begin), np.append(self.low, low),
-            np.append(self.high, high), {**self.priors, LAG: Prior(0.0, FREE.lag_deviation)},
+            np.append(self.high, high), {**self.priors, LAG: Prior(0.0, SEARCH.lag_deviation)},
         )  # fmt: skip
 
     def without_lag(self) -> FreeParameters:
@@ -93,7 +95,7 @@ class FreeParameters:
 def value_at(name: str, theta: float) -> float:
     """Return the value of a free parameter, given the number that the search uses for it."""
     value = math.exp(theta)
-    return max(value - FREE.lag_knee, 0.0) if name == LAG else value
+    return max(value - SEARCH.lag_knee, 0.0) if name == LAG else value
 
 
 def unit_of(name: str) -> str:
@@ -148,7 +150,7 @@ def free_parameters(
     for k, name in enumerate(chosen):
         row = parameter(name)
         value = starting_value(sets[0], name)
-        least, most = bounds.get(name, (value / FREE.factor, value * FREE.factor))
+        least, most = bounds.get(name, (value / SEARCH.bounds_factor, value * SEARCH.bounds_factor))
         if not (0.0 < least < most < math.inf):
             raise IdentificationError(
                 f"the bounds of {name} are {least:g} and {most:g} {row.unit}; "
@@ -171,6 +173,6 @@ def starting_value(p: Parameters, name: str) -> float:
     if value is None or not value > 0.0:
         raise IdentificationError(
             f"{name} has no starting value above 0; set one in the parameters, to within a factor "
-            f"of {FREE.factor:g}"
+            f"of {SEARCH.bounds_factor:g}"
         )
     return float(value)

@@ -35,7 +35,7 @@ from stickslip_ros.identification.least_squares import Point, Problem, descend, 
 from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.search import clock_of, search
-from stickslip_ros.identification.settings import DESCENT, FREE
+from stickslip_ros.identification.settings import DESCENT, SEARCH
 from stickslip_ros.identification.suggestion import CandidateSensor, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -145,7 +145,6 @@ class _Estimation:
         self.problem = Problem([*traces, *tables], free)
         self.searched = free.start
         self.best: Point | None = None
-        self.starts: list[float] = []
 
     def fit(self, suggest_next: bool) -> Fit:
         """Return the result, or the best so far if interrupted."""
@@ -268,7 +267,6 @@ class _Estimation:
             self._report("descent", done / len(starts), self.best.unknowns)
 
         ends = descend_from(self.problem, [one for _, one in starts], DESCENT.first, descended)
-        self.starts += [end.deviance for end in ends]
         self.best = min([*found, *ends], key=lambda one: one.deviance, default=None)
 
     def _place(self, theta: Array) -> Point | None:
@@ -337,7 +335,7 @@ class _Estimation:
         estimates = {}
         for k, (name, value) in enumerate(self.free.values(theta).items()):
             gap = min(theta[k] - self.free.low[k], self.free.high[k] - theta[k])
-            at_bound = bool(gap < FREE.on_bound) and name != LAG  # an amplifier may well not lag
+            at_bound = bool(gap < SEARCH.on_bound) and name != LAG  # an amplifier may well not lag
             estimates[name] = Estimate(name, value, *ends.get(name, (None, None)), at_bound)
         matrix = profiler.correlations() if profiler else None
         names = self.free.names
@@ -357,7 +355,6 @@ class _Estimation:
                 one.fitted(best.seen[len(self.traces) + k]) for k, one in enumerate(self.tables)
             ),
             profiles=tuple(profiles),
-            starts=tuple(self.starts),
             misfit=misfit_of(self.problem, best) if complete else None,
             complete=complete,
         )

@@ -29,7 +29,7 @@ from stickslip_ros.identification.free import (
     starting_value,
 )
 from stickslip_ros.identification.least_squares import Point, Problem, descend
-from stickslip_ros.identification.settings import LAW
+from stickslip_ros.identification.settings import MISFIT
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.laws import LAWS
 from stickslip_ros.model import Plant
@@ -48,7 +48,7 @@ def with_law(p: Parameters, model: str) -> Parameters:
     The limit of a law may lie below the breakaway distance given for another law.
     """
     p = p.replace(model=model)
-    for _ in range(LAW.halvings):
+    for _ in range(MISFIT.halvings):
         try:
             Plant.of(p)
         except ParameterError:
@@ -116,12 +116,12 @@ def rank_laws(laws: Sequence[LawScore]) -> tuple[RankedLaw, ...]:
     deviance = [float(np.sum(law.squares / chance)) for law in laws]
     least = min(deviance)
     order = sorted(
-        range(len(laws)), key=lambda k: deviance[k] + LAW.for_a_constant * len(laws[k].values)
+        range(len(laws)), key=lambda k: deviance[k] + MISFIT.for_a_constant * len(laws[k].values)
     )
     scores = [one - least for one in deviance]
     return tuple(
         RankedLaw(
-            laws[k].name, laws[k].values, scores[k], laws[k].residual, scores[k] < LAW.unlikely
+            laws[k].name, laws[k].values, scores[k], laws[k].residual, scores[k] < MISFIT.unlikely
         )
         for k in order
     )
@@ -138,14 +138,14 @@ def _leave_out_runs(problem: Problem, best: Point) -> Iterator[tuple[int, Array,
         begun = without.point(np.concatenate([best.unknowns[:count], *clocks]))
         if begun is None:
             continue
-        theta = descend(without, begun, LAW.rounds).unknowns[:count]
+        theta = descend(without, begun, MISFIT.rounds_without).unknowns[:count]
         own = copy.copy(fit)
         known = problem.free.applied(fit.parameters, theta)
         own.experiment = replace(fit.experiment, parameters=known)
         alone = Problem([own], FreeParameters((), np.zeros(0), np.zeros(0), np.zeros(0), {}))
         begun = alone.point(problem.clock(best.unknowns, k).copy())
         if begun is not None:
-            end = descend(alone, begun, LAW.rounds)
+            end = descend(alone, begun, MISFIT.rounds_without)
             yield k, own.unprojected(end.seen[0]), fit.bins.count
 
 
@@ -153,13 +153,13 @@ def _leave_out_cycles(problem: Problem, best: Point) -> Iterator[tuple[int, Arra
     """Yield for each part of a run 0, its residuals (m), and the samples of its bins."""
     ((_, fit),) = problem.traces
     cycle = fit.cycles(problem.clock(best.unknowns, 0))
-    number = np.floor(cycle / (np.nanmax(cycle) + 1e-9) * LAW.parts)
-    for part in range(LAW.parts):
+    number = np.floor(cycle / (np.nanmax(cycle) + 1e-9) * MISFIT.left_out_parts)
+    for part in range(MISFIT.left_out_parts):
         out = number == part
         own = copy.copy(fit)
         own.kept = fit.kept * ~out
         without = Problem([own], problem.free)
         begun = without.point(best.unknowns)
         if begun is not None and out.any():
-            end = descend(without, begun, LAW.rounds)
+            end = descend(without, begun, MISFIT.rounds_without)
             yield 0, own.unprojected(end.seen[0])[out], fit.bins.count[out]

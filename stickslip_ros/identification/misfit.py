@@ -23,7 +23,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import Misfit
 from stickslip_ros.identification.least_squares import Point, Problem
-from stickslip_ros.identification.settings import FREE, MISFIT
+from stickslip_ros.identification.settings import MISFIT, SEARCH
 from stickslip_ros.identification.trace_fit import CLOCK
 from stickslip_ros.model.friction import contact_of
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -202,7 +202,8 @@ _EXPLANATIONS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
         slewrate=p.drive.slewrate * (1.0 + part)
     ),
     _LAG: lambda p, part: p.replace(
-        amplifier_bandwidth=p.actuator.amplifier_bandwidth or 1.0 / (2.0 * math.pi * FREE.lag_start)
+        amplifier_bandwidth=p.actuator.amplifier_bandwidth
+        or 1.0 / (2.0 * math.pi * SEARCH.lag_start)
     ),
     _SENSOR: lambda p, part: p.replace(
         sensor_bandwidth=p.sensor.sensor_bandwidth or MISFIT.sensor_bandwidth

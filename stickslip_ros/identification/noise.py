@@ -24,7 +24,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.identification.settings import NOISE
+from stickslip_ros.identification.settings import RECORD
 from stickslip_ros.traces.hum import HARMONICS, MAINS, USUAL, hum_columns
 
 
@@ -69,10 +69,10 @@ class Hum:
             return None
         columns = np.column_stack([np.ones_like(t), t - t.mean(), *hum_columns(t, mains)])
         found = np.linalg.lstsq(columns, left, rcond=1e-3)[0][2:]
-        width = max(USUAL, NOISE.hum_width * float(np.abs(found).max()))
+        width = max(USUAL, RECORD.hum_width * float(np.abs(found).max()))
         harmonics = np.repeat(np.arange(1.0, HARMONICS + 1.0), 2)
         both = np.tile(width / harmonics, len(MAINS))
-        moved = 2.0 * np.pi * NOISE.mains_off * both
+        moved = 2.0 * np.pi * RECORD.mains_off * both
         return cls(mains, float(t.mean()), np.concatenate([both, moved]))
 
     def columns(self, t: Array) -> list[Array]:
@@ -103,7 +103,7 @@ def learn(t: Array, left: Array, kept: Array) -> tuple[Noise, tuple[float, ...]]
         tried = [(grams.best([*fitted, *of_mains[k]]), k) for k in others]
         nearest, which = min(tried, key=lambda one: one[0][1])
         ratio = len(t) * math.log(best[1] / nearest[1])
-        if not ratio > scipy.stats.chi2.isf(NOISE.hum_chance, waves):
+        if not ratio > scipy.stats.chi2.isf(RECORD.hum_chance, waves):
             break
         fitted, found, best = [*fitted, *of_mains[which]], (*found, which), nearest
     law = whitener(len(t), *best[0])
@@ -122,8 +122,8 @@ class _Grams:
     def __init__(self, columns: Array) -> None:
         """Take columns, the last of which is that of the residuals."""
         self._columns, count = columns, len(columns)
-        first, last = 0.5 / count, NOISE.highest_corner
-        steps = math.ceil(math.log(last / first) / math.log(NOISE.corner_factor))
+        first, last = 0.5 / count, RECORD.highest_corner
+        steps = math.ceil(math.log(last / first) / math.log(RECORD.corner_factor))
         self._corners = [0.0, *np.geomspace(first, last, steps + 1).tolist()]
         self._known: dict[tuple[int, int], Array] = {}
 
@@ -202,15 +202,15 @@ def coloured(left: Array) -> Noise:
     """
     count = len(left)
     power = float(left @ left) / count
-    correlation = autocorrelation(left, NOISE.order)
+    correlation = autocorrelation(left, RECORD.order)
     best, score = (power, np.ones(1)), count * math.log(power)
-    for order in range(1, min(NOISE.order, count // NOISE.per_order) + 1):
+    for order in range(1, min(RECORD.order, count // RECORD.per_order) + 1):
         own = scipy.linalg.solve_toeplitz(correlation[:order], correlation[1 : order + 1])
         rest = power * (1.0 - float(own @ correlation[1 : order + 1]))
         if rest <= 0.0:
             break
         found = count * math.log(rest) + 2.0 * order
-        if found < score - NOISE.order_gain:
+        if found < score - RECORD.order_gain:
             best, score = (rest, np.concatenate([[1.0], -own])), found
     return Noise(math.sqrt(best[0]), best[1])
 

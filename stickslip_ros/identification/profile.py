@@ -17,7 +17,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.identification.fit import Profile
 from stickslip_ros.identification.free import LAG, value_at
 from stickslip_ros.identification.least_squares import Point, Problem
-from stickslip_ros.identification.settings import PROFILE
+from stickslip_ros.identification.settings import DESCENT
 
 
 class BetterOptimum(Exception):
@@ -85,29 +85,29 @@ class Profiler:
         at, goal = self.best.unknowns, math.sqrt(self.rise)
         free = self.problem.free
         limit = (at[k] - free.low[k]) if sign < 0.0 else (free.high[k] - at[k])
-        limit = min(limit, PROFILE.furthest)
+        limit = min(limit, DESCENT.furthest)
         below, above = (0.0, 0.0), (math.inf, math.inf)  # distance, root of the rise
         looks: list[tuple[float, float]] = []
         start = at
-        for _ in range(PROFILE.looks):
+        for _ in range(DESCENT.profile_looks):
             step = min(step, limit)
             found = self._held(k, float(at[k] + sign * step), start)
             rise = math.inf if found is None else (found.deviance - self.best.deviance) / self.scale
             root = math.sqrt(max(rise, 0.0))
             if found is not None:
                 looks.append((float(at[k] + sign * step), rise))
-                if rise < -PROFILE.better and self._stops:
+                if rise < -DESCENT.better_optimum and self._stops:
                     raise BetterOptimum(found)
                 if root <= goal:
                     start = found.unknowns
-            if abs(rise - self.rise) < PROFILE.accuracy * self.rise:
+            if abs(rise - self.rise) < DESCENT.end_accuracy * self.rise:
                 step += (goal - root) * (step - below[0]) / (root - below[1])
                 return float(at[k] + sign * step), looks
             if root < goal:
                 if step >= limit:
                     return sign * math.inf, looks
                 below = max(below, (step, root))
-                if above[1] > PROFILE.steep * goal:
+                if above[1] > DESCENT.steep * goal:
                     above = (math.inf, math.inf)  # all else may not have followed so far at once
             else:
                 above = min(above, (step, root))
@@ -129,14 +129,14 @@ class Profiler:
             if at is None:
                 return None
         jacobian, place = self.jacobian, self.best
-        for _ in range(PROFILE.steps):
+        for _ in range(DESCENT.held_rounds):
             step = self._solve_step(at.unknowns, kept, jacobian, at.residuals)
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
             tries = (self.problem.bounded(at.unknowns + part * step) for part in (1.0, 0.3))
             better = None
-            if not gain < PROFILE.converged * self.scale * self.rise:
+            if not gain < DESCENT.held_converged * self.scale * self.rise:
                 points = filter(None, map(self.problem.point, tries))
                 better = next((one for one in points if one.deviance < at.deviance), None)
             if better is not None:
@@ -171,7 +171,7 @@ class Profiler:
         for value, vector in zip(values, vectors.T, strict=True):
             alone = self.problem.free.names[int(np.argmax(np.abs(vector)))]
             # A lag too small to show does no harm.
-            if value * PROFILE.unknown**2 < 1.0 and alone != LAG:
+            if value * DESCENT.unknown**2 < 1.0 and alone != LAG:
                 found.append(in_words(self.problem.free.names, vector))
         return found
 
@@ -180,7 +180,7 @@ def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -
     """Return the next distance to evaluate, from those on either side of the goal."""
     if math.isinf(above[0]):
         return below[0] * float(np.clip(1.05 * goal / max(below[1], 1e-6), 1.1, 2.0))
-    if above[1] > PROFILE.steep * goal:
+    if above[1] > DESCENT.steep * goal:
         return 0.5 * (below[0] + above[0])
     part = (goal - below[1]) / (above[1] - below[1])
     return below[0] + float(np.clip(part, 0.1, 0.9)) * (above[0] - below[0])
@@ -189,7 +189,7 @@ def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -
 def in_words(names: Sequence[str], direction: Array) -> str:
     """Describe a direction in which the logarithms can move unnoticed, in words."""
     direction = direction / direction[int(np.argmax(np.abs(direction)))]
-    named = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) >= PROFILE.named]
+    named = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) >= DESCENT.share_named]
     if len(named) == 1:
         return f"{names[named[0]]} is not determined by these measurements"
     together = listed([names[k] for k in named])

@@ -24,7 +24,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.experiment import Stepping
 from stickslip_ros.identification.free import FreeParameters
-from stickslip_ros.identification.settings import SEARCH, START
+from stickslip_ros.identification.settings import SEARCH
 from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import sigma_0_of_ringing, sigma_1_of_decay
@@ -60,7 +60,7 @@ class Window:
         sure = fit.experiment.unsure
         begin, end = max(begin, sure[0]), min(end, sure[1])
         bins = fit.bins
-        some = bins.some((bins.t >= begin) & (bins.t <= end), START.bins)
+        some = bins.some((bins.t >= begin) & (bins.t <= end), SEARCH.laid_bins)
         self.t, self._x, self._basis = some.t, some.x, some.of_sensor()
 
     def placed(self, p: Parameters, start: float, reach: float, steps: int) -> Placed:
@@ -72,13 +72,13 @@ class Window:
             beyond=False,
         )
         first, last = float(self.t[0]) - start - reach, float(self.t[-1]) - start + reach
-        count = int(min((last - first) * START.density * ringing, START.most_samples))
+        count = int(min((last - first) * SEARCH.density * ringing, SEARCH.most_samples))
         grid = np.linspace(first, last, max(count, 2))
         x, _ = only.simulate(p, np.zeros(1), grid)
-        number = int(min(2.0 * reach * START.shifts * ringing, START.most_shifts)) // 2 * 2 + 1
+        number = int(min(2.0 * reach * SEARCH.shifts * ringing, SEARCH.most_shifts)) // 2 * 2 + 1
         shifts = np.linspace(-reach, reach, number)
         best = Placed(math.inf, start, steps)
-        for some in np.array_split(shifts, max(1, number // START.at_once)):
+        for some in np.array_split(shifts, max(1, number // SEARCH.at_once)):
             seen = np.interp(self.t[:, None] - start - some, grid, x)
             left = self._x[:, None] - seen
             left -= self._basis @ (self._basis.T @ left)
@@ -95,7 +95,7 @@ def place_runs(fit: TraceFit, sets: Sequence[Parameters]) -> None:
     Hum may have made a step more or less; the numbers of steps are corrected, too.
     """
     runs = list(fit.experiment.runs)
-    far = START.far if fit.experiment.doubtful else 0.0
+    far = SEARCH.far if fit.experiment.doubtful else 0.0
     for k, run in enumerate(fit.experiment.runs):
         window, begun = Window(fit, k), Placed(math.inf, float(fit.starts[k]), run.steps)
         places = [(_best(window, [begun], p, far), p) for p in sets]
@@ -112,7 +112,7 @@ def place_runs(fit: TraceFit, sets: Sequence[Parameters]) -> None:
             if abs(best.steps) + more > 0
         ]
         others = _best(window, begun_otherwise, p, 0.0)
-        if others.left < START.clearly * best.left:
+        if others.left < SEARCH.clearly_better * best.left:
             best = others
         fit.starts[k] = best.start
         runs[k] = replace(run, start=best.start, steps=best.steps)
@@ -137,7 +137,7 @@ def _best(window: Window, begun: Sequence[Placed], p: Parameters, far: float) ->
     period = 1.0 / window.run.frequency
     try:
         ringing = Plant.of(p).ringing_frequency
-        near = max(START.swings / max(ringing, window.run.frequency), START.periods * period)
+        near = max(SEARCH.swings / max(ringing, window.run.frequency), SEARCH.periods * period)
         reach = max(min(near, 0.45 * period), far * period)
         found = [window.placed(p, one.start, reach, one.steps) for one in begun]
     except (ParameterError, SolverError):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RecordSettings:
-    """Tolerances for runs in a record, and limits for messages before a fit."""
+    """What is told of records, how they are put into bins, and the noise and hum in them."""
 
     repeated: float = 1e-4  #: chance that a record of fresh samples repeats a value as often
     least_noise: float = 1e-12  #: m, of a sensor: simulated records have less, and rest at 0
@@ -27,27 +27,15 @@ class RecordSettings:
     noise_factor: float = 3.0  #: a stated noise may differ so: filters of sensors do that
     longest_step: float = 1.1  #: of the way of the actuator; no step is longer
     shortest_step: float = 1e-3  #: of that way; no drive that steps makes shorter ones
-
-
-@dataclass(frozen=True)
-class BinSettings:
-    """How samples are put into bins."""
-
-    per_ringing: float = 12.0  #: bins in a swing, which show its shape
-    per_period: float = 400.0  #: bins in a drive period where no ringing is seen
-    fewest: int = 3000  #: bins of a trace
-    most: int = 12_000  #: bins of a trace: time of a fit grows with them
+    bins_a_swing: float = 12.0  #: bins in a swing, which show its shape
+    bins_a_period: float = 400.0  #: bins in a drive period where no ringing is seen
+    fewest_bins: int = 3000  #: bins of a trace
+    most_bins: int = 12_000  #: bins of a trace: time of a fit grows with them
     looks: int = 12  #: samples of a bin about a slip that the model is computed for
-    fine_per_ringing: float = 16.0  #: of bins that show the noise: motion hardly differs in one
+    fine_bins_a_swing: float = 16.0  #: of bins that show the noise: motion hardly differs in one
     whole: float = 0.25  #: of the usual samples of a bin; noise of fewer is more than twice as much
     spike: float = 6.0  #: robust standard deviations beyond which a residual is not noise
     rate_deviation: float = 5e-4  #: s/s, of clocks of recorders
-
-
-@dataclass(frozen=True)
-class NoiseSettings:
-    """The model of the noise of a record, and its hum."""
-
     corner_factor: float = 3.0  #: between corner frequencies tried: a filter off by less is as good
     highest_corner: float = 5.0  #: of those of the bins: hardly any white noise is left
     order: int = 12  #: highest of the autoregressive model of what is left
@@ -59,10 +47,10 @@ class NoiseSettings:
 
 
 @dataclass(frozen=True)
-class FreeSettings:
-    """Bounds of the search, and priors."""
+class SearchSettings:
+    """Bounds and priors; where runs began, by models laid over a record; differential evolution."""
 
-    factor: float = 10.0  #: about its starting value, a parameter without bounds
+    bounds_factor: float = 10.0  #: about its starting value, a parameter without bounds
     lag_start: float = 3e-7  #: s
     lag_low: float = 1e-8  #: s
     lag_high: float = 2e-5  #: s
@@ -70,13 +58,7 @@ class FreeSettings:
     lag_deviation: float = 1e-6  #: s, about none: ordinary amplifiers lag by up to 2 us
     determined: float = 4.0  #: largest ratio of the ends of a determined interval
     on_bound: float = 1e-3  #: distance, as a logarithm, that counts as on a bound
-
-
-@dataclass(frozen=True)
-class StartSettings:
-    """How models are laid over a record to find when its runs began."""
-
-    bins: int = 600  #: evaluated
+    laid_bins: int = 600  #: evaluated
     density: float = 16.0  #: samples of the model in a swing of the ringing
     shifts: float = 16.0  #: tried in a swing
     most_shifts: int = 4000  #: in all
@@ -85,13 +67,7 @@ class StartSettings:
     swings: float = 2.0  #: that the start may be off by
     periods: float = 0.06  #: of the drive, likewise
     far: float = 1.3  #: periods, where the steps were not separated well
-    clearly: float = 0.9  #: part of the squares that another number of steps has to leave
-
-
-@dataclass(frozen=True)
-class EvolutionSettings:
-    """The search by differential evolution that the descents begin from."""
-
+    clearly_better: float = 0.9  #: part of the squares that another number of steps has to leave
     bins: int = 360  #: of a record that are evaluated
     cycles: float = 8.5  #: of it
     noise: float = 3e-9  #: m, that is assumed
@@ -110,7 +86,7 @@ class EvolutionSettings:
 
 @dataclass(frozen=True)
 class DescentSettings:
-    """Least squares by Levenberg and Marquardt, and how often it is begun again."""
+    """Least squares by Levenberg and Marquardt, profiles of the deviance, and tables of metrics."""
 
     damping: float = 1e-3  #: at first
     easier: float = 5.0  #: that it is divided by after a step that helped
@@ -127,26 +103,27 @@ class DescentSettings:
     too_much: float = 1.25  #: structure of the noise from which on it is searched for again
     searches: int = 3  #: at most
     again: int = 3  #: descents from better optima that profiles have met
-
-
-@dataclass(frozen=True)
-class ProfileSettings:
-    """Profiles of the deviance: their accuracy, and when a direction counts as unknown."""
-
-    accuracy: float = 0.04  #: of the rise at an end, as a part of it
-    looks: int = 14  #: at a side
+    end_accuracy: float = 0.04  #: of the rise at an end, as a part of it
+    profile_looks: int = 14  #: at a side
     steep: float = 1.1  #: times the root of the rise; beyond, a look is taken again from nearer by
-    steps: int = 12  #: of a descent with one parameter held
-    converged: float = 0.002  #: part of the rise; a smaller decrease ends that descent
+    held_rounds: int = 12  #: of a descent with one parameter held
+    held_converged: float = 0.002  #: part of the rise; a smaller decrease ends that descent
     furthest: float = math.log(30.0)  #: distance looked at, as a logarithm
-    better: float = 0.5  #: deviance below the optimum that makes a better one
+    better_optimum: float = 0.5  #: deviance below the optimum that makes a better one
     unknown: float = 0.7  #: standard deviation (logarithm) of a direction that is not known
-    named: float = 0.25  #: share of a parameter in a direction from which on it is named
+    share_named: float = 0.25  #: share of a parameter in a direction from which on it is named
+    curve_steps: int = 12  #: from rest, to judge a point by
+    curve_deviation: float = 0.02  #: part of the median, where the table states none, to begin with
+    no_value: float = 100.0  #: standard deviations that a point without a value counts
+    curve_difference: float = (
+        3e-3  #: logarithm of a difference: searches for a 0-amplitude are not smooth
+    )
+    trace_difference: float = 3e-4  #: the same for traces
 
 
 @dataclass(frozen=True)
 class MisfitSettings:
-    """Limits for the tests of residuals, and for messages about misfits."""
+    """Limits for tests of residuals and for messages about misfits, and the ranking of laws."""
 
     chance: float = 1e-3  #: probability over all tests of a fit
     phases: int = 120  #: of a cycle at most
@@ -164,25 +141,8 @@ class MisfitSettings:
     )
     at_rest: int = 100  #: bins, below which a record shows no rest
     part: float = 0.01  #: change of a parameter for its derivative
-
-
-@dataclass(frozen=True)
-class CurveSettings:
-    """How tables of metrics are fitted."""
-
-    steps: int = 12  #: from rest, to judge a point by
-    deviation: float = 0.02  #: part of the median, where the table states none, to begin with
-    no_value: float = 100.0  #: standard deviations that a point without a value counts
-    stride: float = 3e-3  #: logarithm of a difference: searches for a 0-amplitude are not smooth
-    trace_stride: float = 3e-4  #: the same for traces
-
-
-@dataclass(frozen=True)
-class LawSettings:
-    """How friction laws are ranked."""
-
-    parts: int = 3  #: of the cycles of a single run, each left out in turn
-    rounds: int = 6  #: of a descent without one of them
+    left_out_parts: int = 3  #: of the cycles of a single run, each left out in turn
+    rounds_without: int = 6  #: of a descent without one of them
     halvings: int = 8  #: of a breakaway distance above the limit
     for_a_constant: float = 4.0  #: that the score falls by for a further one, hardly by chance
     #: score above which nothing speaks for a law (K. P. Burnham, D. R. Anderson, Model Selection
@@ -216,14 +176,7 @@ class NextSettings:
 
 
 RECORD = RecordSettings()
-BINS = BinSettings()
-NOISE = NoiseSettings()
-FREE = FreeSettings()
-START = StartSettings()
-SEARCH = EvolutionSettings()
+SEARCH = SearchSettings()
 DESCENT = DescentSettings()
-PROFILE = ProfileSettings()
 MISFIT = MisfitSettings()
-CURVE = CurveSettings()
-LAW = LawSettings()
 NEXT = NextSettings()

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.noise import Hum, Noise, learn
-from stickslip_ros.identification.settings import BINS, CURVE
+from stickslip_ros.identification.settings import DESCENT, RECORD
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.even_samples import noise_of, without_spikes
 from stickslip_ros.traces.hum import MAINS, hum_columns
@@ -53,7 +53,7 @@ class Bins:
     @property
     def whole(self) -> Array:
         """1 for each bin, 0 for those at gaps, whose few samples count as none, (bins,)."""
-        return (self.count >= BINS.whole * np.median(self.count)).astype(np.float64)
+        return (self.count >= RECORD.whole * np.median(self.count)).astype(np.float64)
 
     def means(self, values: Array) -> Array:
         """Return the mean over each bin of values at the nodes, (bins,)."""
@@ -91,13 +91,13 @@ class Bins:
         fastest = max(run.frequency for run in experiment.runs)
         ringing = experiment.ringing.frequency if experiment.ringing else 0.0
         duration = float(t[-1] - t[0])
-        rate = max(BINS.per_ringing * ringing, BINS.fewest / duration)
+        rate = max(RECORD.bins_a_swing * ringing, RECORD.fewest_bins / duration)
         if not ringing:
-            rate = max(rate, BINS.per_period * fastest)
-        width = 1.0 / min(rate, BINS.most / duration)
+            rate = max(rate, RECORD.bins_a_period * fastest)
+        width = 1.0 / min(rate, RECORD.most_bins / duration)
         number, count, middle, mean = _means(t, x, width)
-        fine = max(BINS.fine_per_ringing * ringing, BINS.per_period * fastest)
-        fine = min(fine, BINS.most / duration)
+        fine = max(RECORD.fine_bins_a_swing * ringing, RECORD.bins_a_period * fastest)
+        fine = min(fine, RECORD.most_bins / duration)
         _, few, _, close = _means(t, x, 1.0 / fine)
         spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
         dense = np.zeros(len(middle), dtype=bool)  # about the slip of a cycle
@@ -132,7 +132,7 @@ def _nodes(
     dense: NDArray[np.bool_],
     count: Array,
 ) -> tuple[Array, NDArray[np.int64], Array]:
-    every = np.maximum(1, np.ceil(count / BINS.looks)).astype(np.int64)
+    every = np.maximum(1, np.ceil(count / RECORD.looks)).astype(np.int64)
     rank = np.arange(len(t)) - np.searchsorted(number, number)
     looked = dense[number] & ((rank - every[number] // 2) % every[number] == 0)
     plain = np.flatnonzero(~dense)
@@ -178,9 +178,9 @@ class TraceFit:
         self._kept_basis: tuple[tuple[object, ...], Array] | None = None
 
     #: Step of central differences by logarithms.
-    step = CURVE.trace_stride
+    step = DESCENT.trace_difference
     #: Residual of a clock rate of 1 `RATE`, in standard deviations.
-    clock_weight = RATE / BINS.rate_deviation
+    clock_weight = RATE / RECORD.rate_deviation
 
     @property
     def parameters(self) -> Parameters:
@@ -287,7 +287,7 @@ class TraceFit:
             self.hum = Hum.of(self.bins.t, left, mains)
             white = self.residuals(seen)[0][: len(left)]  # zero, drift and hum are no spikes
             spread = float(scipy.stats.median_abs_deviation(white, scale="normal"))
-            spikes = np.abs(white) > max(BINS.spike * spread, 1e-15)
+            spikes = np.abs(white) > max(RECORD.spike * spread, 1e-15)
             if not spikes.any():
                 break
             self.kept = np.where(spikes, 0.0, self.kept)

@@ -80,10 +80,6 @@ def _plots(found: Fit) -> list[PlotPlace]:
         plots.append(PlotPlace(f"curve-{k}", f"{curve.source}: table and fit", text, _curve(curve)))
     if found.profiles:
         plots.append(PlotPlace("profiles", "Profiles", _PROFILES, _profiles(found)))
-    if len(found.correlations) > 1:
-        plots.append(_correlations(found))
-    if found.starts:
-        plots.append(_starts(found))
     return plots
 
 
@@ -188,50 +184,3 @@ def _interpolated(values: Array, rise: Array) -> tuple[Array, Array]:
     fine = np.union1d(values, np.linspace(values[0], values[-1], _POINTS_BETWEEN))
     side = np.sign(np.arange(len(values)) - int(np.argmin(rise)))
     return fine, np.interp(fine, values, side * np.sqrt(np.maximum(rise, 0.0))) ** 2
-
-
-def _correlations(found: Fit) -> PlotPlace:
-    names = list(found.correlations)
-    values = np.array([[found.correlations[a][b] for b in names] for a in names])
-    map_ = {
-        "type": "heatmap",
-        "x": names,
-        "y": names[::-1],
-        "z": np.round(values[::-1], 4).tolist(),
-        "zmin": -1.0,
-        "zmax": 1.0,
-        "colorscale": [[0.0, SIMULATED], [0.5, "#e9ecf1"], [1.0, MEASURED]],
-        "text": [[f"{one:.2f}" for one in row] for row in values[::-1]],
-        "texttemplate": "%{text}",
-        "hovertemplate": "%{x} and %{y}: %{z}",
-        "name": "",
-    }
-    layout = layout_of(
-        140 + 56 * len(names), xaxis={"automargin": True}, yaxis={"automargin": True}
-    )
-    pairs = [(abs(values[i, j]), names[i], names[j]) for i in range(len(names)) for j in range(i)]
-    size, a, b = max((one for one in pairs if math.isfinite(one[0])), default=(0.0, "", ""))
-    most = f"Most go together {b} and {a} ({size:.2f})." if size else ""
-    text = f"Of the logarithms of the parameters. {most}"
-    return PlotPlace("correlations", "Correlations", text, {"data": [map_], "layout": layout})
-
-
-def _starts(found: Fit) -> PlotPlace:
-    deviance = np.sort(found.starts)
-    number = np.arange(1.0, len(deviance) + 1.0)
-    apart = deviance[-1] > 10.0 * deviance[0] > 0.0  # else a linear axis has the better numbers
-    data = [
-        line_of(number, deviance, "deviance", SIMULATED, "", "", mode="lines+markers",
-                marker={"size": 7, "color": SIMULATED}, showlegend=False)
-    ]  # fmt: skip
-    layout = layout_of(
-        320,
-        xaxis=axis_of("start, the best first", tickformat="d"),
-        yaxis=axis_of("deviance after the descent", type="log" if apart else "linear"),
-    )
-    near = int(np.sum(deviance < 1.01 * deviance[0]))
-    text = (
-        f"Deviance after each descent, the best first. {near} of {len(deviance)} ended within 1 % "
-        "of the lowest."
-    )
-    return PlotPlace("starts", "Waterfall of starts", text, {"data": data, "layout": layout})

@@ -63,7 +63,7 @@ def check_page(page: Path) -> None:
     """The page has the numbers, a place for every plot, and data for every place."""
     text = page.read_text(encoding="utf-8")
     places = re.findall(r'<div class="plot" id="([^"]+)"', text)
-    assert places == ["run-0", "folded-0", "profiles", "correlations", "starts"]
+    assert places == ["run-0", "folded-0", "profiles"]
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)
     assert found
     drawn = json.loads(found[1])
