@@ -250,6 +250,11 @@ class Fit:
             cells = " ".join(f"{text:>14}" for text in one.texts)
             quiet = one.determined or not (self.complete or one.at_bound)
             lines.append(f"{name:<16} {cells}" + ("" if quiet else f"  {one.remark}"))
+        if self.runs and "mass" not in self.parameters and not self.base.runner.spring:
+            mass = 1e3 * self.base.runner.mass
+            lines.append(
+                f"stiffness and damping are in proportion to the mass, {mass:.4g} g as given"
+            )
         lines.append("")
         for run in self.runs:
             hum = f", hum of {' and '.join(f'{f:g}' for f in run.mains)} Hz" if run.mains else ""

@@ -13,6 +13,7 @@ from stickslip_ros.identification.curve import Curve, CurveFit
 from stickslip_ros.identification.experiment import (
     Experiment,
     IdentificationError,
+    check_noise,
     check_record,
     is_too_coarse,
 )
@@ -78,8 +79,8 @@ def identify(
     :param laws: friction laws to rank by what they predict, of `identification.RANKED_LAWS`.
     :param seed: of the search, which is random.
     :param progress: called with the stage, its progress and the best values so far.
-    :param say: called before the fit with each line on what a record and its parameters disagree
-        in, or on what the record cannot show; they are among the notes of the fit, too.
+    :param say: called with each line on what a record and its parameters or fit disagree in, or on
+        what the record cannot show; they are among the notes of the fit, too.
     :returns: with ``complete`` False after a KeyboardInterrupt, from the best so far.
     :raises IdentificationError: the measurements show no steps, or a parameter cannot be free.
     :raises ParameterError: the parameters contradict each other.
@@ -120,7 +121,12 @@ def identify(
         say(note)
     traces = [TraceFit(one) for one in experiments]
     work = _Estimation(traces, tables, free, seed, progress)
-    found = replace(work.fit(suggest_next), notes=tuple(notes))
+    found = work.fit(suggest_next)
+    for run, one in zip(found.runs, experiments, strict=True):
+        for note in check_noise(one, run.noise):
+            notes.append(note)
+            say(note)
+    found = replace(found, notes=tuple(notes))
     if experiments and all(is_too_coarse(one, found.base) for one in experiments):
         found = found.without_intervals()
     if not laws or not found.complete:

@@ -28,19 +28,27 @@ from stickslip_ros.traces.motion import Motion
 AXIS = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
 
 
-def trace_of(law: str, seed: int = 3) -> tuple[Parameters, Motion]:
+def trace_of(law: str, preload: float = 0.6) -> tuple[Parameters, Motion]:
     """What is known of a drive with a contact of a law, and its trace with 1 nm of noise."""
     drive = Drive(10, frequency=700.0, amplitude=280.0, pause=4e-3)
-    t, x = other_trace(AXIS, Other(law=law), drive, 5e5, 1e-9, seed)
-    known = {"preload": 0.6, "mass": 5e-3, "frequency": 700.0, "amplitude": 280.0}
+    t, x = other_trace(replace(AXIS, preload=preload), Other(law=law), drive, 5e5, 1e-9, 3)
+    known = {"preload": preload, "mass": 5e-3, "frequency": 700.0, "amplitude": 280.0}
     start = {name: 1.5 * value for name, value in truth_of(AXIS).items()}
+    if preload != AXIS.preload:  # several are fitted with Eq. 13 and 14, which are others at first
+        start = {"sigma_0_slope": 7e6, "z_ba_slope": 3e-8, "sigma_1": 10.0, "sigma_0ss": 1.5e7}
     return Parameters.of({**known, **start}), Motion("lab", t, x)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("law", "other"), [("ceim", "lugre"), ("lugre", "ceim")])
-def test_the_law_of_the_axis_is_ranked_first(law: str, other: str) -> None:
-    found = identify([trace_of(law)], laws=["ceim", "lugre"])
+@pytest.mark.parametrize(
+    ("law", "other", "preloads"),
+    [("ceim", "lugre", (0.6,)), ("lugre", "ceim", (0.6,)), ("ceim", "lugre", (0.4, 0.8))],
+)
+def test_the_law_of_the_axis_is_ranked_first(
+    law: str, other: str, preloads: tuple[float, ...]
+) -> None:
+    """Without one of two preloads, the constants of Eq. 13 and 14 had no value that predicts."""
+    found = identify([trace_of(law, one) for one in preloads], laws=["ceim", "lugre"])
     first, second = found.laws[:2]
     assert (first.law, second.law) == (law, other)
     assert (first.score, first.likely, second.likely) == (0.0, True, False)
@@ -48,8 +56,9 @@ def test_the_law_of_the_axis_is_ranked_first(law: str, other: str) -> None:
     assert first.residual < min(1e-9, second.residual)
     told = json.loads(json.dumps(found.as_json(), allow_nan=False))["laws"]
     assert [one["law"] for one in told] == [one.law for one in found.laws]
-    sigma_0 = truth_of(AXIS)["sigma_0"]
-    assert told[0]["parameters"]["sigma_0"] == pytest.approx(sigma_0, rel=0.02)
+    if len(preloads) == 1:
+        sigma_0 = truth_of(AXIS)["sigma_0"]
+        assert told[0]["parameters"]["sigma_0"] == pytest.approx(sigma_0, rel=0.02)
 
 
 def test_one_more_constant_has_to_predict_better_beyond_chance() -> None:
