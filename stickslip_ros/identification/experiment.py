@@ -233,10 +233,9 @@ def _is_no_ringing(found: float, frequency: float) -> bool:
 def _stepping(run: Run, frequency: float) -> Stepping:
     """Return a run as the drive made it: a found step may have been two."""
     parts = round(frequency / run.frequency)
-    if parts > 1 and abs(parts * run.frequency / frequency - 1.0) < RECORD.same_frequency:
+    if abs(parts * run.frequency / frequency - 1.0) < RECORD.same_frequency:
         return Stepping(run.start, run.direction * run.steps * parts, frequency)
-    same = abs(run.frequency / frequency - 1.0) < RECORD.same_frequency
-    return Stepping(run.start, run.direction * run.steps, frequency if same else run.frequency)
+    return Stepping(run.start, run.direction * run.steps, run.frequency)
 
 
 def check_record(experiment: Experiment) -> Iterator[str]:

@@ -24,7 +24,7 @@ from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import Misfit
 from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.settings import MISFIT, SEARCH
-from stickslip_ros.identification.trace_fit import CLOCK
+from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
 from stickslip_ros.model.friction import contact_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import format_si
@@ -34,13 +34,16 @@ from stickslip_ros.solver import SolverError
 def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     """Return the residuals that are more than noise, None if there are none."""
     runs: list[tuple[_Finding, _Finding, _Finding]] = []
+    loud: list[_Finding] = []
     row = 0
     for k, fit in enumerate(problem.fits):
         rows = slice(row, row + fit.size)
         row = rows.stop
         if isinstance(fit, CurveFit):
             continue
-        starts = fit.starts + CLOCK * problem.clock(best.unknowns, k)[:-1]
+        clock = problem.clock(best.unknowns, k)
+        loud += _in_motion(fit, best.residuals[rows][: len(fit.kept)], fit.cycles(clock))
+        starts = fit.starts + CLOCK * clock[:-1]
         for run, start in zip(fit.experiment.runs, starts.tolist(), strict=True):
             place = (fit.bins.t - start) * run.frequency
             inside = (place >= 0.0) & (place < abs(run.steps)) & (fit.kept > 0.0)
@@ -55,7 +58,6 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     found = [one for three in runs for one in three]
     if not runs:
         return None
-    loud = _in_motion(problem, best)
     found += loud
     probability = min(1.0, *(one.chance * len(found) for one in found))
     gains = _gains(problem, best)
@@ -165,29 +167,19 @@ def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
     return _Finding(chance, beyond, float(np.sqrt(np.mean(means**2))), text)
 
 
-def _in_motion(problem: Problem, best: Point) -> list[_Finding]:
-    """Return for each trace that rests how much larger its residuals are in motion."""
-    found, row = [], 0
-    for k, fit in enumerate(problem.fits):
-        white = best.residuals[row : row + fit.size]
-        row += fit.size
-        if isinstance(fit, CurveFit):
-            continue
-        cycle = fit.cycles(problem.clock(best.unknowns, k))
-        white, kept = white[: len(cycle)], fit.kept > 0.0
-        moving, still = (white[kept & one] for one in (np.isfinite(cycle), np.isnan(cycle)))
-        if min(len(moving), len(still)) < MISFIT.at_rest:
-            continue
-        # Where it rests, a sensor that rounds makes no noise.
-        step = np.abs(np.diff(fit.experiment.motion.x))
-        rounding = float(np.min(step[step > 0.0])) ** 2 / (12.0 * fit.noise.size**2)
-        power, quiet = (float(np.mean(one**2)) for one in (moving, still))
-        ratio = power / (quiet + rounding)
-        chance = float(scipy.stats.f.sf(ratio / MISFIT.louder**2, len(moving), len(still)))
-        beyond = max(power - MISFIT.louder**2 * (quiet + rounding), 0.0) * len(moving)
-        text = f"the noise is {math.sqrt(ratio):.2g} times that at rest"
-        found.append(_Finding(chance, beyond, 0.0, text))
-    return [one for one in found if one.chance < MISFIT.chance]
+def _in_motion(fit: TraceFit, white: Array, cycle: Array) -> list[_Finding]:
+    """Return how much larger residuals are in motion than at rest, if that is more than chance."""
+    kept = fit.kept > 0.0
+    moving, still = white[kept & np.isfinite(cycle)], white[kept & np.isnan(cycle)]
+    if min(len(moving), len(still)) < MISFIT.at_rest:
+        return []
+    # Where it rests, a sensor that rounds makes no noise.
+    step = np.abs(np.diff(fit.experiment.motion.x))
+    rounding = float(np.min(step[step > 0.0])) ** 2 / (12.0 * fit.noise.size**2)
+    ratio = float(np.mean(moving**2)) / (float(np.mean(still**2)) + rounding)
+    chance = float(scipy.stats.f.sf(ratio / MISFIT.louder**2, len(moving), len(still)))
+    text = f"the noise is {math.sqrt(ratio):.2g} times that at rest"
+    return [_Finding(chance, 0.0, 0.0, text)] if chance < MISFIT.chance else []
 
 
 _LAG, _SENSOR = "a lag of the amplifier", "a slow sensor"

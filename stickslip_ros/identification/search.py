@@ -48,15 +48,10 @@ class Window:
         """Take the bins between the middles of the rests about run k."""
         self._experiment = fit.experiment
         self.run: Stepping = fit.experiment.runs[k]
-        starts = fit.starts
-        runs = fit.experiment.runs
-        begin, end = -math.inf, math.inf
-        if k > 0:
-            begin = 0.5 * (
-                starts[k - 1] + abs(runs[k - 1].steps) / runs[k - 1].frequency + starts[k]
-            )
-        if k + 1 < len(runs):
-            end = 0.5 * (starts[k] + abs(self.run.steps) / self.run.frequency + starts[k + 1])
+        starts, runs = fit.starts, fit.experiment.runs
+        ends = [s + abs(run.steps) / run.frequency for s, run in zip(starts, runs, strict=True)]
+        begin = 0.5 * (ends[k - 1] + starts[k]) if k > 0 else -math.inf
+        end = 0.5 * (ends[k] + starts[k + 1]) if k + 1 < len(runs) else math.inf
         sure = fit.experiment.unsure
         begin, end = max(begin, sure[0]), min(end, sure[1])
         bins = fit.bins
