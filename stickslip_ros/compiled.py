@@ -150,12 +150,14 @@ def report_compilation() -> Iterator[None]:
         )
         yield
         return
-    reporter = _Reporter()
-    with install_listener("numba:compile", reporter):
+    with install_listener("numba:compile", _Reporter()):
         try:
             yield
         finally:
-            reporter.line.end()
+            _line.end()
+
+
+_line = ShareLine("compiling the solver, once for this version: ")
 
 
 class _Reporter(Listener):
@@ -163,16 +165,15 @@ class _Reporter(Listener):
 
     def __init__(self) -> None:
         self._done: set[str] = set()  # functions of this package; numba compiles some of its own
-        self.line = ShareLine("compiling the solver, once for this version: ")
 
     def on_start(self, event: Any) -> None:
-        self.line.say(self._share)
+        _line.say(self._share)
 
     def on_end(self, event: Any) -> None:
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith(f"{__package__}."):
             self._done.add(f"{function.__module__}.{function.__qualname__}")
-        self.line.say(self._share)
+        _line.say(self._share)
 
     def _share(self) -> str:
         return f"{min(99, 100 * len(self._done) // max(_functions, 1))} %"

@@ -63,8 +63,11 @@ def _given_or_shared(path: Path, one: str, what: str) -> Path:
     for name in (path.name, path.name + Path(one).suffix):
         if (folder / name).is_file():
             return folder / name
-    known = [file.name for file in folder.iterdir() if file.suffix == Path(one).suffix]
+    files = [file for file in folder.iterdir() if file.suffix == Path(one).suffix]
+    known = [file.name if path.suffix else file.stem for file in files]
     near = difflib.get_close_matches(path.name, known, 1)
     if near:
         raise StickslipError(f"there is no {what} {path}; did you mean {near[0]}?")
+    if not path.suffix:  # a name and no file
+        raise StickslipError(f"there is no {what} {path}; here are {', '.join(sorted(known))}")
     return path

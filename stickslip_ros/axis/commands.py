@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from numbers import Integral
 
 from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import (
@@ -54,6 +55,12 @@ _SAME = 1e-9
 
 
 def _check_steps(axis: Device, steps: int) -> None:
+    low, high = _most_steps(axis)
+    given: object = steps
+    if not isinstance(given, Integral):
+        raise ParameterError(
+            f"{steps!r} steps; a command takes a whole number from {low} to {high}: round it"
+        )
     most = axis.parameters.drive.max_steps
     if most is not None and abs(steps) > most:
         raise ParameterError(f"{steps} steps; a command may have at most {most}")

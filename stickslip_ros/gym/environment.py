@@ -37,11 +37,13 @@ def spaces_of(core: Positioning) -> tuple[gymnasium.spaces.Box, gymnasium.spaces
 def checked(actions: Any, space: gymnasium.spaces.Box) -> Array:
     """Return actions as an array of the space's shape; ValueError for others."""
     array = np.ascontiguousarray(actions, dtype=np.float64)
-    if array.shape != space.shape or not np.isfinite(array).all():
+    if array.shape != space.shape:
         raise ValueError(
-            f"the action has the shape {array.shape}, or is not finite; give finite numbers of the "
-            f"shape {space.shape}, within -1 and 1"
+            f"the action has the shape {array.shape}; give {space.shape}, each within -1 and 1"
         )
+    if not np.isfinite(array).all():
+        found = array[~np.isfinite(array)][0]
+        raise ValueError(f"the action has a value of {found}; give finite ones, within -1 and 1")
     return array
 
 

@@ -243,6 +243,11 @@ class Fit:
             lines.append(f"MISFIT: {self.misfit.text}")
         return "".join(f"# {line}\n" for line in lines)
 
+    def __repr__(self) -> str:
+        """Say the fit in one line."""
+        values = ", ".join(f"{name} {one.texts[0]}" for name, one in self.parameters.items())
+        return f"Fit({len(self.runs)} runs: {values})"
+
     def report(self) -> str:
         """Return values, intervals, measurements and undetermined parameters as text."""
         lines = [f"{'parameter':<16} {'value':>14} {'low (95 %)':>14} {'high (95 %)':>14}"]

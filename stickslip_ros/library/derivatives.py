@@ -73,6 +73,10 @@ class Sensitivities:
     #: what happens, in its order: the cycle (from 1) and a kink or an event of the contact
     events: tuple[tuple[int, str], ...]
 
+    def __repr__(self) -> str:
+        """Say the result in one line."""
+        return f"Sensitivities({len(self.values.position)} steps by {', '.join(self.by)})"
+
 
 def sensitivities(
     parameters: ParameterSource = None,

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 #: Steps whose positions fit into memory, and steps whose trace fits there and onto a disk
 _MOST, _MOST_TRACED = 10_000_000, 2_000
+#: Share of a step by which settled ones differ at most
+_SETTLED = 0.01
 
 
 def check_steps(steps: int, traced: bool = False, name: str = "steps") -> None:
@@ -131,6 +133,13 @@ class SimulatedRun:
         """The largest actuator stroke that makes no step, m; None where there is none."""
         with plain_until_compiled():
             return zero_amplitude(self.parameters)
+
+    @property
+    def _once_settled(self) -> str:
+        """What the report says of numbers of settled steps where the last two steps differ."""
+        last = self.steps[-2:]
+        same = len(last) == 2 and abs(np.diff(last)[0]) <= _SETTLED * abs(last[-1])
+        return "" if same else ", once the steps have settled"
 
     @cached_property
     def trace(self) -> Trace:
@@ -246,7 +255,7 @@ class SimulatedRun:
         try:
             zero = self.zero_amplitude
             none = "none: no amplitude makes steps, or the load moves the runner without the drive"
-            found = none if zero is None else f"{1e9 * zero:.2f} nm"
+            found = none if zero is None else f"{1e9 * zero:.2f} nm{self._once_settled}"
         except ParameterError:  # the run has been possible, so a drive of the search is not
             found = "not found"
         law, mass = p.friction.model, f"{1e3 * p.runner.mass:g} g"
@@ -254,7 +263,7 @@ class SimulatedRun:
             ("model", f"{law}, preload {p.friction.preload:g} N, mass {mass}"),
             ("drive", drive),
             ("steps", f"{self.count}"),
-            ("position", format_si(float(self.position[-1]), "m", 7)),
+            ("position", f"{format_si(float(self.position[-1]), 'm', 7)}, as the last slip ends"),
             ("step size", f"{1e9 * self.step_size:.3f} nm"),
             ("backstep", f"{1e9 * self.backstep:.3f} nm"),
             ("0-amplitude", found),
@@ -266,7 +275,7 @@ class SimulatedRun:
         drive = self.parameters.drive
         rows = [
             ("drive", f"{drive.waveform}, {drive.amplitude:g} V, {drive.frequency:g} Hz"),
-            ("position", format_si(float(self.position[-1]), "m", 5)),
+            ("position", f"{format_si(float(self.position[-1]), 'm', 5)}, as the last slip ends"),
             ("step size", format_si(self.step_size, "m")),
             ("backstep", format_si(self.backstep, "m")),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),

@@ -26,7 +26,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si
 from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.traces.even_samples import noise_of, without_spikes
 
@@ -206,6 +206,11 @@ class IdentifiedActuator:
     creep: float | None = None  #: growth in a decade of time, as a share; None if there is none
     #: voltage (V), deflection as measured and as fitted, both without drift (m); (3, means)
     curves: Array = field(default_factory=lambda: np.empty((3, 0)), repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        """Say the result in one line."""
+        shares = f"loop {100 * self.width:.2f} % of it, error {100 * self.error:.2f} % at most"
+        return f"IdentifiedActuator(stroke {format_si(self.span, 'm')}: {shares})"
 
     def report(self) -> str:
         """Return one line for each of loops, stroke, width and errors, drift and creep."""

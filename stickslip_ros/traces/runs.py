@@ -189,6 +189,11 @@ class Run:
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self
 
+    def __repr__(self) -> str:
+        """Say the run in one line."""
+        size = format_si(self.step_size, "m", uncertainty=self.step_size_error)
+        return f"Run({self.steps} steps at {self.frequency:.6g} Hz from {self.span}: {size} a step)"
+
     def report(self) -> str:
         """Return cycles, step size, backstep, ringing and Eq. 9 as text."""
         balance = self.balance

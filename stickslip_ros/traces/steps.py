@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import format_si
 from stickslip_ros.solver.batch import backstep_into_rest
 from stickslip_ros.solver.driven import simulation_of
 
@@ -51,6 +52,11 @@ class StepRun:
     position: NDArray[np.float64]  #: at the end of each cycle, shape (steps,)
     step_size: float  #: mean over the settled steps, with the sign of the direction
     backstep: float  #: mean over the settled steps
+
+    def __repr__(self) -> str:
+        """Say the run in one line."""
+        size, back = format_si(self.step_size, "m"), format_si(self.backstep, "m")
+        return f"StepRun({len(self.position)} steps: {size} a step, backstep {back})"
 
 
 def settled_from(steps: int) -> int:

@@ -19,6 +19,7 @@ from stickslip_ros.model import Contact, DriveCycle, Plant
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.reporting import format_si
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
 
@@ -50,6 +51,11 @@ class Trace:
     work: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     #: deflection of each of several contacts, m, shape (contacts, samples); of one it is ``z``
     each: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __repr__(self) -> str:
+        """Say the trace in one line."""
+        last = format_si(float(self.t[-1]), "s") if len(self.t) else "0 s"
+        return f"Trace({len(self.t)} samples up to {last})"
 
 
 #: Names of the samples with units, in their order; those of several contacts follow.

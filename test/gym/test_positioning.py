@@ -241,7 +241,9 @@ def test_bad_settings_are_refused() -> None:
             gymnasium.make(ID, **settings)
     env = gymnasium.make(ID).unwrapped
     env.reset(seed=1)
-    with pytest.raises(ValueError, match="give finite numbers"):
+    with pytest.raises(ValueError, match=r"^the action has a value of nan; give finite ones"):
         env.step(np.array([math.nan, 0.0, 0.0, 0.0]))
+    with pytest.raises(ValueError, match=r"^the action has the shape \(2,\); give \(4,\)"):
+        env.step(np.zeros(2))
     with pytest.raises(ss.ParameterError, match="lies beyond"):
         action_of(AxisBatch(Parameters.of(), 1, FIXED).drive, 400.0, 0.0, 1e3, 100.0)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs and sweeps of the library, and what notebooks display of results."""
 
+import re
 import xml.etree.ElementTree as ET
 from functools import cache
 from pathlib import Path
@@ -41,6 +42,10 @@ def test_a_misspelt_parameter_file_is_answered_with_the_right_one(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ss.StickslipError, match=r"did you mean table1_typical\.yaml"):
         ss.simulate("table1_tipical.yaml")
+    with pytest.raises(ss.StickslipError, match=r"did you mean table1_typical\?"):
+        ss.simulate("table1")
+    with pytest.raises(ss.StickslipError, match=r"file nosuch; here are .*, mcs_like, "):
+        ss.simulate("nosuch")
     with pytest.raises(ss.ParameterError, match="cannot read elsewhere/table1"):
         ss.simulate("elsewhere/table1_typical.yaml")
 
@@ -188,6 +193,27 @@ def test_a_fit_is_displayed_and_reported_as_its_command_prints_it(results: dict[
     assert "steps_100hz.csv: 10 steps" in fit.report()
     assert results["run"].report().startswith("cycles")
     assert "clock offset" in results["comparison"].report()
+
+
+@pytest.mark.slow
+def test_a_result_is_one_line_of_text(results: dict[str, Any]) -> None:
+    """Without the arrays, which a dataclass would print by the page."""
+    run = ss.simulate(table_1(), steps=3)
+    others = run, run.result, run.trace, ss.sensitivities(table_1(), by=["preload"], steps=3)
+    loop = ss.identify_actuator("actuator_loop.csv")
+    for one in (*results.values(), *others, loop):
+        text = repr(one)
+        assert re.fullmatch(rf"{type(one).__name__}\(.*\d.*\)", text), text
+        assert "array" not in text
+        assert len(text) < 250
+
+
+@pytest.mark.parametrize(("steps", "said"), [(1, True), (2, True), (3, False)])
+def test_a_report_says_what_is_not_so_yet(steps: int, said: bool) -> None:
+    """The runner falls back after the last slip; the 0-amplitude is that of settled steps."""
+    text = ss.simulate(table_1(), steps=steps).report()
+    assert re.search(r"position .* nm, as the last slip ends\n", text)
+    assert (", once the steps have settled\n" in text) == said
 
 
 matplotlib.use("agg")
