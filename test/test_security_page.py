@@ -24,4 +24,4 @@ def test_every_row_but_of_what_is_trusted_names_a_test() -> None:
     heads = ("| input |", "| a peer cannot |", "| fault |")
     for row in rows:
         trusted = row.split("|")[2].strip() == "yes"
-        assert "test_" in row or trusted or row.startswith(heads), row
+        assert ".py::test_" in row or trusted or row.startswith(heads), row
