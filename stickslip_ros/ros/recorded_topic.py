@@ -14,8 +14,9 @@ from rclpy.subscription import Subscription
 from stickslip_ros.recordings import OfferedQos, TopicDescription, schema_text
 from stickslip_ros.ros.messages import message_class, message_definition
 
-# At 1 kHz this is a second of messages that may wait for us; Fast DDS makes room as it needs it.
-QUEUE_DEPTH = 1000
+# At 1 kHz, ten seconds of messages may wait for us while the machine has no time; those of one
+# second are taken at once, before others are heard. Fast DDS makes room as it needs it.
+QUEUE_DEPTH, AT_ONCE = 10_000, 1000
 
 Taken = tuple[bytes, dict[str, Any]]
 """A serialized message, and the information of the middleware about it."""
@@ -107,13 +108,13 @@ class RecordedTopic:
             if info.topic_type == type_name and info.topic_type_hash.version > 0:
                 self._type_hash = str(info.topic_type_hash)
 
-    def waiting_messages(self) -> Iterator[Taken]:
+    def waiting_messages(self, most: int = QUEUE_DEPTH) -> Iterator[Taken]:
         """Yield the messages that wait in the middleware, at most one full queue."""
         if self._subscription is None:
             return
         handle = self._subscription.handle
         with handle:
-            for _ in range(QUEUE_DEPTH):
+            for _ in range(most):
                 taken = handle.take_message(self._class, True)
                 if taken is None:
                     return
@@ -178,7 +179,7 @@ class RecordedTopic:
 
     def _on_message(self, data: bytes, info: dict[str, Any]) -> None:
         # One message wakes the executor; taking the others along costs far less than a round each.
-        self._on_messages(self, chain([(data, info)], self.waiting_messages()))
+        self._on_messages(self, chain([(data, info)], self.waiting_messages(AT_ONCE)))
 
     def _offered_now(self) -> tuple[QoSProfile, ...]:
         infos = self._node.get_publishers_info_by_topic(self.name)
