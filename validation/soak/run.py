@@ -27,6 +27,7 @@ from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.recordings import BagError, open_bag, resimulate
 from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node
 from stickslip_ros.ros.client import AxisClient, CommandRefused
+from validation.campaigns.processes import memory_of, waited
 
 AXIS, RECORDER = "/stickslip_axis", "/stickslip_recorder"
 #: Growth of the memory in the second half that is still called none, MB
@@ -60,6 +61,8 @@ class Soaked:
     :ivar messages: in the bag; of these states were computed again.
     :ivar lost: messages that the recorder missed, as it says.
     :ivar gaps: places where the numbers of a publisher of the axis do not follow each other.
+    :ivar waited: s for which the recorder waited for a processor: a machine with other work loses
+        messages, and that is none of its doing.
     :ivar bit_for_bit: whether every recorded state came out again; None: not tried.
     :ivar findings: what should not be, in words; empty if all is well.
     """
@@ -76,6 +79,7 @@ class Soaked:
     states: int = 0
     lost: int = 0
     gaps: int = 0
+    waited: float = 0.0
     bit_for_bit: bool | None = None
     findings: list[str] = field(default_factory=list)
 
@@ -109,6 +113,7 @@ class Soaked:
             "messages": self.messages,
             "lost": self.lost,
             "gaps": self.gaps,
+            "recorder_waited": self.waited,
             "states": self.states,
             "bit_for_bit": self.bit_for_bit,
             "findings": self.findings,
@@ -233,6 +238,7 @@ def _drive(
             found.samples.append(_look(client, children, now))
         _send(client, commands, found)
         time.sleep(min(commands.pause(), seconds))
+        found.waited = waited(children["recorder"].pid)
     found.seconds = time.monotonic() - begin
 
 
@@ -258,15 +264,10 @@ def _look(client: AxisClient, children: dict[str, ChildProcess], now: float) -> 
     timing = client.report(_TIMEOUT)["timing"]
     return Sample(
         now,
-        {name: _megabytes(child.pid) for name, child in children.items()},
+        {name: memory_of(child.pid) for name, child in children.items()},
         {name: len(os.listdir(f"/proc/{child.pid}/fd")) for name, child in children.items()},
         int(timing["missed deadlines"]),
     )
-
-
-def _megabytes(pid: int) -> float:
-    pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def _end(client: AxisClient, children: dict[str, ChildProcess], found: Soaked) -> None:
@@ -304,7 +305,10 @@ def _judge(bag: Path, found: Soaked) -> None:
     if found.bit_for_bit is False:
         found.findings.append("the run did not come out again bit for bit")
     if found.lost or found.gaps:
-        found.findings.append(f"{found.lost} messages lost, {found.gaps} gaps in the bag")
+        found.findings.append(
+            f"{found.lost} messages lost, {found.gaps} gaps in the bag; "
+            f"the recorder waited for a processor for {found.waited:.0f} s"
+        )
     for name in found.samples[-1].memory if found.samples else ():
         growth = found.growth(name)
         if growth is not None and growth > MOST_GROWTH:
