@@ -58,7 +58,7 @@ class _Bounded(bytes):
 
 
 def nanoseconds(stamp: Any) -> int:
-    """Return a decoded builtin_interfaces/Time in ns."""
+    """Return a builtin_interfaces/Time in ns; it may be negative, which rclpy refuses."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 

@@ -26,7 +26,7 @@ from stickslip_ros.axis import Event
 from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.recordings import definition_from_fields
+from stickslip_ros.recordings import definition_from_fields, nanoseconds
 from stickslip_ros.recordings.runs import Joints
 from stickslip_ros.ros.topics import OutputTopic
 
@@ -108,7 +108,7 @@ def read_command(command: Command, message: Any, now: int, joint: str) -> tuple[
     if command.type == JOINT_STATE:
         return _set_point(message, joint)
     if command.type == TRAJECTORY:
-        begin = _nanoseconds(message.header.stamp)
+        begin = nanoseconds(message.header.stamp)
         wait = max(0, begin - now) * 1e-9 if begin else 0.0
         return list(message.joint_names), _points(message, now), wait
     return (reduce(getattr, command.field.split("."), message),) if command.arguments else ()
@@ -157,7 +157,7 @@ def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
     left out. Velocities, accelerations and efforts are not used: the closed loop goes from position
     to position.
     """
-    begin = _nanoseconds(message.header.stamp)
+    begin = nanoseconds(message.header.stamp)
     delay = begin - now if begin else 0
     points = []
     for number, point in enumerate(message.points, 1):
@@ -165,7 +165,7 @@ def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
             raise MalformedCommand(
                 f"point {number} has {len(point.positions)} positions; give one, for one joint"
             )
-        at = delay + _nanoseconds(point.time_from_start)
+        at = delay + nanoseconds(point.time_from_start)
         if at >= 0 or not begin:
             points.append((at * 1e-9, float(point.positions[0])))
     if message.points and not points:
@@ -212,11 +212,6 @@ def _trajectory_points(points: Sequence[tuple[float, Any]]) -> list[JointTraject
         positions = [float(x) for x in (given if isinstance(given, Sequence) else [given])]
         found.append(JointTrajectoryPoint(positions=positions, time_from_start=at))
     return found
-
-
-def _nanoseconds(time: Any) -> int:
-    # By hand: rclpy refuses a negative time, which a message may hold.
-    return int(time.sec) * 1_000_000_000 + int(time.nanosec)
 
 
 # -- types by name

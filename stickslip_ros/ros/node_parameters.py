@@ -6,7 +6,7 @@ from __future__ import annotations
 import difflib
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -21,7 +21,7 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_files import nodes_in, values_in
 from stickslip_ros.parameters.row import file_names
-from stickslip_ros.ros.process import given_parameters
+from stickslip_ros.ros.process import Runnable, StopRequested, given_parameters, run
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,20 @@ def usage_of(meaning: str, table: Sequence[OwnParameter]) -> str:
     rows = []
     for row in table:
         many = isinstance(row.default, list)
-        shown = str([one for one in row.default if one] if many else row.default) or "none"
+        shown = str([one for one in row.default if one != ""] if many else row.default) or "none"
         rows.append(f"  {row.name:<24}{row.description} (default: {shown})")
     return "\n".join(["", meaning, "", "parameters:", *rows])
+
+
+def run_node(
+    program: str,
+    args: Sequence[str] | None,
+    make_node: Callable[[StopRequested], Runnable],
+    meaning: str,
+    table: Sequence[OwnParameter],
+) -> int:
+    """Run a node with the parameters of a table, as `run`; return the exit code."""
+    return run(program, args, make_node, usage=lambda: usage_of(meaning, table))
 
 
 def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, Any]:

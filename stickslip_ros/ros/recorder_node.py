@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import sys
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any
@@ -28,8 +27,8 @@ from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
-from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.process import StopRequested, run
+from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
+from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.recording import Choice, Recording
 
 NODE_NAME = "stickslip_recorder"
@@ -274,13 +273,4 @@ def main(args: Sequence[str] | None = None) -> int:
 
     :param args: the command line with the program's name, that of the process if None.
     """
-    return run(
-        "recorder_node",
-        args,
-        RecorderNode,
-        usage=lambda: usage_of("Records topics into bags.", PARAMETERS),
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return run_node("recorder_node", args, RecorderNode, "Records topics into bags.", PARAMETERS)

@@ -9,7 +9,6 @@ played later by the duration of the stop.
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,8 +26,8 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.recordings import OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
-from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.process import StopRequested, run
+from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
+from stickslip_ros.ros.process import StopRequested
 
 Item = TypeVar("Item")
 
@@ -259,13 +258,6 @@ def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Play a bag; return 0 at its end or on request, 1 if it broke off, 2 on bad use."""
-    return run(
-        "replay_node",
-        args,
-        ReplayNode,
-        usage=lambda: usage_of("Plays a bag, every message at its time.", PARAMETERS),
+    return run_node(
+        "replay_node", args, ReplayNode, "Plays a bag, every message at its time.", PARAMETERS
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import heapq
 import math
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -44,8 +43,8 @@ from stickslip_ros.ros.messages import (
     publisher_of,
     stamp,
 )
-from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.process import StopRequested, run
+from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
+from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Forecast, Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of, event_ns
@@ -293,13 +292,6 @@ class TwinNode(GuardedNode):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the twin; return 0 at its end, 2 on bad use."""
-    return run(
-        "twin_node",
-        args,
-        TwinNode,
-        usage=lambda: usage_of("The model beside an axis: what has changed.", PARAMETERS),
+    return run_node(
+        "twin_node", args, TwinNode, "The model beside an axis: what has changed.", PARAMETERS
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -171,7 +171,7 @@ def test_without_a_home_it_says_where_the_log_can_go(
 
 @pytest.mark.usefixtures("ros_domain")
 def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
-    recorder = [sys.executable, "-m", "stickslip_ros.ros.recorder_node"]
+    recorder = [sys.executable, "-m", "stickslip_ros.executables", "recorder_node"]
     done = run("sh", "-c", 'ulimit -n "$0"; exec "$@"', "8", *recorder, cwd=tmp_path)
     assert done.returncode == 2
     assert "Too many open files; close other files or raise the limit" in done.stderr

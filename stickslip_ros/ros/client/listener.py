@@ -17,6 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.parameters.groups import SLIDER
+from stickslip_ros.recordings import nanoseconds
 from stickslip_ros.reporting import format_si
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.topics import DESCRIPTION, DIAGNOSTICS, EVENTS, JOINTS, SET_POINTS, STATUS
@@ -155,10 +156,9 @@ class AxisListener:
 
     def _locked(self, take: Callable[[Any, int], None], topic: str) -> Callable[[Any], None]:
         def callback(message: Any) -> None:
-            at = message.header.stamp  # by hand: rclpy refuses a negative time
             try:
                 with self._changed:
-                    take(message, int(at.sec) * 1_000_000_000 + int(at.nanosec))
+                    take(message, nanoseconds(message.header.stamp))
                     self._changed.notify_all()
             except (LookupError, ValueError) as error:
                 # Anybody may publish here, and an exception would end the thread that spins.
