@@ -205,7 +205,7 @@ def _run_node(args: argparse.Namespace, module: str, node: str) -> int:
     return run(
         program,
         [program, "--ros-args", *rules] if rules else [program],
-        lambda stop_requested: kind(stop_requested, parameter_overrides=overrides),
+        lambda: kind(parameter_overrides=overrides),
     )
 
 

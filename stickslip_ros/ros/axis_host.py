@@ -40,7 +40,7 @@ from stickslip_ros.ros.messages import (
     read_command,
     why_not,
 )
-from stickslip_ros.ros.process import Runnable, StopRequested, run
+from stickslip_ros.ros.process import Runnable, run
 from stickslip_ros.ros.sim_loop import SimLoop
 
 TRAJECTORY = COMMANDS["trajectory"]
@@ -50,11 +50,7 @@ _OF_TIME = ("real_time_factor", *STEPS_OF_TIME)
 _OF_PROCESS = ("publish_rate", "real_time_priority", "publish_clock", "start_paused", *_OF_TIME)
 
 
-def axis_or_host(
-    stop_requested: StopRequested = lambda: False,
-    arguments: Sequence[str] | None = None,
-    **options: Any,
-) -> Runnable:
+def axis_or_host(arguments: Sequence[str] | None = None, **options: Any) -> Runnable:
     """Return the axis, or the host of those that the parameter ``axes`` names.
 
     arguments is the command line of the process (``sys.argv`` if None), options are those of
@@ -67,9 +63,7 @@ def axis_or_host(
     finally:
         early.destroy_node()
     made: Runnable = (
-        AxisHost(names, stop_requested, arguments, **options)
-        if names
-        else AxisNode(stop_requested, arguments=arguments, **options)
+        AxisHost(names, arguments, **options) if names else AxisNode(arguments=arguments, **options)
     )
     called = [node.get_fully_qualified_name() for node in made.nodes]
     for text in node_parameters.unused_files(sys.argv if arguments is None else arguments, called):
@@ -83,7 +77,6 @@ class AxisHost(GuardedNode):
     def __init__(
         self,
         names: Sequence[str],
-        stop_requested: StopRequested = lambda: False,
         arguments: Sequence[str] | None = None,
         **options: Any,
     ) -> None:
@@ -92,7 +85,7 @@ class AxisHost(GuardedNode):
         given = node_parameters.of_axes(self, arguments)
         values = Parameters.of(given)
         node_parameters.declare_own(self, node_parameters.AXES)
-        sim_loop = SimLoop(self, values.node, stop_requested)
+        sim_loop = SimLoop(self, values.node)
         self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
         # A wish for another name of the node would otherwise rename every one of them.
@@ -215,9 +208,7 @@ def compile_axis() -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node; return 0 when it was asked to end, 2 on bad use."""
-    return run(
-        "axis_node", args, lambda stop: axis_or_host(stop, args), compile_axis, _usage, many=True
-    )
+    return run("axis_node", args, lambda: axis_or_host(args), compile_axis, _usage, many=True)
 
 
 def _usage() -> str:

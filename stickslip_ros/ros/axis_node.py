@@ -46,7 +46,6 @@ from stickslip_ros.ros.messages import (
     read_command,
     why_not,
 )
-from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.sim_loop import SimLoop
 from stickslip_ros.ros.topics import OUTPUTS, OutputTopic
 
@@ -57,11 +56,10 @@ _STATUS_PERIOD = 0.2  # s, of the status while the axis moves
 
 
 class AxisNode(GuardedNode):
-    """One axis. On its own it runs until :attr:`finished` is done."""
+    """One axis."""
 
     def __init__(
         self,
-        stop_requested: StopRequested = lambda: False,
         *,
         name: str = AXIS_NODE,
         sim_loop: SimLoop | None = None,
@@ -72,10 +70,9 @@ class AxisNode(GuardedNode):
     ) -> None:
         """Read the parameters, set up the axis; without a sim_loop start one of its own.
 
-        stop_requested is called twenty times a second, True ends it. given are defaults for
-        parameters, of_process are parameters that override all others, arguments are those of the
-        command line if not of this process; options are those of `rclpy.node.Node`. Raises
-        ParameterError.
+        given are defaults for parameters, of_process are parameters that override all others,
+        arguments are those of the command line if not of this process; options are those of
+        `rclpy.node.Node`. Raises ParameterError.
         """
         super().__init__(name, **options)
         values = node_parameters.declare_axis(self, given or {}, of_process or {}, arguments)
@@ -86,7 +83,7 @@ class AxisNode(GuardedNode):
         self._doubles = 0  # others that publish the events of an axis of this name
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
-        self._sim_loop = sim_loop or SimLoop(self, values.node, stop_requested)
+        self._sim_loop = sim_loop or SimLoop(self, values.node)
         with report_compilation():
             self.axis.compile_ahead()
             self._diagnostics.prepare(self.axis)
@@ -112,7 +109,7 @@ class AxisNode(GuardedNode):
 
     @property
     def finished(self) -> Future:
-        """Done when a signal has asked to end."""
+        """Never done: it runs until a signal asks to end."""
         return self._sim_loop.finished
 
     def close(self) -> None:

@@ -21,7 +21,7 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_files import nodes_in, values_in
 from stickslip_ros.parameters.row import file_names
-from stickslip_ros.ros.process import Runnable, StopRequested, given_parameters, run
+from stickslip_ros.ros.process import Runnable, given_parameters, run
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def usage_of(meaning: str, table: Sequence[OwnParameter]) -> str:
 def run_node(
     program: str,
     args: Sequence[str] | None,
-    make_node: Callable[[StopRequested], Runnable],
+    make_node: Callable[[], Runnable],
     meaning: str,
     table: Sequence[OwnParameter],
 ) -> int:

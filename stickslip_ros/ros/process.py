@@ -32,9 +32,8 @@ from stickslip_ros.recordings import BagError
 DONE, FAILED, BAD_USE = 0, 1, 2
 _ROUND = 0.1  # s, the longest that the executor waits for something to do
 _WARN_PERIOD = 1.0  # s, between errors in the log
-_POLL = 0.05  # s, between checks whether a signal asks to end
+_POLL = 0.05  # s, between checks whether a signal asks to end while something is prepared
 
-StopRequested = Callable[[], bool]
 N = TypeVar("N", bound=Node)
 
 
@@ -66,17 +65,17 @@ def given_parameters(node: Node) -> list[str]:
 def run(
     program: str,
     args: Sequence[str] | None,
-    make_node: Callable[[StopRequested], Runnable],
+    make_node: Callable[[], Runnable],
     prepare: Callable[[], None] = lambda: None,
     usage: Callable[[], str] = lambda: "",
     many: bool = False,
 ) -> int:
-    """Run a node until it has finished; return the exit code.
+    """Run a node until it has finished or a signal asks to end; return the exit code.
 
     program names it in errors, args is the command line with the program's name (that of the
-    process if None). make_node builds a `Runnable`; its argument is a function that returns whether
-    a signal asks to end. prepare is called before and may take long; a signal ends it at once.
-    usage returns the text of ``--help`` below the first line; many: there may be many nodes.
+    process if None). make_node builds a `Runnable`. prepare is called before and may take long; a
+    signal ends it at once. usage returns the text of ``--help`` below the first line; many: there
+    may be many nodes.
     """
     command_line = list(sys.argv if args is None else args)
     if {"-h", "--help"} & set(command_line[1:]):
@@ -86,11 +85,11 @@ def run(
         try:
             _check_arguments(command_line)
             _prepare(program, prepare, caught)
-            node = _start(command_line, lambda: make_node(lambda: bool(caught)))
+            node = _start(command_line, make_node)
         except StickslipError as error:
             try_shutdown()
             return _fail(program, error, BAD_USE)
-        return _spin(program, node, _executor() if many else SingleThreadedExecutor())
+        return _spin(program, node, _executor() if many else SingleThreadedExecutor(), caught)
 
 
 @contextlib.contextmanager
@@ -169,7 +168,7 @@ def _cure(said: str) -> str:
     return next((cure for words, cure in cures.items() if words in said), "")
 
 
-def _spin(program: str, node: Runnable, executor: Executor) -> int:
+def _spin(program: str, node: Runnable, executor: Executor, caught: list[int]) -> int:
     for one in node.nodes:
         executor.add_node(one)
     # Objects made at the start stay; searching them for garbage would cost deadlines.
@@ -178,7 +177,8 @@ def _spin(program: str, node: Runnable, executor: Executor) -> int:
     try:
         # spin_until_future_complete of rclpy 7 leaves a callback behind with every round.
         node.finished.add_done_callback(lambda _: executor.wake())
-        while not node.finished.done():
+        # Here, not in a timer: behind a flood of messages its turn came after more than a minute.
+        while not (node.finished.done() or caught):
             try:
                 executor.spin_once(_ROUND)  # without a limit, that of events never returns
             except Exception as error:  # from below the callbacks, which are guarded
@@ -188,7 +188,9 @@ def _spin(program: str, node: Runnable, executor: Executor) -> int:
                     f"error of the middleware, going on: {' '.join(str(error).split())}",
                     throttle_duration_sec=_WARN_PERIOD,
                 )
-        node.finished.result()
+        if node.finished.done():
+            node.finished.result()
+        node.close()
         return DONE
     except BagError as error:
         return _fail(program, error, FAILED)

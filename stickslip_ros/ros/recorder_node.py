@@ -28,7 +28,6 @@ from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
-from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.recording import Choice, Recording
 
 NODE_NAME = "stickslip_recorder"
@@ -60,15 +59,14 @@ PARAMETERS = (
 class RecorderNode(GuardedNode):
     """Records until :attr:`finished` is done; the bag is closed then."""
 
-    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
+    def __init__(self, **options: Any) -> None:
         """Read the parameters, make the bag, subscribe.
 
-        stop_requested is called ten times a second, True ends the node; options are those of
-        `rclpy.node.Node`. Raises UsageError for a bad parameter, BagError if there can be no bag.
+        options are those of `rclpy.node.Node`. Raises UsageError for a bad parameter, BagError if
+        there can be no bag.
         """
         super().__init__(NODE_NAME, **options)
         self.finished: Future = Future()
-        self._stop_requested = stop_requested
         self._given = read_own_parameters(self, PARAMETERS)
         self._choice = self._chosen()
         self._check()
@@ -216,12 +214,7 @@ class RecorderNode(GuardedNode):
     # -- from time to time
 
     def _poll(self) -> None:
-        if self.finished.done():
-            return
-        if self._stop_requested():
-            self.close()
-            self._end()
-        elif self._under_way:
+        if self._under_way and not self.finished.done():
             self._under_way.follow_graph()
 
     def _flush(self) -> None:

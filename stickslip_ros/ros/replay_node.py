@@ -27,7 +27,6 @@ from stickslip_ros.recordings import OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
-from stickslip_ros.ros.process import StopRequested
 
 Item = TypeVar("Item")
 
@@ -58,11 +57,11 @@ PARAMETERS = (
 class ReplayNode(GuardedNode):
     """Plays until :attr:`finished` is done."""
 
-    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
+    def __init__(self, **options: Any) -> None:
         """Read the parameters, open the bag, start to play.
 
-        stop_requested is called ten times a second, True ends the node; options are those of
-        `rclpy.node.Node`. Raises UsageError for a bad parameter and BagError for a bad bag.
+        options are those of `rclpy.node.Node`. Raises UsageError for a bad parameter and BagError
+        for a bad bag.
         """
         super().__init__(NODE_NAME, **options)
         self.finished: Future = Future()
@@ -78,7 +77,6 @@ class ReplayNode(GuardedNode):
         self._clock_out = (
             self.create_publisher(ClockMessage, "/clock", 10) if self._given["clock"] else None
         )
-        self._stop_requested = stop_requested
         self._ended = threading.Event()
         self.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
@@ -86,10 +84,11 @@ class ReplayNode(GuardedNode):
         self._thread.start()
 
     def close(self) -> None:
-        """End playing; twice does no harm."""
+        """End playing, log how much that was; twice does no harm."""
         self._ended.set()
         self._thread.join()
         self._bag.close()
+        self.get_logger().info(f"played {self.played} messages", once=True)
 
     # -- parameters
 
@@ -191,15 +190,12 @@ class ReplayNode(GuardedNode):
         return self.played > played
 
     def _poll(self) -> None:
-        if self._stop_requested():
-            self._ended.set()
         if not self._ended.is_set() or self.finished.done():
             return
         self._thread.join()
         if self._failure is not None:
             self.finished.set_exception(self._failure)
             return
-        self.get_logger().info(f"played {self.played} messages")
         self.finished.set_result(None)
 
 

@@ -41,10 +41,8 @@ from stickslip_ros.axis.events import STEP_OF_TIME
 from stickslip_ros.axis.pace import Pace, PaceReport
 from stickslip_ros.parameters import NodeParameters, ParameterError
 from stickslip_ros.ros.messages import publisher_of, stamp
-from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.topics import CLOCK, READY
 
-_SIGNAL_PERIOD = 0.05  # s, between checks whether a signal asks to end
 _DIAGNOSTICS_PERIOD = 1.0  # s
 _APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between checks for commands
@@ -85,14 +83,8 @@ class SimLoop:
     One timer, because the executor checks all its entities at each wake-up.
     """
 
-    def __init__(
-        self, node: Node, values: NodeParameters, stop_requested: StopRequested = lambda: False
-    ) -> None:
-        """Take the timers from a node.
-
-        stop_requested is called twenty times a second, True ends the process. Raises
-        ParameterError for two that lead the time.
-        """
+    def __init__(self, node: Node, values: NodeParameters) -> None:
+        """Take the timers from a node. Raises ParameterError for two that lead the time."""
         self.finished: Future = Future()
         self.begun = False  #: time goes by
         self.priority = "off"  #: result of the request for real-time priority
@@ -102,7 +94,6 @@ class SimLoop:
         self.last_report = PaceReport(0.0, 0.0, 0.0)
         self._node = node
         self._values = values
-        self._stop_requested = stop_requested
         self._start = 0
         self._axes: Sequence[AxisOfLoop] = ()
         self._to_report: list[AxisOfLoop] = []  # that have their turn in this period
@@ -136,7 +127,6 @@ class SimLoop:
         # The executor checks a timer in every round, so its period is not a pause.
         self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
         timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
-        timer(_SIGNAL_PERIOD, self._end_on_signal, clock=steady)
         self._choose_timer()
         self._begin()
 
@@ -329,10 +319,6 @@ class SimLoop:
         if not self._to_report:
             self.pacer.forget_worst()
             self.blocks = []
-
-    def _end_on_signal(self) -> None:
-        if self._stop_requested() and not self.finished.done():
-            self.finished.set_result(None)
 
 
 def request_priority(priority: int | None) -> str:

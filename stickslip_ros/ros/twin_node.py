@@ -44,7 +44,6 @@ from stickslip_ros.ros.messages import (
     stamp,
 )
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
-from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Forecast, Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of, event_ns
@@ -78,11 +77,10 @@ PARAMETERS = (
 class TwinNode(GuardedNode):
     """Runs beside an axis until :attr:`finished` is done."""
 
-    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
+    def __init__(self, **options: Any) -> None:
         """Read the parameters, subscribe. Raises UsageError, ParameterError and TwinError."""
         super().__init__(NODE_NAME, **options)
         self.finished: Future = Future()
-        self._stop_requested = stop_requested
         given = read_own_parameters(self, PARAMETERS)
         self._patience, self._joint = given["patience"], given["joint"]
         direction, self._unit = list(given["direction"]), given["unit"]
@@ -183,8 +181,6 @@ class TwinNode(GuardedNode):
         self._wait(ns, self._unit * position)
 
     def _poll(self) -> None:
-        if self._stop_requested() and not self.finished.done():
-            self.finished.set_result(None)
         newest = max((ns for ns, *_ in self._waiting), default=0)
         self._take(newest - round(1e9 * self._patience), time.monotonic() + _READING_TIME)
 

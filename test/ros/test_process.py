@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How nodes run: as a process, in a child process, in a thread that spins them."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -59,13 +61,32 @@ class Ticking(Node):
 def test_rounds_of_the_executor_leave_nothing_behind(ros_domain: int) -> None:
     made: list[Any] = []
 
-    def make(_: Callable[[], bool]) -> Ticking:
+    def make() -> Ticking:
         made.append(Ticking())
         return made[0]
 
     assert run("ticking", ["ticking"], make) == DONE
     assert made[0].ticks == 200
     assert made[0].finished.waiting <= 2
+
+
+def test_a_signal_is_heard_behind_a_flood(ros_domain: int) -> None:
+    """Where it was a timer that looked, its turn came after all that waited before it."""
+
+    class Flooded(Ticking):
+        def _tick(self) -> None:
+            self.ticks += 1
+            if self.ticks == 5:
+                os.kill(os.getpid(), signal.SIGTERM)
+
+    made: list[Any] = []
+
+    def make() -> Ticking:
+        made.append(Flooded())
+        return made[0]
+
+    assert run("flooded", ["flooded"], make) == DONE
+    assert made[0].ticks <= 6
 
 
 @pytest.mark.slow
