@@ -96,6 +96,9 @@ CAMPAIGNS: dict[str, Campaign] = {
     "endings": Campaign(
         "recorders and axes that end at random", (f"{_STUDIES}endings", "--moments", "300")
     ),
+    "floods": Campaign(
+        "hostile bytes on all that two axes and a recorder hear", (f"{_STUDIES}floods",)
+    ),
     "fuzz": _tests("test_fuzz_*.py", "hostile messages and files", STICKSLIP_FUZZ_S="3600"),
     "resimulation": _tests(
         "test_resimulate.py", "a run of a minute repeats", STICKSLIP_RESIMULATE_S="60"
