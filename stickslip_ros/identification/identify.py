@@ -17,13 +17,7 @@ from stickslip_ros.identification.experiment import (
     check_record,
     is_too_coarse,
 )
-from stickslip_ros.identification.fit import (
-    Estimate,
-    Fit,
-    FittedRun,
-    Profile,
-    RankedLaw,
-)
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Profile, RankedLaw
 from stickslip_ros.identification.free import LAG, FreeParameters, Prior, free_parameters
 from stickslip_ros.identification.laws import (
     RANKED_LAWS,
@@ -122,11 +116,11 @@ def identify(
     traces = [TraceFit(one) for one in experiments]
     work = _Estimation(traces, tables, free, seed, progress)
     found = work.fit(suggest_next)
-    for run, one in zip(found.runs, experiments, strict=True):
-        for note in check_noise(one, run.noise):
-            notes.append(note)
-            say(note)
-    found = replace(found, notes=tuple(notes))
+    fitted = zip(experiments, found.runs, strict=True)
+    after = [note for one, run in fitted for note in check_noise(one, run.noise)]
+    for note in after:
+        say(note)
+    found = replace(found, notes=(*notes, *after))
     if experiments and all(is_too_coarse(one, found.base) for one in experiments):
         found = found.without_intervals()
     if not laws or not found.complete:

@@ -55,10 +55,9 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
             within = _within_cycle(white, left, place[inside], period, problem.size, source)
             along = _along_run(white, left, place[inside], problem.size)
             runs.append((within, along, _between_cycles(white, left, place[inside])))
-    found = [one for three in runs for one in three]
+    found = [*(one for three in runs for one in three), *loud]
     if not runs:
         return None
-    found += loud
     probability = min(1.0, *(one.chance * len(found) for one in found))
     gains = _gains(problem, best)
     free = max(len(best.residuals) - problem.size, 1)

@@ -62,9 +62,7 @@ class Window:
         """Return the best place within reach (s) of a start (s). ParameterError, SolverError."""
         ringing = max(Plant.of(p).ringing_frequency, 10.0 * self.run.frequency)
         only = replace(
-            self._experiment,
-            runs=(Stepping(0.0, steps, self.run.frequency),),
-            beyond=False,
+            self._experiment, runs=(Stepping(0.0, steps, self.run.frequency),), beyond=False
         )
         first, last = float(self.t[0]) - start - reach, float(self.t[-1]) - start + reach
         count = int(min((last - first) * SEARCH.density * ringing, SEARCH.most_samples))

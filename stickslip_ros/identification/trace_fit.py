@@ -107,7 +107,7 @@ class Bins:
             since = np.mod(middle - run.start - begin, 1.0 / run.frequency)
             dense |= (since < end - begin) & (place > 0) & (place < abs(run.steps) + 0.5)
         dense &= count > 2
-        nodes, owner, weight = _nodes(t, number, middle, spread, dense, count)
+        nodes, owner, weight = _nodes(t, number, middle, spread, dense)
         # Second differences of the finer bins show the noise of a sample.
         second = scipy.stats.median_abs_deviation(np.diff(close, 2), scale="normal") / _SECOND
         noise = max(float(second * np.sqrt(np.median(few))), 1e-13)
@@ -125,14 +125,9 @@ def _means(t: Array, x: Array, width: float) -> tuple[NDArray[np.int64], Array, 
 
 
 def _nodes(
-    t: Array,
-    number: NDArray[np.int64],
-    middle: Array,
-    spread: Array,
-    dense: NDArray[np.bool_],
-    count: Array,
+    t: Array, number: NDArray[np.int64], middle: Array, spread: Array, dense: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.int64], Array]:
-    every = np.maximum(1, np.ceil(count / RECORD.looks)).astype(np.int64)
+    every = np.maximum(1, np.ceil(np.bincount(number) / RECORD.looks)).astype(np.int64)
     rank = np.arange(len(t)) - np.searchsorted(number, number)
     looked = dense[number] & ((rank - every[number] // 2) % every[number] == 0)
     plain = np.flatnonzero(~dense)
