@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The names of the package itself: there, documented, their examples true, loaded late."""
 
+import ast
 import doctest
 import importlib
 import inspect
@@ -228,3 +229,19 @@ def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Pat
     lines = [int(line) for line in re.findall(r"robot\.py:(\d+): error", found.stdout)]
     assert lines == [4, 5, 7], found.stdout + found.stderr
     assert '"comand_steps"; maybe "command_steps"' in found.stdout
+
+
+def test_a_name_that_a_docstring_puts_in_backticks_exists() -> None:
+    known: set[str] = set()
+    docstrings: list[str] = []
+    for path in [*ROOT.glob("stickslip_ros/**/*.py"), *ROOT.glob("validation/**/*.py")]:
+        known |= {path.stem, path.name}
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            words = [getattr(node, key, None) for key in ("id", "attr", "arg", "name", "module")]
+            words.append(node.value if isinstance(node, ast.Constant) else None)
+            known.update(word for word in words if isinstance(word, str))
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                docstrings.append(ast.get_docstring(node) or "")
+    quoted = {one for text in docstrings for one in re.findall(r"(?<!`)`([A-Za-z_][.\w]*)`", text)}
+    assert len(quoted) > 50
+    assert {one for one in quoted if not known & {one, one.split(".")[-1]}} == set()

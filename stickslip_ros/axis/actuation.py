@@ -23,7 +23,7 @@ REST, RAMP, CYCLES = "rest", "ramp", "cycles"
 #: Reasons why a part of the motion ends, see `Actuation.arrive`
 ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 
-ANY = 2**62  #: cycles that are as good as without end
+ENDLESS = 2**62  #: cycles that are as good as without end
 #: Arcs that a cycle may take: a fraction of a second, for others wait for the axis meanwhile.
 _BUDGET = 100_000
 #: Cycles that are run in one go at most, for their results take memory: 40 bytes each
@@ -51,7 +51,7 @@ class Actuation:
         self._peak = 0.0  # voltage that the running cycles go to from 0
         self._cycles_start = 0.0  # s
         self._cycles_u = 0.0  # commanded deflection then, m
-        self._check = ANY  # cycle after which the soft limits are checked again
+        self._check = ENDLESS  # cycle after which the soft limits are checked again
         # The cycle after which changes that wait take effect, and when it ends (s). Kept, because
         # the solver may round a time just before that end to it and be in the next cycle already.
         self._change: tuple[int, float] | None = None
@@ -103,7 +103,7 @@ class Actuation:
     def steps_left(self) -> int:
         """Cycles of the present run that have not ended, with sign; 0 for one without end."""
         left = self.sim.cycles_left * self._sign if self.kind == CYCLES else self._queued
-        return left if abs(left) < ANY // 2 else 0
+        return left if abs(left) < ENDLESS // 2 else 0
 
     @property
     def step_count(self) -> int:
@@ -352,7 +352,7 @@ class Actuation:
         left = self.config.faults.steps_left(self.cycles_run)
         if not left:
             self.travel.confine(self.config.faults, self.config.offset, self.cycles_run)
-        self._check = self.sim.cycles_done + min(fit, _MOST_CYCLES, int(min(left or ANY, ANY)))
+        self._check = self.sim.cycles_done + min(fit, _MOST_CYCLES, int(min(left or ENDLESS, ENDLESS)))
 
     def _last_cycle(self) -> tuple[int, float]:
         """Return the number of the last cycle and the time (s) of its end."""
@@ -375,4 +375,4 @@ def cycles_that_fit(room: float, stroke: float) -> int:
     """
     if room < stroke:
         return 0
-    return int(min(math.floor(room / stroke), ANY))
+    return int(min(math.floor(room / stroke), ENDLESS))

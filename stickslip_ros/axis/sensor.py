@@ -249,7 +249,7 @@ class SensorDynamics:
         self._still = False
 
     def due(self, t: float, driven: bool = True) -> Iterator[Array]:
-        """Yield the times (s) of the samples up to time t (s); pass their samples to `see`.
+        """Yield the times (s) of the samples up to time t (s); pass their samples to `record`.
 
         driven: whether the actuator is commanded to move until then.
         """

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from stickslip_ros.axis.actuation import ANY, RAMP, Actuation
+from stickslip_ros.axis.actuation import ENDLESS, RAMP, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import JOGGING, SCANNING, STEPPING
 
@@ -75,7 +75,7 @@ class JogTask(_OpenLoop):
 
     def begin(self, actuation: Actuation) -> None:
         """Start cycles without end."""
-        actuation.step(ANY if self.hertz > 0.0 else -ANY, hertz=abs(self.hertz))
+        actuation.step(ENDLESS if self.hertz > 0.0 else -ENDLESS, hertz=abs(self.hertz))
 
 
 class ScanTask(_OpenLoop):

@@ -22,7 +22,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.laws.law import DISTANCES, Contact
-from stickslip_ros.model.friction import contact_of, contacts_of, is_defined
+from stickslip_ros.model.friction import contact_of, contact_columns, is_defined
 from stickslip_ros.parameters import FrictionParameters, ParameterError, Parameters
 
 #: Sets the normal numbers of contacts apart from others of the same seed
@@ -73,7 +73,7 @@ def columns_of_contacts(p: Parameters) -> tuple[Contact, ...]:
         return ()
     found = []
     for friction, factor in _each(p):
-        contact = contacts_of(friction)
+        contact = contact_columns(friction)
         possible = is_defined(contact) & (contact.printed == 0)
         sigma_0: Any = np.where(possible, contact.sigma_0, math.nan)
         found.append(_part(contact._replace(sigma_0=sigma_0), count, factor))

@@ -43,7 +43,7 @@ _LEAST_RISE = 1e-6
 
 def contact_of(c: FrictionParameters) -> Contact:
     """Return the contact of the friction law; ParameterError if it makes none."""
-    contact = contacts_of(c)
+    contact = contact_columns(c)
     if not contact.sigma_0 >= SOFTEST:
         raise ParameterError(
             f"the stiffness of the contact is {contact.sigma_0:g} N/m, {SOFTEST:g} N/m is the "
@@ -69,7 +69,7 @@ def contact_of(c: FrictionParameters) -> Contact:
     return contact
 
 
-def contacts_of(c: FrictionParameters) -> Contact:
+def contact_columns(c: FrictionParameters) -> Contact:
     """Return the contacts of many operating points: numbers in c may be columns (points,).
 
     Constants that a column bears on are arrays too. Where the law makes no contact, `is_defined`

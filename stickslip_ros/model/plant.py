@@ -22,7 +22,7 @@ from stickslip_ros.model.contacts import (
     mean_contact,
     scale_contact,
 )
-from stickslip_ros.model.friction import contact_of, contacts_of, has_own_rate
+from stickslip_ros.model.friction import contact_of, contact_columns, has_own_rate
 from stickslip_ros.parameters import ParameterError, Parameters
 
 #: Acceleration (m/s^2) that a load may give a runner without friction
@@ -78,7 +78,7 @@ class Plant(NamedTuple):
         which contacts are possible.
         """
         contacts = columns_of_contacts(p)
-        contact = mean_contact(contacts) if contacts else contacts_of(p.friction)
+        contact = mean_contact(contacts) if contacts else contact_columns(p.friction)
         return _plant(p, contact, contacts)
 
     @classmethod

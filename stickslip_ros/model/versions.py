@@ -50,7 +50,8 @@ def _ages(p: Parameters) -> bool:
     return p.friction.model == "ceim_ageing"
 
 
-_LOOP = frozenset(("position", "trajectory", "joint_command"))
+#: The commands of the closed loop, as `axis.commands` has them, which this room does not know
+CLOSED_LOOP = frozenset(("position", "trajectory", "joint_command"))
 _CHANGES = frozenset(("parameters", "amplitude", "frequency"))
 
 #: In order of their versions. One row stands for all changes of a kind: its version is that of the
@@ -89,7 +90,7 @@ CHANGES: tuple[ModelChange, ...] = (
         14,
         "the closed loop steps without pauses, waits for what it has set ringing, scans so slowly "
         "that nothing rings, and judges by its last ten readings alone",
-        lambda p: True, "the way to its target, and 25 nm or its tolerance once there", _LOOP,
+        lambda p: True, "the path to its target, and 25 nm or its tolerance once there", CLOSED_LOOP,
     ),
     ModelChange(
         14, "no step is so long that the estimate of its error has a root",

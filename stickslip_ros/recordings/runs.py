@@ -36,7 +36,7 @@ def joints_of(axis: Axis) -> Joints:
     )
 
 
-def contacts_of(axis: Axis) -> Joints:
+def contact_joints(axis: Axis) -> Joints:
     """Return deflection and differential velocity of the contact, and the friction force.
 
     Of several contacts that is their mean, and the whole force; the deflections of each follow.
@@ -90,7 +90,7 @@ class RecordedRun:
         """The topics with its states: the joint that each is about, what computes all."""
         return {
             f"{self.node.rpartition('/')[0]}/joint_states": (SLIDER, joints_of),
-            f"{self.node}/contact": (CONTACT_SUFFIX, contacts_of),
+            f"{self.node}/contact": (CONTACT_SUFFIX, contact_joints),
         }
 
 

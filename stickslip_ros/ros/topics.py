@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.command import FLOAT64, JOINT_STATE, TRAJECTORY
 from stickslip_ros.recordings.cdr import STATUS_TYPE as STATUSES
-from stickslip_ros.recordings.runs import Joints, contacts_of, joints_of
+from stickslip_ros.recordings.runs import Joints, contact_joints, joints_of
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ CONTACT_TOPIC = OutputTopic(
     JOINT_STATE,
     "`<axis_name>_contact`: asperity deflection, differential velocity, friction force; of several "
     "contacts that is the mean, and `<axis_name>_contact_1` .. have the deflection of each",
-    joints=contacts_of,
+    joints=contact_joints,
 )
 DIAGNOSTICS = OutputTopic("/diagnostics", STATUSES, "once a second: `axis`, `friction`, `timing`")
 CLOCK = OutputTopic(

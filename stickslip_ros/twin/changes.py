@@ -60,7 +60,7 @@ MISFIT = 6.0
 
 
 class ChangeDetector:
-    """Sums evidence of a change; call `see` for each reading while the axis steps."""
+    """Sums evidence of a change; call `update` for each reading while the axis steps."""
 
     def __init__(self, interval: float) -> None:
         """Allow one false alarm in an interval (s) of stepping, in the mean."""

@@ -118,7 +118,7 @@ class ReadingFilter:
         self.covariance[0, 0] += scatter
 
     def read(self, reading: float, blur: Blur, glitch: float = math.inf) -> tuple[Any, float, Any]:
-        """Take a reading (m) after `go`, unless it is beyond so many deviations, a glitch.
+        """Take a reading (m) after `move`, unless it is beyond so many deviations, a glitch.
 
         Return what was expected (m), the standard deviation (m) of the difference, and this in it.
 
@@ -269,7 +269,7 @@ class Tracker(ReadingFilter):
         self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 
     def update(self, one: ProcessedReading, duration: float) -> tuple[float, float, float]:
-        """Go on to a reading, and take it; return as `see`."""
+        """Go on to a reading, and take it; return as `read`."""
         self.advance(one.motion, duration)
         return self.read(one.reading, one.motion.blur, GLITCH)
 

@@ -11,7 +11,7 @@ from table_1 import table_1
 
 from stickslip_ros.laws import LEFT_TO_LAW, Law, value_or
 from stickslip_ros.model import LAWS, Contact, Plant, alpha_of, friction_force, z_rate
-from stickslip_ros.model.friction import constants_in_force, contacts_of
+from stickslip_ros.model.friction import constants_in_force, contact_columns
 from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 #: Laws of the form of `Contact`, without a rate of their own
@@ -51,7 +51,7 @@ def test_the_preload_ratio_is_a_factor_of_the_normal_force(law: str) -> None:
     assert guided == contact(model=law, preload=2.0)
     assert guided != contact(model=law, preload=1.0)
     p = table_1(model=law, preload_ratio=2.0)
-    columns = contacts_of(p.replace(preload=np.array([1.0, 1.5])).friction)
+    columns = contact_columns(p.replace(preload=np.array([1.0, 1.5])).friction)
     np.testing.assert_array_equal(columns.z_k, [guided.z_k, contact(model=law, preload=3.0).z_k])
 
 

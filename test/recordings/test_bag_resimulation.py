@@ -346,7 +346,7 @@ def test_a_run_of_another_model_is_told_what_differs(
     """Only where a later fix touches the drive or, of the plain one, its way to a target."""
     slewing: dict[str, Any] = {"amplifier_slew": 50.0}
     since = f"recorded with model 1, this is model {MODEL_VERSION}: differs by at most"
-    touched, targets = f"{since} 64 nm a cycle", f"{since} the way to its target"
+    touched, targets = f"{since} 64 nm a cycle", f"{since} the path to its target"
     newer = f"recorded with model 99, this is model {MODEL_VERSION}: install a newer version"
     cases: list[tuple[str | None, dict[str, Any], str | None]] = [
         (None, {}, targets),

@@ -18,7 +18,7 @@ from table_1 import table_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.recordings.runs import contacts_of
+from stickslip_ros.recordings.runs import contact_joints
 from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.messages import fill_joints
@@ -79,7 +79,7 @@ def test_each_of_several_contacts_has_its_deflection() -> None:
     axis = Axis({"contacts": 2, "contact_spread": 0.1, "frequency": 1000.0})
     axis.command_steps(4)
     axis.advance(2.3e-3)
-    first, *each = contacts_of(axis)
+    first, *each = contact_joints(axis)
     message = fill_joints(JointState(), Time(), "lens", [first, *each])
     assert message.name == ["lens_contact", "lens_contact_1", "lens_contact_2"]
     assert message.position[0] == axis.state.z and message.position[1] != message.position[2]

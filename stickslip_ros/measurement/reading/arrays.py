@@ -93,7 +93,7 @@ def read_npy(path: Path) -> Table:
 
 
 def read_npz(path: Path) -> Table:
-    """Read a file of `numpy.savez`. Raises MeasurementError and OSError."""
+    """Read a file of ``numpy.savez``. Raises MeasurementError and OSError."""
     allowance, held = Allowance(path), {}
     with asking("arrays"), zipfile.ZipFile(path) as packed:
         for member in packed.infolist():
