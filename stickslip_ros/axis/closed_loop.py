@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from stickslip_ros.axis.actuation import ANY, CYCLES, RAMP, REST, Actuation
+from stickslip_ros.axis.actuation import ANY, CYCLES, RAMP, Actuation
 from stickslip_ros.axis.command import HOLDING, TARGETING
 from stickslip_ros.axis.trajectory import Trajectory
 from stickslip_ros.laws.law import Contact
@@ -45,11 +45,15 @@ _LEARN_FROM = 3
 _GROWS = 4
 #: m, what the runner may ring by when it is read
 _STILL = 1e-9
-#: Share of the range of a scan, at most, that is kept for corrections of a target
-_MARGIN = 0.03
+#: Tolerances of the target that a landing leaves for corrections, at least
+_ROOM = 6.0
 #: Share of the range of a scan by which a reading at rest differs from the mean of those before it
 #: if something has carried the runner away
 _MOVED = 0.25
+#: Trains that may end farther from the goal, one to learn from included, and rest
+_TRAINS = 3
+#: Standard deviations of a mean by which it is surely off
+_SURE = 3.0
 _NEVER = 2**62  # no number of a reading
 
 
@@ -58,18 +62,18 @@ class StepSize:
 
     def __init__(self, expected: float) -> None:
         """Start without any measured step, with the loss (m) that is expected of one."""
-        self._expected = expected
+        self.expected = expected  #: loss of a step (m) before one is measured
         self.measured: dict[int, float] = {}  #: loss of a step (m) by its direction
         self.steps: dict[int, int] = {}  #: from how many steps, at most, that was measured
 
     def lost(self, sign: int) -> float:
         """Return the part of the stroke that is lost, m."""
-        return self.measured.get(sign, self._expected)
+        return self.measured.get(sign, self.measured.get(-sign, self.expected))
 
     @property
     def ringing(self) -> float:
         """How far (m) the runner rings after a step: what friction holds back of the stroke."""
-        return max([self._expected, *map(abs, self.measured.values())])
+        return max([self.expected, *map(abs, self.measured.values())])
 
     def of(self, stroke: float, sign: int) -> float:
         """Return the step size (m) to expect of a stroke (m)."""
@@ -117,7 +121,6 @@ class ClosedLoop:
         self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
         self._carried = False  # away from the goal, since it was left or set
         self._moves_away = False  # the same in each look since that
-        self._looked_for_better = False  # for another place to reach the goal from
         self._direction = 0  # of the last train towards the goal
         self._coming: deque[LoopReading] = deque()  # readings that have not arrived
         # the last reading, with the mean base of those in the window: at rest, since the last step
@@ -156,7 +159,6 @@ class ClosedLoop:
         self.trajectory = trajectory
         self.there = self.waits = self._finished = False
         self._inside_since = None
-        self._looked_for_better = False
         self._direction = 0
         self._nearest = math.inf
 
@@ -187,7 +189,7 @@ class ClosedLoop:
         if distance > self._nearest + _LOST * far:
             return f"{where} steps take it farther: change the load, the preload or the frequency"
         stays = self._inside_since is not None
-        waited = t - self._nearer_at - p.settle_time  # after steps it rests first
+        waited = t - self._nearer_at - _TRAINS * p.settle_time  # after steps it rests first
         if p.target_timeout is not None and not stays and waited > p.target_timeout:
             near = min(distance, self._nearest) <= p.target_tolerance
             what = "not stayed so near" if near else "come no closer"
@@ -243,7 +245,7 @@ class ClosedLoop:
         deflected = actuation.deflected
         base = actuation.config.reading(actuation.sensed, k) - deflected
         done = actuation.steps_done if self._stroke else 0
-        rests = actuation.kind == REST and actuation.t >= self._rests_at
+        rests = actuation.kind != CYCLES and actuation.t >= self._rests_at
         strokes = self._strokes + abs(done) * self._stroke
         return LoopReading(k, base, deflected, self._steps + done, strokes, rests)
 
@@ -270,17 +272,13 @@ class ClosedLoop:
         if math.isnan(reading.base):
             return "the sensor gives no reading: see to the sensor, then reset"
         low, high = _range(actuation)
-        off = reading.base - seen.base
-        if self._window and reading.steps == seen.steps and abs(off) < _MOVED * (high - low):
-            self._window.append(reading)
-            base = math.fsum(one.base for one in self._window) / len(self._window)
-            self._seen = reading._replace(base=base)
-        else:
+        if reading.steps != seen.steps or abs(reading.base - seen.base) >= _MOVED * (high - low):
             self._window.clear()
-            self._seen = reading
-            if reading.rests:
-                self._window.append(reading)
-            self._learn()
+        if reading.rests:
+            self._window.append(reading)
+        bases = [one.base for one in self._window] or [reading.base]
+        self._seen = reading._replace(base=math.fsum(bases) / len(bases))
+        self._learn()
         if reading.rests:
             self._reference = self._seen
         if self._stroke and t >= self.trajectory.end:
@@ -299,15 +297,8 @@ class ClosedLoop:
             return ""
         if reading.rests:
             return self._approach(actuation)
-        level = self.trajectory.goal - self._seen.base
-        # A scan after a runner that drifts may not keep up with it.
-        if (
-            abs(level - reading.deflected)
-            > actuation.config.parameters.closed_loop.target_tolerance
-        ):
-            self._inside_since, self.there = None, False
         # One that is too far for a scan, whatever it rings, steps on before it rests.
-        rings = self._sizes.ringing
+        level, rings = self.trajectory.goal - self._seen.base, self._sizes.ringing
         if reading.steps == self._steps and not low - rings < level < high + rings:
             self._go(actuation)
         return ""
@@ -353,10 +344,9 @@ class ClosedLoop:
             and abs(self.trajectory.goal - read) <= p.target_tolerance
         ):
             self.there, self._x = True, read
-            if not self._finished:
-                self._finished = True
-                if not self.waits:
-                    self._note_end()
+            first, self._finished = not self._finished, True
+            if first and not self.waits:
+                self._note_end()
         if actuation.travel.held * error <= 0.0:
             self._go(actuation)
         elif abs(error) > p.target_tolerance:
@@ -372,46 +362,54 @@ class ClosedLoop:
         low, high = _range(actuation)
         level = self.trajectory.goal - self._base()
         now = self._level if actuation.kind == RAMP else actuation.level
-        margin = min(3.0 * tolerance, _MARGIN * (high - low))
-        reachable, firm = low <= level <= high, low + margin <= level <= high - margin
-        if reachable and not firm and abs(level - now) > tolerance:
-            # There it could be held against drift on one side only. Better to come from another
-            # place, once: a second one would hardly be better.
-            reachable, self._looked_for_better = self._looked_for_better, True
-        # Out of reach of a scan a better place costs steps, which would leave the one it has.
-        if abs(level - now) <= (0.5 * tolerance if reachable else tolerance):
+        reachable = low <= level <= high
+        # Out of reach of a scan a better place costs steps, which would leave the one it has: where
+        # it has been, only if that is surely off.
+        doubt = actuation.config.sensor.noise / math.sqrt(max(len(self._window), 1))
+        kept = tolerance + _SURE * doubt * self._finished
+        if abs(level - now) <= (0.5 * tolerance if reachable else kept):
             return
+        seen = self._seen.steps == self._steps
+        rested = seen and self._seen.rests and actuation.t >= self._rests_at
         if reachable:
-            self._scan(actuation, level, now)
+            if rested:
+                self._scan(actuation, level)
             return
-        # A landing is known by a step; a scan takes no more than that while the runner rings.
+        # A landing is known by a step; a scan to it takes no longer than the rest after steps.
         config, sign = actuation.config, 1 if level > now else -1
         p = config.parameters
         scan = p.drive.scan_rate * config.gain * p.closed_loop.settle_time
         step = self._sizes.of(config.stroke(config.amplitude), sign)
-        room = min(max(min(step, scan), 2.0 * margin), 0.5 * (high - low))
+        room = min(max(min(step, scan), _ROOM * tolerance), 0.5 * (high - low))
         way = level - min(max(0.0, low + room), high - room)
-        ends_seen = self._seen.steps == self._steps
-        known = ends_seen or (1 if way > 0.0 else -1) in self._sizes.measured
         # To turn back takes a reading at rest: corrections of a runner that rings never end.
-        if known and (way * self._direction >= 0.0 or (ends_seen and self._seen.rests)):
+        if (seen or sign in self._sizes.measured) and (sign * self._direction >= 0 or rested):
             self._step(actuation, way)
 
-    def _scan(self, actuation: Actuation, level: float, now: float) -> None:
-        """Scan from now to a level (m), so that the runner rests soonest.
+    def _scan(self, actuation: Actuation, level: float) -> None:
+        """Scan to a level (m), so that the runner rests soonest.
 
-        It rings by no more than the way, nor than 2 v / omega, which the kinks of a speed v make.
-        So either v leaves no more than may be, or the runner rings down after a fast scan.
+        The kinks of a speed v make it ring by v / omega each, by the way at most. A whole number
+        of its periods apart they cancel, but for what the ringing has faded by meanwhile, and for
+        what the contact bends: the share v / omega of its distance, which is kept to a nanometre.
         """
-        config, way = actuation.config, abs(level - now)
-        fast = config.parameters.drive.scan_rate * config.gain
-        still = math.pi * config.plant().ringing_frequency * _STILL  # m/s, omega / 2 by that
-        rings = min(way, fast / still * _STILL) if still else way
-        rests = way / fast + _settling(actuation, rings)
-        slow = still and way < still * rests
+        config, way = actuation.config, abs(level - actuation.level)
+        hertz, fading = config.plant().ringing_frequency, _settling(actuation, math.e * _STILL)
+        omega, speed = 2.0 * math.pi * hertz, config.parameters.drive.scan_rate * config.gain
+        rings = min(way, 2.0 * speed / omega) if omega else way
+        rests = way / speed + _settling(actuation, rings)
+        if omega and rings > _STILL:
+            bends = max(self._sizes.expected, _STILL)
+            slowest = math.sqrt(_STILL * bends) * omega
+            even = math.ceil(max(way / speed, way / slowest) * hertz) / hertz
+            kink = way / even / omega
+            left = kink * (kink / bends - math.expm1(-even / fading)) if fading else kink
+            if even + _settling(actuation, left) < rests:
+                speed, rests = way / even, even + _settling(actuation, left)
+        if not omega or 2.0 * speed / omega > _STILL:  # others are read on the way
+            self._rests_at = max(self._rests_at, actuation.t + rests)
         self._level = level
-        self._rests_at = max(self._rests_at, actuation.t + (way / still if slow else rests))
-        actuation.scan_to(level, min(still, fast) if slow else fast)
+        actuation.scan_to(level, speed)
 
     def _step(self, actuation: Actuation, way: float) -> None:
         """Step by about a way (m), in a train of equal steps."""
@@ -466,13 +464,13 @@ class ClosedLoop:
 
 
 def _settling(actuation: Actuation, rings: float) -> float:
-    """Return the part of `settle_time` (s) in which ringing of an amplitude (m) falls to _STILL.
+    """Return the time (s) in which ringing of an amplitude (m) falls to _STILL.
 
-    `settle_time` is that time for the most that a step leaves, its stroke.
+    `settle_time` is that of the most that a step leaves, its stroke.
     """
     config = actuation.config
-    most = max(config.stroke(config.amplitude), rings)
-    share = math.log(rings / _STILL) / math.log(most / _STILL) if rings > _STILL else 0.0
+    most = max(config.stroke(config.amplitude) / _STILL, math.e)
+    share = math.log(max(rings / _STILL, 1.0)) / math.log(most)
     return share * config.parameters.closed_loop.settle_time
 
 

@@ -59,6 +59,8 @@ class Sensor:
         self.delay = math.ceil(p.sensor_latency * self.rate - _ROUNDING)
         self._resolution = p.sensor_resolution
         self._noise = p.sensor_noise
+        #: standard deviation (m) of a reading, without 1/f noise and drift
+        self.noise = math.hypot(p.sensor_noise, (p.sensor_resolution or 0.0) / math.sqrt(12.0))
         self._flicker = _flicker_weight(p)
         self._drift = p.sensor_drift
         self._seed = p.sensor_seed

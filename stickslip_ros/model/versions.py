@@ -100,6 +100,12 @@ CHANGES: tuple[ModelChange, ...] = (
         15, "a runner with a spring sees the bend of amplifier, creep or actuator, as one without",
         lambda p: bool(p.value("spring")) and has_chain(p.actuator), "0.04 nm a cycle",
     ),
+    ModelChange(
+        15,
+        "the closed loop scans from readings at rest, in whole periods of the ringing, and keeps a "
+        "place that it has reached",
+        lambda p: True, "the way to its target, and its tolerance once there", _LOOP,
+    ),
 )  # fmt: skip
 
 #: Recordings that name no version were made with this one.
