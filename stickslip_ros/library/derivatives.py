@@ -25,13 +25,12 @@ from stickslip_ros.solver import SolverError
 from stickslip_ros.solver.complex_steps import (
     BORDER,
     CONTACT_NUMBERS,
-    ELASTIC,
     KINK,
-    PLASTIC,
     STOP,
     TURN,
     complex_steps,
 )
+from stickslip_ros.solver.layout import PLASTIC, STICKS
 
 #: How far an input is moved along the imaginary axis
 _MOVED = 1e-30
@@ -167,7 +166,7 @@ def _name(event: int, branch: int) -> str:
         return "w turns" if event == TURN else "the runner turns"
     contact, upper = divmod(event - BORDER, 2)
     border = "z_ss" if branch == PLASTIC or upper else "z_ba"
-    verb = "passes" if branch == ELASTIC or upper else "falls below"
+    verb = "passes" if branch == STICKS or upper else "falls below"
     return f"contact {contact + 1} {verb} {border}"
 
 

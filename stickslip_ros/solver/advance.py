@@ -138,7 +138,7 @@ def _preview(
     copy.t_end, copy.stop_cycle = s.t_end, s.done + 1
     copy.spent, copy.unfinished = s.spent, 0
     solve_cycles(plant, copy, kernel, ahead, drive, rows[:0])
-    s.now_tau, s.now_x, s.now_v, s.now_z = copy.now_tau, copy.now_x, copy.now_v, copy.now_z
+    s.now_x, s.now_v, s.now_z = copy.now_x, copy.now_v, copy.now_z
     s.now_rate, s.now_u = copy.now_rate, copy.now_u
     s.now_segment, s.now_tracking = copy.now_segment, copy.now_tracking
     s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished

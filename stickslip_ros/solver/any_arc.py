@@ -63,6 +63,7 @@ def find_arc(
     u' is constant for at least limit. tables allows arcs that are tabulated, which have an end but
     nothing within.
     """
+    arc.z_max, arc.z_min = -math.inf, math.inf
     if contacts is None:
         next_arc(arc, plant, limit, tables)
     elif needs_steps(contacts[0]):
@@ -80,6 +81,24 @@ def friction_at(z: float, w: float, plant: np.record, contacts: NDArray | None) 
     for c in contacts:
         force += force_of(c, c.now_z, c.now_second, w)
     return force
+
+
+@compiled
+def place_contacts(
+    arc: np.record, contacts: NDArray | None, t: float, at: tuple[float, float]
+) -> float:
+    """Set the ``now_z`` of several contacts to those after t (s) of the arc; return their mean.
+
+    at is the path (m) and the deflection of a single contact, which is its mean (m).
+    """
+    if contacts is None:
+        return at[1]
+    force = stiffness = 0.0
+    for c in contacts:
+        c.now_z, c.now_second = deflection_after(arc, c, at[0], t), second_after(arc, c, t)
+        force += c.sigma_0 * c.now_z
+        stiffness += c.sigma_0
+    return force / stiffness
 
 
 @compiled
@@ -125,13 +144,7 @@ def sample_within(
             limit -= arc.length
             _next_part(arc, plant, limit)
     dr, z, w = within_arc(arc, plant, at)
-    if contacts is not None:
-        force = stiffness = 0.0
-        for c in contacts:
-            c.now_z, c.now_second = deflection_after(arc, c, dr, at), second_after(arc, c, at)
-            force += c.sigma_0 * c.now_z
-            stiffness += c.sigma_0
-        z = force / stiffness
+    z = place_contacts(arc, contacts, at, (dr, z))
     if s.stopped == 0:
         s.now_x = min(max(arc.x + dr + actuator_path(arc, at), s.low), s.high)
     s.now_rate = rate_after(arc, at)
@@ -179,11 +192,10 @@ def _next_part(part: np.record, plant: np.record, limit: float) -> None:
 
 @compiled
 def _place_sample(s: np.record, drive: NDArray, tau: float) -> None:
-    """Set time and deflection of the actuator at tau (s) into the segment."""
-    s.now_tau, s.now_u = tau, 0.0
+    """Set the deflection of the actuator at tau (s) into the segment."""
+    s.now_u = 0.0
     if s.done < s.count:
         s.now_u = (drive[1, s.segment] + 0.5 * drive[2, s.segment] * tau) * tau
     for k in range(s.segment):
-        s.now_tau += drive[0, k]
         s.now_u += drive[0, k] * (drive[1, k] + 0.5 * drive[2, k] * drive[0, k])
     s.now_u += s.level

@@ -49,7 +49,6 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
     motion within.
     """
     z, w = arc.z, arc.w
-    arc.z_max, arc.z_min = -math.inf, math.inf
     net = arc.force - plant.spring * arc.x - plant.sigma_0 * z
     outward = z * w if w != 0.0 else z * net
     plastic = plant.kind >= ALWAYS_PLASTIC

@@ -27,6 +27,7 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.model.friction import alpha_at, z_limit
 from stickslip_ros.solver.general_arcs import ERRORS, STEP, A
+from stickslip_ros.solver.layout import GRADED, PLASTIC, STICKS
 
 #: The numbers of a runner, before those of its contacts: kg, N, N/m; the constants of ageing, 0, m,
 #: s; time over which ringing is measured, s
@@ -50,8 +51,6 @@ _THIRD = 0.01
 #: Fractions of a bracket that a guess of an event's time keeps from its ends; where it ends,
 #: rounding
 _INNER, _CLOSE = 1e-3, 1e-15
-#: Branches of alpha
-ELASTIC, RISING, PLASTIC = range(3)
 #: What ends a step: w = 0, v = 0, then two borders of each contact; in a log also a kink
 TURN, STOP, BORDER, KINK = 0, 1, 2, -1
 #: Numbers of a run: signs of w and of v; whether w = 0 ends a step (1, or 2 while ringing is
@@ -96,10 +95,10 @@ def _rates(y: NDArray, rate: complex, run: _Run, dy: NDArray) -> None:
     w, count, force = y[1] - rate, len(contacts), 0.0j
     for i in range(count):
         c, z, dz = contacts[i], y[3 + i], w
-        if run.branches[i] != ELASTIC:
+        if run.branches[i] != STICKS:
             low, high, limit = _edges(y, i, w, run)
             share = 1.0 + 0.0j
-            if run.branches[i] == RISING:
+            if run.branches[i] == GRADED:
                 share = alpha_at(math.pi * (side * z - low) / (high - low))[0]
             dz -= share * side * w / limit * z
         force += c[_SIGMA_0] * z + c[_SIGMA_1] * dz + c[_SIGMA_2] * w
@@ -123,9 +122,9 @@ def _find_borders(y: NDArray, rate: complex, run: _Run, found: NDArray) -> None:
         low, high, _ = _edges(y, i, w, run)
         q = sides[_W_SIDE] * y[3 + i].real if watched else abs(y[3 + i].real)
         at = BORDER + 2 * i
-        if run.branches[i] == ELASTIC:
+        if run.branches[i] == STICKS:
             found[at] = low.real - q
-        elif run.branches[i] == RISING:
+        elif run.branches[i] == GRADED:
             found[at], found[at + 1] = q - low.real, high.real - q
         else:
             found[at] = q - high.real
@@ -141,7 +140,7 @@ def _turn(y: NDArray, rate: complex, run: _Run, side: float) -> None:
             low, high, _ = _edges(y, i, y[1] - rate, run)
             q = side * y[3 + i].real
             if q < high.real:
-                run.branches[i] = RISING if q > low.real else ELASTIC
+                run.branches[i] = GRADED if q > low.real else STICKS
 
 
 @compiled
@@ -184,7 +183,7 @@ def _watch_turns(y: NDArray, rate: complex, run: _Run) -> None:
     swing += _AWAY * abs(run.work[0, 1].real) / run.quick**2
     for i in range(len(run.contacts)):
         low, _, _ = _edges(y, i, w, run)
-        watched |= run.branches[i] != ELASTIC or abs(y[3 + i].real) + swing > low.real
+        watched |= run.branches[i] != STICKS or abs(y[3 + i].real) + swing > low.real
     if watched and sides[_WATCH_W] == 0.0 and sides[_W_SIDE] * w.real < 0.0:
         _turn(y, rate, run, -sides[_W_SIDE])  # it turned while nobody watched
     sides[_WATCH_W] = 1.0 if watched else 0.0
@@ -252,9 +251,9 @@ def _cross(y: NDArray, event: int, rate: complex, run: _Run) -> int:
     else:
         i = (event - BORDER) // 2
         before = run.branches[i]
-        if before == ELASTIC and sides[_WATCH_W] == 0.0:
+        if before == STICKS and sides[_WATCH_W] == 0.0:
             sides[_W_SIDE] = 1.0 if y[3 + i].real > 0.0 else -1.0
-        run.branches[i] += 1 if before == ELASTIC or (event - BORDER) % 2 == 1 else -1
+        run.branches[i] += 1 if before == STICKS or (event - BORDER) % 2 == 1 else -1
         return before  # type: ignore[no-any-return]
     return 0
 
@@ -365,7 +364,7 @@ def _run_segment(
         if event >= 0:
             yielded = run.branches.max()
             branch = _cross(y, event, rate, run)
-            if event != TURN or max(yielded, run.branches.max()) != ELASTIC:  # else it only bends
+            if event != TURN or max(yielded, run.branches.max()) != STICKS:  # else it only bends
                 _log(log, cycle, event, branch)
         if sides[_WATCH_V] != 0.0:
             if (sign * y[0]).real < marks[_LOWEST].real:

@@ -69,7 +69,6 @@ _PER_STEP, _REACHED = 1e-3, 1e-4
 def contacts_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: float) -> None:
     """Find the end of the arc that `begin_arc` started, at most limit (s) long; fill each z_end."""
     z, w = arc.z, arc.w
-    arc.z_max, arc.z_min = -math.inf, math.inf
     arc.cost = len(contacts)
     net = arc.force - plant.spring * arc.x - plant.sigma_0 * z
     if is_at_rest(arc, plant, net):

@@ -35,9 +35,8 @@ from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.advance import ENDLESS, PER_CYCLE, SolverError
-from stickslip_ros.solver.layout import ROW_SIZE
 from stickslip_ros.solver.plants import begin_window, vary_contacts
-from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
+from stickslip_ros.solver.simulation import NO_ROWS, Samples, Simulation, check_closed
 
 #: First window after the last cycle, s: some periods of a ringing. Each later one is twice as long.
 _FIRST_REST = 1e-3
@@ -45,7 +44,6 @@ _FIRST_REST = 1e-3
 #: That speed is raised as soon as the runner gets to this fraction of it, before a cycle exceeds
 #: it.
 _NEARLY_AS_FAST = 0.7
-_NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])
 #: What the kernel knows of a cycle that has ended
 _OF_LAST_CYCLE = ("cycle_x", "last_step", "last_heat")
@@ -221,7 +219,7 @@ class DrivenSimulation(Simulation):
             if last == len(times):
                 break
             first = last
-            self._run_through(_NO_ROWS)
+            self._run_through(NO_ROWS)
         if len(parts) == 1:
             return parts[0]
         columns = zip(*(vars(part).values() for part in parts), strict=True)
@@ -239,7 +237,7 @@ class DrivenSimulation(Simulation):
             if t == math.inf and wanted <= 0:
                 return
             if t < self._until:
-                super()._run(t, ENDLESS, _NO_ROWS)
+                super()._run(t, ENDLESS, NO_ROWS)
                 return
             rows = self._run_through(rows)
 

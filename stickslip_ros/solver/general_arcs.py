@@ -219,7 +219,6 @@ def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: floa
     net = arc.force - plant.spring * arc.x - plant.sigma_0 * arc.z
     arc.kind, arc.cost = TAYLOR, len(contacts)
     arc.mirror = 1.0 if arc.w > 0.0 or (arc.w == 0.0 and net > 0.0) else -1.0
-    arc.z_max, arc.z_min = -math.inf, math.inf
     still = is_at_rest(arc, plant, net)
     two = has_two_states(contacts[0].kind)
     if still and not two:

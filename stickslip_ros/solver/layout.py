@@ -119,7 +119,7 @@ STATE = _record(
     *_numbers("f8", "low high"),
     *_numbers("f8", "near_low near_high"),  # no arc that begins between these can reach a stop
     # -- results: the state at t_end
-    *_numbers("f8", "now_tau now_x now_v now_z now_rate now_u"),
+    *_numbers("f8", "now_x now_v now_z now_rate now_u"),
     # -- request
     ("t_end", "f8"),  # advance to this time, s
     ("stop_cycle", "i8"),  # or to the end of this cycle

@@ -34,7 +34,7 @@ from stickslip_ros.solver.plants import (
     set_contacts,
 )
 
-_NO_ROWS = np.empty((0, ROW_SIZE))
+NO_ROWS = np.empty((0, ROW_SIZE))
 _REST = DriveCycle(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
 
 
@@ -162,7 +162,7 @@ class Simulation:
         now = float(s["now_x"]), float(s["now_v"]), float(s["now_z"])
         s["cut"] = 1
         try:
-            self._run(self._t, int(s["done"]) + 2, _NO_ROWS)
+            self._run(self._t, int(s["done"]) + 2, NO_ROWS)
         finally:
             s["cut"] = 0
         anchor(self._plant, self._axis, *now)
@@ -263,7 +263,7 @@ class Simulation:
         """Advance to time t (s)."""
         if not t >= self._t:
             raise ValueError(f"time cannot run back from {self._t} s to {t} s")
-        self._run(t, ENDLESS, _NO_ROWS)
+        self._run(t, ENDLESS, NO_ROWS)
         self._t = t
 
     def event_times(self, t: float) -> Array:

@@ -18,10 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import friction_force
-from stickslip_ros.solver.any_arc import find_arc, friction_at
-from stickslip_ros.solver.contact_arcs import deflection_after, stay
-from stickslip_ros.solver.general_arcs import force_of, second_after
+from stickslip_ros.solver.any_arc import find_arc, friction_at, place_contacts
+from stickslip_ros.solver.contact_arcs import stay
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.oscillator import bisection
 from stickslip_ros.solver.taylor import Z, integral
@@ -106,21 +104,9 @@ def _is_pressed(
     """Return whether the runner is pressed against the stop at t (s) of an arc."""
     arc, plant, held, contacts, side = args
     dr, z, _ = within_arc(arc, held, t)
-    push = plant.force - plant.spring * arc.x - _friction_after(arc, plant, contacts, (t, dr, z))
+    z = place_contacts(arc, contacts, t, (dr, z))
+    push = plant.force - plant.spring * arc.x - friction_at(z, -arc.rate, plant, contacts)
     return not side * push < 0.0
-
-
-@compiled
-def _friction_after(
-    arc: np.record, plant: np.record, contacts: NDArray | None, at: tuple[float, float, float]
-) -> float:
-    """Return F (N) of Eq. 1 after t (s), path (m) and z (m) of an arc of a runner at rest."""
-    (t, dr, z), w, force = at, -arc.rate, 0.0
-    if contacts is None:  # an argument, or numba would compile what follows for None as well
-        return friction_force(z, w, plant)
-    for c in contacts:
-        force += force_of(c, deflection_after(arc, c, dr, t), second_after(arc, c, t), w)
-    return force
 
 
 _release = bisection(_is_pressed)

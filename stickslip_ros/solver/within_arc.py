@@ -164,17 +164,12 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
     """
     w, rate, h = arc.w, arc.rate, arc.length
     v_start, v_end = sign * (w + rate), sign * (arc.w_end + rate_after(arc, h))
-    short = arc.kind != ELASTIC or h * plant.omega < _SHORT
-    if arc.bend != 0.0 and arc.kind != TABULATED and short:
-        if not v_start < 0.0 <= v_end:
-            return math.nan, 0.0
-        t = turn_from((arc, plant, -sign, False), 0.0, h)
-        return t, within_arc(arc, plant, t)[0] + actuator_path(arc, t)
-    if arc.kind == ELASTIC:
+    straight = arc.bend == 0.0
+    if arc.kind == ELASTIC and (straight or not h * plant.omega < _SHORT):
         line = Line(arc.line, arc.line_rate)
         y, wy = arc.z - line.a, w - line.b
         o = Oscillator(plant.delta, plant.kappa, plant.omega)
-        t, passes = 0.0, 1 if arc.bend == 0.0 else _PASSES
+        t, passes = 0.0, 1 if straight else _PASSES
         for _ in range(passes):  # with the rate of the time that was found last
             rate = rate_after(arc, t)
             t = next_turn(y, wy, o, line.b + rate, 0.0, h)
@@ -185,7 +180,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         return t, within_arc(arc, plant, t)[0] + actuator_path(arc, t)
     if not v_start < 0.0 <= v_end:
         return math.nan, 0.0
-    if arc.kind == TAYLOR:
+    if arc.kind == TAYLOR and straight:
         t = time_at_level(arc.work, W, -arc.mirror * rate, h)
         return t, arc.mirror * integral(arc.work, W, t) + rate * t
     if arc.kind == TABULATED:
@@ -198,7 +193,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         t = time_at_level(arc.work, W, -side * rate, -h)
         return h + t, arc.path + side * integral(arc.work, W, t) + actuator_path(arc, h + t)
     t = turn_from((arc, plant, -sign, False), 0.0, h)
-    return t, within_arc(arc, plant, t)[0] + rate * t
+    return t, within_arc(arc, plant, t)[0] + actuator_path(arc, t)
 
 
 @compiled
