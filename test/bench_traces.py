@@ -70,6 +70,7 @@ class Drive:
     direction: int = 1
     pause: float = 0.0  #: rest of the actuator before it, s
     lag: float = 0.0  #: time constant of the amplifier, s; that of the first drive counts
+    slewrate: float = SLEWRATE  #: of the slip, V/s
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,7 @@ def _integrated(kinks, rates, longest, times, c):  # type: ignore[no-untyped-def
 def _falls(axis: Axis, drive: Drive, ends: Array) -> Array:
     """Times (s) from the slips of settled cycles on, for a swing each, (cycles, looks)."""
     mass, sigma_0, *_ = axis.constants
-    slip = drive.amplitude / SLEWRATE
+    slip = drive.amplitude / drive.slewrate
     count = max(drive.cycles - 1, 1)
     settled = ends[1 + (7 if count > 7 else count // 2) : 1 + count] - slip
     swing = min(slip + 2.0 * math.pi * math.sqrt(mass / sigma_0), 0.9 / drive.frequency)
@@ -212,7 +213,7 @@ def _motion(
             kinks.append(kinks[-1] + drive.pause)
             rates.append(0.0)
             longest.append(_LONGEST)
-        begin, period, slip = kinks[-1], 1.0 / drive.frequency, drive.amplitude / SLEWRATE
+        begin, period, slip = kinks[-1], 1.0 / drive.frequency, drive.amplitude / drive.slewrate
         starts.append(begin)
         reach = drive.direction * GAIN * drive.amplitude
         for k in range(drive.cycles):

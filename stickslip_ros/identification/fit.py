@@ -141,6 +141,7 @@ class Suggestion:
 
     amplitude: float  #: V
     frequency: float  #: Hz
+    slewrate: float  #: V/us
     preload: float  #: N
     payload: float  #: kg
     spring: float | None  #: N/m

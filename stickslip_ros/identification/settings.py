@@ -161,6 +161,7 @@ class NextSettings:
     preloads: tuple[float, ...] = (0.4, 0.7, 1.5, 2.5)  #: parts of the preload
     payloads: tuple[float, ...] = (3.0,)  #: parts of the mass
     springs: tuple[float, ...] = (0.1,)  #: parts of sigma_0
+    slewrates: tuple[float, ...] = (0.2, 0.02)  #: parts of it; more may be beyond the amplifier
     rates: tuple[float, ...] = (0.5, 0.25)  #: parts of the highest sampling rate so far
     densest: float = 24.0  #: samples of a period at least
     fewest: int = 4  #: steps

@@ -88,12 +88,14 @@ def suggest(
         return None
     for others in (
         ((p, sensor.rate) for p in _loads(chosen.parameters, free, theta)),
+        ((chosen.parameters.replace(slewrate=part * base.drive.slewrate), chosen.rate)
+         for part in NEXT.slewrates),
         ((chosen.parameters, part * sensor.rate) for part in NEXT.rates),
-    ):
+    ):  # fmt: skip
         other = best(others)
         if other is not None and other.widest < NEXT.clearly * chosen.widest:
             chosen = other
-    return _describe(wanted[k], chosen)
+    return _describe(wanted[k], chosen, base.drive)
 
 
 @dataclass(frozen=True)
@@ -222,12 +224,14 @@ def candidate_of(
     return _Candidate(p, rate, steps, rest, motion, Profiler(problem, point).information())
 
 
-def _describe(one: Estimate, chosen: _Candidate) -> Suggestion:
+def _describe(one: Estimate, chosen: _Candidate, usual: DriveParameters) -> Suggestion:
     p, rate, steps = chosen.parameters, chosen.rate, chosen.steps
     low, high = (one.value * math.exp(sign * CONFIDENCE * chosen.deviation) for sign in (-1.0, 1.0))
     d, runner = p.drive, p.runner
     drive = f"{steps} steps with {d.amplitude:.4g} V at {d.frequency:.4g} Hz"
     load = f", preload {p.friction.preload:.3g} N"
+    if d.slewrate != usual.slewrate:
+        load += f", a slewrate of {d.slewrate:.3g} V/us"
     if runner.payload > 0.0:
         load += f", a payload of {1e3 * runner.payload:.3g} g"
     if runner.spring:
@@ -237,7 +241,7 @@ def _describe(one: Estimate, chosen: _Candidate) -> Suggestion:
         f"shrink to {format_si(low, one.unit, 4)} to {format_si(high, one.unit, 4)}"
     )
     return Suggestion(
-        amplitude=d.amplitude, frequency=d.frequency, preload=p.friction.preload,
-        payload=runner.payload, spring=runner.spring, rate=rate, steps=steps, parameter=one.name,
-        low=low, high=high, text=text,
+        amplitude=d.amplitude, frequency=d.frequency, slewrate=d.slewrate,
+        preload=p.friction.preload, payload=runner.payload, spring=runner.spring, rate=rate,
+        steps=steps, parameter=one.name, low=low, high=high, text=text,
     )  # fmt: skip

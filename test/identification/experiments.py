@@ -33,6 +33,7 @@ def experiment(
         "mass": axis.mass,
         "frequency": drive.frequency,
         "amplitude": drive.amplitude,
+        "slewrate": 1e-6 * drive.slewrate,
     }
     start = {name: value * wrong[name] for name, value in truth_of(axis).items() if name in wrong}
     return Parameters.of({**known, **start}), Motion("bench", bench.t, bench.x)

@@ -64,7 +64,8 @@ def test_it_leaves_the_widest_interval_narrower_than_runs_by_lot() -> None:
     known = at_truth(axis, run)
     base = known.problem.fits[0].parameters
     told = suggestion(axis, known, RECORDS)
-    drive = base.replace(amplitude=told.amplitude, frequency=told.frequency, payload=told.payload)
+    same = ("amplitude", "frequency", "slewrate", "payload")
+    drive = base.replace(**{name: getattr(told, name) for name in same})
     random = np.random.default_rng(5)
     by_lot = [
         base.replace(
@@ -94,7 +95,7 @@ def test_the_run_that_it_suggests_narrows_the_widest_interval_as_predicted() -> 
     assert told.rate <= 5.01e5
 
     heavier = replace(axis, mass=axis.mass + told.payload)
-    drive = Drive(told.steps, frequency=told.frequency, amplitude=told.amplitude, pause=4e-3)
+    drive = Drive(told.steps, told.frequency, told.amplitude, 1, 4e-3, slewrate=1e6 * told.slewrate)
     assert told.spring is None
     second = experiment(heavier, drive, Sensor(rate=told.rate, noise=1e-9), 8)
     one = identify([first, second]).parameters[told.parameter]

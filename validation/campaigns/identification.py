@@ -173,7 +173,7 @@ def next_runs(seed: int) -> str:
         assert told is not None
         # No more time is spent than at random, whatever the rate.
         steps = max(min(told.steps, int(0.88 * RECORD * told.frequency)), 4)
-        drive = Drive(steps, told.frequency, told.amplitude)
+        drive = Drive(steps, told.frequency, told.amplitude, slewrate=1e6 * told.slewrate)
         runs.append(_measured(axis, drive, 5e5, told.payload, 100 * seed + k))
         found = identify(runs, suggest_next=k < 2)
         expected, one = math.log(told.high / told.low), found.parameters[told.parameter]
