@@ -93,7 +93,7 @@ def compiled_anew(function: F) -> F:
     """
     if not numba:
         return function
-    return numba_internals.in_parts(numba.njit(**_OPTIONS)(function), _OPTIONS)  # type: ignore[no-any-return]
+    return numba_internals.in_parts(numba.njit(**_OPTIONS)(function), _OPTIONS)
 
 
 def compiled_inline(function: F) -> F:
@@ -101,7 +101,7 @@ def compiled_inline(function: F) -> F:
     if not numba:
         return function
     options = {"forceinline": True, **_OPTIONS}
-    return numba_internals.in_parts(numba.njit(**options)(function), options)  # type: ignore[no-any-return]
+    return numba_internals.in_parts(numba.njit(**options)(function), options)
 
 
 def compiled(function: F) -> F:
@@ -128,7 +128,7 @@ def compiled(function: F) -> F:
         numba.config.CACHE_DIR = before
     if numba_internals.is_known():
         compile_in_background(dispatcher)
-    return dispatcher  # type: ignore[no-any-return]
+    return dispatcher
 
 
 @contextlib.contextmanager

@@ -38,8 +38,7 @@ def twin_node() -> int:
 
 def square() -> int:
     """Run the example that draws a square."""
-    code: int = example("square").main(sys.argv)
-    return code
+    return example("square").main(sys.argv)
 
 
 def _run(name: str, module: str) -> int:

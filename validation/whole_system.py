@@ -82,7 +82,7 @@ def _alpha(z: float, w: float, z_ba: float, z_ss: float, printed: bool) -> float
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
 def _contact(z: float, theta: float, w: float, c: NDArray) -> tuple[float, float, float]:
-    """Return z' (m/s), the rate of the age and F (N) of a contact; c as in the rows of the contacts."""
+    """Return z' (m/s), the rate of the age and F (N) of a contact with the constants c."""
     z_ba, z_ss, top, theta_rate = c[3], c[4], 0.0, 0.0
     if c[8] == FOREIGN:
         age = 1.0 + c[10] * math.log(1.0 + max(theta, 0.0) / c[12])

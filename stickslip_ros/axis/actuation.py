@@ -352,7 +352,8 @@ class Actuation:
         left = self.config.faults.steps_left(self.cycles_run)
         if not left:
             self.travel.confine(self.config.faults, self.config.offset, self.cycles_run)
-        self._check = self.sim.cycles_done + min(fit, _MOST_CYCLES, int(min(left or ENDLESS, ENDLESS)))
+        left = int(min(left or ENDLESS, ENDLESS))
+        self._check = self.sim.cycles_done + min(fit, _MOST_CYCLES, left)
 
     def _last_cycle(self) -> tuple[int, float]:
         """Return the number of the last cycle and the time (s) of its end."""

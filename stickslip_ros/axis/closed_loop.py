@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from stickslip_ros.axis.actuation import ANY, CYCLES, RAMP, Actuation
+from stickslip_ros.axis.actuation import CYCLES, ENDLESS, RAMP, Actuation
 from stickslip_ros.axis.command import HOLDING, TARGETING
 from stickslip_ros.axis.trajectory import Trajectory
 from stickslip_ros.laws.law import Contact
@@ -443,7 +443,7 @@ class ClosedLoop:
         count = min(
             round(abs(ahead) / self._sizes.of(config.stroke(config.amplitude), sign)),
             math.ceil(lookahead / period),
-            ANY if sign in self._sizes.measured else _FIRST_STEPS,
+            ENDLESS if sign in self._sizes.measured else _FIRST_STEPS,
         )
         self._stepped_until = min(t + lookahead, self.trajectory.end)
         if count:

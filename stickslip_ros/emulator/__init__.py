@@ -56,8 +56,7 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
             f"{len(axes)} axes for {name}; it has {kind.most_axes} at most: name fewer"
         )
     make = getattr(import_module(f"{__name__}.{kind.module}"), kind.name)
-    controller: Controller = make(axes)
-    return controller
+    return make(axes)
 
 
 if not TYPE_CHECKING:

@@ -228,8 +228,7 @@ class Console(Dialogue):
         if name in OF_MODULE:
             numbered = rest[0].isascii() and rest[0].isdigit()
             module = self.channel(int(rest[0][:9]) - 1 if numbered else -1)
-        answer: str | Waiting = self.carry_out(OF_MODULE.get(name), module, rest[1:]) or ""
-        return answer
+        return self.carry_out(OF_MODULE.get(name), module, rest[1:]) or ""
 
 
 class Anc300(Controller):

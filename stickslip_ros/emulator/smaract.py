@@ -128,8 +128,7 @@ class McsDialogue(Dialogue):
 
     def _answer(self, name: str, numbers: list[int]) -> str | None:
         if name in MCS_CONTROLLER:
-            answer: str | None = self.carry_out(MCS_CONTROLLER[name], self.controller, numbers)
-            return answer
+            return self.carry_out(MCS_CONTROLLER[name], self.controller, numbers)
         require(numbers or name not in MCS_CHANNEL, Code.TOO_FEW)
         channel = self.channel(numbers[0]) if name in MCS_CHANNEL else None
         answer = self.carry_out(MCS_CHANNEL.get(name), channel, numbers[1:])

@@ -122,7 +122,7 @@ def own_contacts(contacts: NDArray | None, k: int) -> NDArray | None:
     """Return the buffer of several contacts of one axis, None for a single contact."""
     if contacts is None:
         return None
-    return contacts[k]  # type: ignore[no-any-return]
+    return contacts[k]
 
 
 @compiled
@@ -203,8 +203,8 @@ def read(sampled: NDArray, sensing: Sensing, k: int, number: int) -> float:
     x = sampled[number % len(sampled)] + sensing.noise[k] * normal(sensing.seed[k], number)
     x += sensing.drift[k] * (number / sensing.rate)
     if sensing.resolution > 0.0:
-        return np.rint(x / sensing.resolution) * sensing.resolution  # type: ignore[no-any-return]
-    return x  # type: ignore[no-any-return]
+        return np.rint(x / sensing.resolution) * sensing.resolution
+    return x
 
 
 @compiled

@@ -53,8 +53,7 @@ class Profiler:
         if clocks.shape[1]:
             basis, _ = np.linalg.qr(clocks)
             own = own - basis @ (basis.T @ own)
-        found: Array = own.T @ own / self.scale
-        return found
+        return own.T @ own / self.scale
 
     def profile(self, k: int) -> Profile:
         """Return the profile of one parameter. Raises BetterOptimum."""
@@ -161,8 +160,7 @@ class Profiler:
         """Return the correlations of the logarithms, (parameters,) * 2."""
         covariance = np.linalg.pinv(self.information(), rcond=1e-12, hermitian=True)
         size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-        found: Array = covariance / np.outer(size, size)
-        return found
+        return covariance / np.outer(size, size)
 
     def unknown(self) -> list[str]:
         """Return the freedoms that the measurements leave, in words."""

@@ -165,8 +165,7 @@ def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
 def _deviations(information: Array) -> Array:
     """Return the standard deviations of the logarithms; very large for undetermined ones."""
     floor = 1e-6 * np.eye(len(information))
-    found: Array = np.sqrt(np.diag(np.linalg.inv(information + floor)))
-    return found
+    return np.sqrt(np.diag(np.linalg.inv(information + floor)))
 
 
 def _drives(

@@ -168,7 +168,7 @@ def generated_forces(p: Parameters, points: int, steps: int) -> Array:
     """
     spring = value_or(p.runner.spring, SPRING)
     batch, possible = batch_of(p.replace(spring=spring), points, 1 if steps >= 0 else -1)
-    return spring * batch.run_until_still(_BLOCK, MEASURABLE, _LIMIT, possible)  # type: ignore[no-any-return]
+    return spring * batch.run_until_still(_BLOCK, MEASURABLE, _LIMIT, possible)
 
 
 def zero_amplitude(p: Parameters | Mapping[str, Any]) -> float | None:

@@ -332,13 +332,11 @@ def _check(numbers: Numbers, left: float) -> None:
 
 def _alpha(z: Array, s: Array) -> Array:
     part = np.clip((z - 1.0) / (s - 1.0), 0.0, 1.0)
-    found: Array = 0.5 - 0.5 * np.cos(np.pi * part)
-    return found
+    return 0.5 - 0.5 * np.cos(np.pi * part)
 
 
 def _slope(z: Array, n: Numbers) -> Array:
-    found: Array = 1.0 - _alpha(z, n.s) * z / n.limit
-    return found
+    return 1.0 - _alpha(z, n.s) * z / n.limit
 
 
 def _steady(n: Numbers) -> tuple[Array, Array]:
@@ -388,8 +386,7 @@ def _swing(reach: Array, n: Numbers) -> tuple[Array, Array]:
     z, path = np.ones_like(reach), np.zeros_like(reach)
 
     def slope(z: Array) -> Array:
-        found: Array = 0.5 * _slope(z, n) / z
-        return found
+        return 0.5 * _slope(z, n) / z
 
     for _ in range(_STEPS):
         k1 = slope(z)

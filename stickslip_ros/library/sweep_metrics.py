@@ -60,8 +60,7 @@ class SweepMetric:
 
 
 def _why_no_zero_amplitude(p: Parameters, steps: int) -> str:
-    found: str = import_module(_POINTS).why_no_zero_amplitude(p, steps)
-    return found
+    return import_module(_POINTS).why_no_zero_amplitude(p, steps)
 
 
 #: By name.

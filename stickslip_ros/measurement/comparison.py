@@ -241,7 +241,7 @@ class Comparison:
             else {name: getattr(self.cycles, name).tolist() for name in vars(self.cycles)},
             "notes": self.notes(),
         }
-        return to_json(found)  # type: ignore[no-any-return]
+        return to_json(found)
 
 
 def compare(

@@ -22,7 +22,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.laws.law import DISTANCES, Contact
-from stickslip_ros.model.friction import contact_of, contact_columns, is_defined
+from stickslip_ros.model.friction import contact_columns, contact_of, is_defined
 from stickslip_ros.parameters import FrictionParameters, ParameterError, Parameters
 
 #: Sets the normal numbers of contacts apart from others of the same seed

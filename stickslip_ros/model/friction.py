@@ -265,7 +265,7 @@ _TWO = np.array([k < len(_FOREIGN) and _FOREIGN[k].states == 2 for k in range(_M
 @compiled
 def has_two_states(kind: int) -> bool:
     """Return whether a law with a rate of its own has a second state beside z."""
-    return kind >= FOREIGN and _TWO[kind - FOREIGN]  # type: ignore[no-any-return]
+    return kind >= FOREIGN and _TWO[kind - FOREIGN]
 
 
 @compiled

@@ -22,7 +22,7 @@ from stickslip_ros.model.contacts import (
     mean_contact,
     scale_contact,
 )
-from stickslip_ros.model.friction import contact_of, contact_columns, has_own_rate
+from stickslip_ros.model.friction import contact_columns, contact_of, has_own_rate
 from stickslip_ros.parameters import ParameterError, Parameters
 
 #: Acceleration (m/s^2) that a load may give a runner without friction
@@ -51,7 +51,7 @@ class Plant(NamedTuple):
         """Split a column into the plants of its points."""
 
         def column(value: Any) -> list[Any]:
-            return np.broadcast_to(value, count).tolist()  # type: ignore[no-any-return]
+            return np.broadcast_to(value, count).tolist()
 
         def column_of(contact: Contact) -> list[Contact]:
             return [Contact._make(point) for point in zip(*map(column, contact), strict=True)]
@@ -68,7 +68,7 @@ class Plant(NamedTuple):
         damping = (self.contact.sigma_1 + self.contact.sigma_2) / (2.0 * self.mass)
         square = (self.contact.sigma_0 + self.spring) / self.mass - damping * damping
         frequency: Any = np.sqrt(np.maximum(square, 0.0)) / (2.0 * math.pi)
-        return frequency if np.ndim(frequency) else float(frequency)  # type: ignore[no-any-return]
+        return frequency if np.ndim(frequency) else float(frequency)
 
     @classmethod
     def column(cls, p: Parameters) -> Plant:

@@ -87,12 +87,6 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: True, "the count and the mean of these steps", _CHANGES,
     ),
     ModelChange(
-        14,
-        "the closed loop steps without pauses, waits for what it has set ringing, scans so slowly "
-        "that nothing rings, and judges by its last ten readings alone",
-        lambda p: True, "the path to its target, and 25 nm or its tolerance once there", CLOSED_LOOP,
-    ),
-    ModelChange(
         14, "no step is so long that the estimate of its error has a root",
         lambda p: _ages(p) or p.friction.contacts > 1, "0.02 nm a cycle, overdamped",
     ),
@@ -102,9 +96,10 @@ CHANGES: tuple[ModelChange, ...] = (
     ),
     ModelChange(
         15,
-        "the closed loop scans from readings at rest, in whole periods of the ringing, and keeps a "
-        "place that it has reached",
-        lambda p: True, "the way to its target, and its tolerance once there", _LOOP,
+        "the closed loop steps without pauses, scans from readings at rest in whole periods of the "
+        "ringing, and judges by its last ten readings alone",
+        lambda p: True, "the path to its target, and 25 nm or its tolerance once there",
+        CLOSED_LOOP,
     ),
 )  # fmt: skip
 

@@ -149,8 +149,7 @@ class McapFile:
         place = place_at(self.stream, self.records_end, end)
         if place.opcode != Opcode.FOOTER:
             raise ValueError("its last record is not a footer")
-        footer: Footer = parse(Footer, body_at(self.stream, place))
-        return footer
+        return parse(Footer, body_at(self.stream, place))
 
     def read_index(self, footer: Footer) -> None:
         """Read the index, and learn topics and metadata unless its checksum is wrong.

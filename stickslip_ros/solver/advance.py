@@ -189,7 +189,7 @@ def friction(plant: NDArray, axis: NDArray, contacts: NDArray | None) -> float:
     """Return F (N) of Eq. 1 at the time advanced to."""
     s = kernel_in(axis).state
     w = s.now_v - s.now_rate
-    return friction_at(s.now_z, w, plant_in(plant), contacts_in(contacts, False))  # type: ignore[no-any-return]
+    return friction_at(s.now_z, w, plant_in(plant), contacts_in(contacts, False))
 
 
 @compiled

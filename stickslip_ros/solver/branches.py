@@ -109,8 +109,8 @@ def held_at_jump(plant: np.record, z: float, w: float, mirror: float) -> bool:
     width = plant.z_ss - plant.z_ba
     alpha, _ = alpha_at(math.pi * (z + plant.z_ba) / width)
     if z == plant.z_ba:
-        return alpha * z > limit  # type: ignore[no-any-return]
-    return z == plant.z_ss and alpha * z < limit < z  # type: ignore[no-any-return]
+        return alpha * z > limit
+    return z == plant.z_ss and alpha * z < limit < z
 
 
 @compiled

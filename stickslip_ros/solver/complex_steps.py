@@ -168,7 +168,7 @@ def _try_step(y: NDArray, h: complex, rate: complex, run: _Run) -> float:
         low += (third.real / within) ** 2 + (third.imag / moved) ** 2
     if high == 0.0:
         return 0.0
-    return abs(h) * high / math.sqrt((high + _THIRD * low) * size) / _TOLERANCE  # type: ignore[no-any-return]
+    return abs(h) * high / math.sqrt((high + _THIRD * low) * size) / _TOLERANCE
 
 
 @compiled
@@ -254,7 +254,7 @@ def _cross(y: NDArray, event: int, rate: complex, run: _Run) -> int:
         if before == STICKS and sides[_WATCH_W] == 0.0:
             sides[_W_SIDE] = 1.0 if y[3 + i].real > 0.0 else -1.0
         run.branches[i] += 1 if before == STICKS or (event - BORDER) % 2 == 1 else -1
-        return before  # type: ignore[no-any-return]
+        return before
     return 0
 
 

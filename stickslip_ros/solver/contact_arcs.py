@@ -299,10 +299,10 @@ _path_root = newton(_beyond_path)
 def deflection_after(arc: np.record, c: np.record, dr: float, t: float) -> float:
     """Return the deflection (m) of a contact after t (s) and the path dr (m) within the arc."""
     if arc.kind == GLIDE:
-        return c.z_end  # type: ignore[no-any-return]
+        return c.z_end
     if arc.kind == TAYLOR and c.branch != STICKS:
-        return arc.mirror * polynomial(c.series, Z, t)  # type: ignore[no-any-return]
-    return c.z + dr  # type: ignore[no-any-return]
+        return arc.mirror * polynomial(c.series, Z, t)
+    return c.z + dr
 
 
 @compiled

@@ -218,11 +218,11 @@ def _next_arc(
 def _end_position(s: np.record, arc: np.record) -> float:
     """Return the position (m) at the end of the arc."""
     if s.stopped != 0:
-        return s.x  # type: ignore[no-any-return]
+        return s.x
     x = s.x + arc.path + actuator_path(arc, arc.length)
     if s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high:
-        return x  # type: ignore[no-any-return]
-    return min(max(x, s.low), s.high)  # type: ignore[no-any-return]
+        return x
+    return min(max(x, s.low), s.high)
 
 
 @compiled
@@ -333,7 +333,7 @@ def heat_since(s: np.record, plant: np.record, duration: float) -> float:
         # of the spring: x is a parabola of its ends and its mean
         moment -= (0.5 * s.impulse + spring * (x - x0) * duration / 12.0) * duration
         stored += s.bend * (moment - duration * impulse)
-    return on_runner - s.rate * impulse - stored  # type: ignore[no-any-return]
+    return on_runner - s.rate * impulse - stored
 
 
 # -- the end of a drive cycle
@@ -375,7 +375,7 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
 def stays_clear(s: np.record) -> bool:
     """Return whether a repetition of the last cycle would reach no stop."""
     low, high = s.last_x_min + s.last_step, s.last_x_max + s.last_step
-    return low >= s.near_low and high <= s.near_high  # type: ignore[no-any-return]
+    return low >= s.near_low and high <= s.near_high
 
 
 @compiled

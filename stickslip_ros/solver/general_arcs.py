@@ -195,14 +195,14 @@ SECOND = 1
 @compiled
 def needs_steps(c: np.record) -> bool:
     """Return whether arcs of a contact are steps: its law has its own rate, or z_lim follows w."""
-    return c.kind >= FOREIGN or c.kind == ELASTOPLASTIC_CALC or c.z_k != c.z_s  # type: ignore[no-any-return]
+    return c.kind >= FOREIGN or c.kind == ELASTOPLASTIC_CALC or c.z_k != c.z_s
 
 
 @compiled
 def force_of(c: np.record, z: float, second: float, w: float) -> float:
     """Return F (N) of Eq. 1 of one of the contacts, whatever its law."""
     z_rate, _ = rates_of_law(z, second, w, c)
-    return c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w  # type: ignore[no-any-return]
+    return c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w
 
 
 @compiled
@@ -210,7 +210,7 @@ def second_after(arc: np.record, c: np.record, t: float) -> float:
     """Return the second state of a contact after t (s) within the arc."""
     if arc.kind == TAYLOR and c.kind >= FOREIGN:
         return polynomial(c.series, SECOND, t)
-    return c.second  # type: ignore[no-any-return]
+    return c.second
 
 
 @compiled

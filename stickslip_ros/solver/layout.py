@@ -45,8 +45,7 @@ def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
 
 def open_record(buffer: Array, record: np.dtype[Any]) -> np.void:
     """Return the record at the start of a buffer, for Python: fields by ["name"]."""
-    found: np.void = buffer[: record.itemsize // 8].view(plain_dtype(record))[0]
-    return found
+    return buffer[: record.itemsize // 8].view(plain_dtype(record))[0]
 
 
 @cache
@@ -200,13 +199,13 @@ PLANT_SIZE, CONTACT_SIZE, KERNEL_SIZE = (d.itemsize // 8 for d in (PLANT, CONTAC
 @compiled
 def plant_in(buffer: NDArray) -> np.record:
     """Return the plant in a buffer (PLANT_SIZE,)."""
-    return buffer[:PLANT_SIZE].view(PLANT)[0]  # type: ignore[no-any-return]
+    return buffer[:PLANT_SIZE].view(PLANT)[0]
 
 
 @compiled
 def kernel_in(buffer: NDArray) -> np.record:
     """Return what a KERNEL record says of an axis, in its buffer (KERNEL_SIZE,)."""
-    return buffer[:KERNEL_SIZE].view(KERNEL)[0]  # type: ignore[no-any-return]
+    return buffer[:KERNEL_SIZE].view(KERNEL)[0]
 
 
 @compiled

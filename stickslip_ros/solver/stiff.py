@@ -254,7 +254,7 @@ def _moved(work: NDArray, row: int, t: float) -> float:
 
     Of a ringing one of them is large at any phase: an implicit step would only silence it.
     """
-    return (abs(work[row, 1]) + abs(work[row, 2]) * t) * t  # type: ignore[no-any-return]
+    return (abs(work[row, 1]) + abs(work[row, 2]) * t) * t
 
 
 @compiled
@@ -272,7 +272,7 @@ def _end_step(arc: np.record, plant: np.record, branch: Branch, end: Moved, h: f
     mirror = arc.mirror
     arc.length, arc.path = h, mirror * end.path
     arc.z_end, arc.w_end = mirror * z_end, mirror * w_end
-    return end.z == end.z  # type: ignore[no-any-return]
+    return end.z == end.z
 
 
 @compiled

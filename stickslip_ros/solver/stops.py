@@ -120,7 +120,7 @@ def held_heat(arc: np.record, plant: np.record) -> float:
     if arc.kind == TAYLOR:
         z_sum = arc.mirror * integral(arc.work, Z, h)
     impulse = plant.sigma_0 * z_sum + plant.sigma_1 * (z1 - z0) - plant.sigma_2 * rate * h
-    return -rate * impulse - 0.5 * plant.sigma_0 * (z1 * z1 - z0 * z0)  # type: ignore[no-any-return]
+    return -rate * impulse - 0.5 * plant.sigma_0 * (z1 * z1 - z0 * z0)
 
 
 @compiled
@@ -194,4 +194,4 @@ _hit = bisection(_is_short_of)
 @compiled
 def _over(arc: np.record, plant: np.record, side: int, stop: float, t: float) -> float:
     """Return how far (m) beyond the stop the runner would be after t (s)."""
-    return side * (arc.x + within_arc(arc, plant, t)[0] + actuator_path(arc, t) - stop)  # type: ignore[no-any-return]
+    return side * (arc.x + within_arc(arc, plant, t)[0] + actuator_path(arc, t) - stop)

@@ -130,7 +130,7 @@ def loading_coefficient(work: NDArray, row: int, start: float, scale: float, n: 
     q = work[Z, n]
     for j in range(n + 1):
         q -= work[C, j] * work[Z, n - j]
-    return 0.5 * q  # type: ignore[no-any-return]
+    return 0.5 * q
 
 
 @compiled
@@ -362,11 +362,11 @@ def _holds(t: float, args: tuple[NDArray, np.record, Branch]) -> bool:
     if not branch.along:
         ratio = w / plant.v_s
         excess = z - plant.z_k - (plant.z_s - plant.z_k) * math.exp(-ratio * ratio)
-        return excess >= -2.0 * BAND * plant.z_k if branch.plastic else excess <= 0.0  # type: ignore[no-any-return]
+        return excess >= -2.0 * BAND * plant.z_k if branch.plastic else excess <= 0.0
     rising, margin = slope(work, Z, t), _MARGIN * abs(w)
     gained = w * alpha_deficit(z, plant.z_ba, branch.sine_start)
     damped = plant.sigma_1 * limit_and_slope(w, plant)[1]
-    return -margin <= rising <= gained + margin and branch.mass + damped > 0.0  # type: ignore[no-any-return]
+    return -margin <= rising <= gained + margin and branch.mass + damped > 0.0
 
 
 _end_of_branch = bisection(_holds)

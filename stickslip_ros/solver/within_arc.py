@@ -60,19 +60,19 @@ def begin_arc(
 def actuator_path(arc: np.record, t: float) -> float:
     """Return how far (m) the actuator gets in t (s) of the arc, which may be infinite at rest."""
     rate = arc.rate if arc.bend == 0.0 else arc.rate + 0.5 * arc.bend * t
-    return rate * t  # type: ignore[no-any-return]
+    return rate * t
 
 
 @compiled_inline
 def rate_after(arc: np.record, t: float) -> float:
     """Return u' (m/s) after t (s) of the arc."""
-    return arc.rate if arc.bend == 0.0 else arc.rate + arc.bend * t  # type: ignore[no-any-return]
+    return arc.rate if arc.bend == 0.0 else arc.rate + arc.bend * t
 
 
 @compiled_inline
 def is_at_rest(arc: np.record, plant: np.record, net: float) -> bool:
     """Return whether an arc under a net force (N) begins at rest and stays there."""
-    return (  # type: ignore[no-any-return]
+    return (
         plant.spring * arc.pulled == 0.0
         and abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0 < AT_REST * plant.tolerance
     )
@@ -143,17 +143,17 @@ def position_integral(arc: np.record, plant: np.record) -> float:
         damping, total = plant.sigma_1 + plant.sigma_2, plant.sigma_0 + plant.spring
         pull = arc.force - plant.spring * (arc.x - arc.z + 0.5 * arc.pulled * h)
         z_sum = (pull * h - plant.mass * (w - arc.w) - damping * (z - arc.z)) / total
-        return straight + z_sum - arc.z * h  # type: ignore[no-any-return]
+        return straight + z_sum - arc.z * h
     if arc.kind == STIFF:
-        return straight + arc.mirror * _implicit(arc, plant, h).moment  # type: ignore[no-any-return]
+        return straight + arc.mirror * _implicit(arc, plant, h).moment
     if arc.kind == TAYLOR:
-        return straight + arc.mirror * moment(arc.work, h)  # type: ignore[no-any-return]
+        return straight + arc.mirror * moment(arc.work, h)
     if arc.kind == GLIDE:
         impulse = (arc.force - plant.sigma_0 * z) * h - plant.sigma_1 * (z - arc.z)
         impulse -= plant.sigma_2 * arc.path + plant.mass * (w - arc.w)
         beside = straight - (arc.x + 0.5 * arc.pulled * h) * h
-        return impulse / plant.spring + beside  # type: ignore[no-any-return]
-    return straight  # type: ignore[no-any-return]
+        return impulse / plant.spring + beside
+    return straight
 
 
 @compiled
@@ -206,8 +206,8 @@ def _moves_towards(t: float, args: tuple[np.record, np.record, int, bool]) -> bo
     if deflection and arc.kind == TAYLOR:
         return side * slope(arc.work, Z, t) > 0.0
     if deflection:
-        return side * within_arc(arc, plant, t)[2] > 0.0  # type: ignore[no-any-return]
-    return side * (within_arc(arc, plant, t)[2] + rate_after(arc, t)) > 0.0  # type: ignore[no-any-return]
+        return side * within_arc(arc, plant, t)[2] > 0.0
+    return side * (within_arc(arc, plant, t)[2] + rate_after(arc, t)) > 0.0
 
 
 #: When (s) it no longer moves to a side: of the args of `_moves_towards` and a bracket

@@ -179,7 +179,7 @@ def _work(
         moment -= plant.mass * (dt * v[1:] - np.diff(x))
         mean = np.divide(moment, dt, out=np.zeros_like(dt), where=dt > 0.0)
         work -= leans * (2.0 * mean - impulse)
-    return rows[-1, 0] + np.cumsum(work)  # type: ignore[no-any-return]
+    return rows[-1, 0] + np.cumsum(work)
 
 
 def trace_runs(

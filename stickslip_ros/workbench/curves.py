@@ -222,5 +222,4 @@ def _steps_over(p: Parameters, name: str, direction: int) -> dict[str, list[floa
 
 
 def _listed(values: Array, places: int) -> list[float | None]:
-    found: list[float | None] = to_json(np.round(values, places))
-    return found
+    return to_json(np.round(values, places))
