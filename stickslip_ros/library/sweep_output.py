@@ -155,14 +155,14 @@ class SweepTable:
         if not resume and found[0] and not found[0].startswith(_TITLE.encode()):
             raise SweepError(
                 f"{self.path} exists and is not the table of a sweep: "
-                "name another file, or delete it"
+                "name another --out FILE.csv, or delete it"
             )
         if points > self._sweep.points:
             raise SweepError(f"{self.path} holds more points than the sweep has; delete it")
         if not resume and 0 < points < self._sweep.points:
             raise SweepError(
                 f"{self.path} holds {points} of the {self._sweep.points} points of this sweep: "
-                "continue it (resume), or delete it"
+                "continue with --resume, or delete it"
             )
         return (points, end) if resume else (0, 0)
 

@@ -54,7 +54,7 @@ class _Axis:
         """Raise SweepError or ParameterError if these are no values of the parameter."""
         row = parameter(self.name)
         if row.kind is not float:
-            raise SweepError(f"{self.name} is not a number and cannot be varied; set it")
+            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
         for value in values:
             row.check(value)
 

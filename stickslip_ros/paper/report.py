@@ -128,7 +128,7 @@ def refuse_foreign(folder: Path) -> None:
     if not folder.exists() and not folder.is_symlink():
         return
     if not folder.is_dir() or folder.is_symlink():
-        raise FolderError(f"{folder} is not a folder; choose another one")
+        raise FolderError(f"{folder} is not a folder; choose another --out")
     present = {path.name for path in folder.iterdir()}
     try:
         lines = (folder / CONTENTS).read_text(encoding="utf-8").splitlines()
@@ -138,7 +138,7 @@ def refuse_foreign(folder: Path) -> None:
     foreign = sorted(present - known)
     if foreign:
         raise FolderError(
-            f"{folder} holds {foreign[0]}, not part of an earlier report; choose another folder"
+            f"{folder} holds {foreign[0]}, not part of an earlier report; choose another --out"
         )
 
 

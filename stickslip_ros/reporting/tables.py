@@ -32,7 +32,7 @@ class TableError(StickslipError, ValueError):
 def check_table(path: Path) -> None:
     """Raise TableError or WriteError unless a table can be written to a file of that name."""
     if path.suffix.lower() not in (".csv", ".tex"):
-        raise TableError(f"the table {path}: end its name in .csv or .tex")
+        raise TableError(f"--table {path}: end it in .csv or .tex")
     check_folder(path)
 
 

@@ -17,7 +17,7 @@ from typing import TextIO
 
 #: Message while runs of steps are searched for.
 SEARCH = "searching the measurement for runs of steps"
-_PATIENCE = 0.5  # s, after which a message tells what is being done
+_PATIENCE = 1.0  # s, after which a message tells what is being done
 
 
 def style_text(text: str, style: str, stream: TextIO | None = None) -> str:

@@ -91,7 +91,7 @@ def test_the_metrics_go_into_a_table(folder: Path, capsys: pytest.CaptureFixture
             assert rows[name][key] == ("" if metric[key] is None else repr(metric[key]))
     assert rows["damping ratio"]["verdict"] == "differs"
     assert main([*arguments, str(folder / "metrics.doc")]) == 2
-    assert "end its name in .csv or .tex" in capsys.readouterr().err
+    assert "end it in .csv or .tex" in capsys.readouterr().err
 
 
 def test_limits_decide_the_exit_code(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -66,7 +66,7 @@ def test_a_folder_of_others_is_refused_before_any_work(
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "thesis.tex" in error
-    assert "choose another" in error
+    assert "choose another --out" in error
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 

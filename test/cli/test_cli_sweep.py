@@ -92,7 +92,7 @@ def test_the_file_of_something_else_stays(
     csv.write_text("mine\n")
     assert main([*SMALL, "--out", str(csv)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"{csv} exists and is not the table of a sweep: name another file" in line
+    assert f"{csv} exists and is not the table of a sweep: name another --out" in line
     assert csv.read_text() == "mine\n"
 
 

@@ -178,7 +178,7 @@ def test_a_folder_with_anything_of_others_is_refused(tmp_path: Path, executor: E
     report(out, [item("fig00")], executor)
     (out / "notes.txt").write_text("mine", encoding="utf-8")
     before = {path: path.read_bytes() for path in out.iterdir()}
-    with pytest.raises(FolderError, match=r"notes\.txt.*choose another folder"):
+    with pytest.raises(FolderError, match=r"notes\.txt.*choose another --out"):
         report(out, [item("fig01")], executor)
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 

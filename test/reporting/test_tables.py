@@ -53,6 +53,6 @@ def test_latex_itself_takes_it(tmp_path: Path) -> None:
 
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TableError, match=r"end its name in \.csv or \.tex"):
+    with pytest.raises(TableError, match=r"end it in \.csv or \.tex"):
         write_table(tmp_path / "t.xls", HEADING, ROWS)
     assert not list(tmp_path.iterdir())
