@@ -20,13 +20,13 @@ from stickslip_ros.traces.even_samples import (
     correlation_time,
     resample_evenly,
 )
-from stickslip_ros.traces.joint_fit import Disturbances, FittedStep, fit_steps
+from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.ringing import Ringing
 
 Array = NDArray[np.float64]
 
 
-def fitted(bench: Bench) -> tuple[list[FittedStep], Disturbances]:
+def fitted(bench: Bench) -> tuple[list[MeasuredValue], Disturbances]:
     """The fit of a trace whose runs and ringing are known."""
     mass, stiffness, damping, *_ = bench.axis.constants
     decay = 0.5 * damping / mass
