@@ -88,7 +88,8 @@ class ReplayNode(GuardedNode):
         self._ended.set()
         self._thread.join()
         self._bag.close()
-        self.get_logger().info(f"played {self.played} messages", once=True)
+        if self._failure is None:  # which is said last
+            self.get_logger().info(f"played {self.played} messages", once=True)
 
     # -- parameters
 

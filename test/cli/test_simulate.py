@@ -128,7 +128,7 @@ def test_the_table_says_the_same_to_people(capsys: pytest.CaptureFixture[str]) -
     output = capsys.readouterr()
     rows = dict(line.split(maxsplit=1) for line in output.out.splitlines())
     assert output.err == ""
-    assert rows["position"] == "2702.456 nm"
+    assert rows["position"] == "2702.456 nm, as the last slip ends"
     run = run_steps(table_1(), 20)
     assert rows["step"] == f"size    {1e9 * run.step_size:.3f} nm"
     assert rows["backstep"] == f"{1e9 * run.backstep:.3f} nm"

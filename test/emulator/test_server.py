@@ -219,6 +219,7 @@ def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> No
     port = port_of(process)
     with urllib.request.urlopen(address, timeout=20.0) as answer:
         assert "<td>a</td><td>stopped</td><td>0 nm</td><td>0</td>" in answer.read().decode()
+    assert process.stdout.readline() == "axis,state,position (m),steps\n"
     assert process.stdout.readline() == "a,stopped,0,0\n"
     with socket.create_connection(("127.0.0.1", port), 20.0) as client:
         client.sendall(b":U0F1000A1000S20\n")
