@@ -11,7 +11,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.axis.events import value_text
 from stickslip_ros.cli.command_line import add_commands
 from stickslip_ros.cli.options import (
     flag,
@@ -112,6 +111,8 @@ def _description(found: dict[str, Any]) -> list[str]:
 
 def _is_default(name: str, text: str) -> bool:
     """Return whether a recorded value of a parameter is the default of this version."""
+    from stickslip_ros.axis.events import value_text
+
     row = PARAMETERS.get(name)
     return row is not None and text == value_text(row.check(row.default))
 
