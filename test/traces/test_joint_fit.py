@@ -22,6 +22,7 @@ from stickslip_ros.traces.even_samples import (
 )
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.steps import MeasuredValue
 
 Array = NDArray[np.float64]
 
