@@ -39,20 +39,20 @@ def shared(name: str) -> Path:
     raise FileNotFoundError(f"no share/stickslip_ros/{name} below {', '.join(map(str, roots))}")
 
 
-def config_file(path: Path) -> Path:
+def config_file(path: Path, error: type[StickslipError] = StickslipError) -> Path:
     """Return a parameter file: the path, or the one of that name in ``config/`` of the package."""
-    return _given_or_shared(path, "config/table1_typical.yaml", "parameter file")
+    return _given_or_shared(path, "config/table1_typical.yaml", "parameter file", error)
 
 
-def sample_file(path: Path) -> Path:
+def sample_file(path: Path, error: type[StickslipError] = StickslipError) -> Path:
     """Return a measurement: the path, or the sample of that name that comes with the package."""
-    return _given_or_shared(path, "examples/samples/steps_100hz.csv", "measurement")
+    return _given_or_shared(path, "examples/samples/steps_100hz.csv", "measurement", error)
 
 
-def _given_or_shared(path: Path, one: str, what: str) -> Path:
+def _given_or_shared(path: Path, one: str, what: str, error: type[StickslipError]) -> Path:
     """Return path if it is there, else the file of that name beside one that we install.
 
-    The name needs no ending.
+    The name needs no ending. Raises the error for a name that no such file has.
     """
     if path.exists() or path.parent not in (Path(), Path(one).parent):
         return path
@@ -67,7 +67,7 @@ def _given_or_shared(path: Path, one: str, what: str) -> Path:
     known = [file.name if path.suffix else file.stem for file in files]
     near = difflib.get_close_matches(path.name, known, 1)
     if near:
-        raise StickslipError(f"there is no {what} {path}; did you mean {near[0]}?")
+        raise error(f"there is no {what} {path}; did you mean {near[0]}?")
     if not path.suffix:  # a name and no file
-        raise StickslipError(f"there is no {what} {path}; here are {', '.join(sorted(known))}")
+        raise error(f"there is no {what} {path}; here are {', '.join(sorted(known))}")
     return path

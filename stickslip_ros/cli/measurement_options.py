@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import flag, option, progress_bar, quantity, repeated
 from stickslip_ros.errors import UsageError
@@ -59,38 +59,20 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
 
 def reading_of(args: argparse.Namespace) -> Reading:
     """Return how the options say that a file is read. Raises UsageError, MeasurementError."""
-    from stickslip_ros.measurement.reading import Reading, typed_pairs
+    from stickslip_ros.measurement.reading import Reading
 
     angle = getattr(args, "sensor_angle", 0.0)
     if not -85.0 <= angle <= 85.0:
         raise UsageError(f"--sensor-angle is {angle:g} degrees; it has to lie between -85 and 85")
-    if args.rate is not None and not 0.0 < args.rate < math.inf:
-        raise UsageError(f"--rate is {args.rate:g} Hz; it has to be above 0")
+    typed: Any = {name: ",".join(getattr(args, name)) for name in ("columns", "units", "scale")}
     return Reading(
-        columns=typed_pairs(args.columns),
-        units=typed_pairs(args.units),
-        scales=typed_pairs(args.scale),
+        **typed,
         rate=args.rate,
         angle=math.radians(angle),
         wavelength=getattr(args, "wavelength", None),
-        rows=_rows(args.rows),
+        rows=args.rows,
         decimal=args.decimal,
     )
-
-
-def _rows(text: str | None) -> tuple[int, int] | None:
-    """Return the first and the last row as typed: ``1:5000``, ``5001:``."""
-    if text is None:
-        return None
-    first, sign, last = text.partition(":")
-    if not sign or not all(part.strip().isdecimal() or not part for part in (first, last)):
-        raise UsageError(f"--rows is {text!r}; write it as 1:5000 or 5001:")
-    rows = int(first or 1), int(last or sys.maxsize)
-    if not 1 <= rows[0] <= rows[1]:
-        raise UsageError(
-            f"--rows is {text!r}; rows count from 1, and the last must not be before the first"
-        )
-    return rows
 
 
 def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None = None) -> Motion:

@@ -50,8 +50,9 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
     joint : str, optional
         The joint to use in a bag.
     **how
-        What the file does not state: columns, units and scales by key (``t``, ``x``, ``u``), rate
-        (Hz), angle (rad), wavelength (m), rows, decimal; see docs/compare.md.
+        What the file does not state, by key (``t``, ``x``, ``u``) or as an option takes it
+        (``units="x=nm"``): columns, units, scale, rate (Hz), angle (rad), wavelength (m), rows,
+        decimal; see docs/compare.md.
 
     Returns
     -------
@@ -73,7 +74,9 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
     >>> print(f"{len(motion.t)} samples over {motion.duration:.2f} s")
     14000 samples over 0.14 s
     """
-    return load_motion(sample_file(Path(path)), how=_reading(how), joint=joint).motion
+    return load_motion(
+        sample_file(Path(path), MeasurementError), how=_reading(how), joint=joint
+    ).motion
 
 
 def find_runs(measurement: MotionSource, frequency: float | None = None) -> list[Run]:
@@ -257,7 +260,7 @@ def identify_actuator(
         volts, deflection, *rest = (np.asarray(one, dtype=np.float64) for one in loop)
         times = rest[0] if rest else None
     else:
-        read = read_loop(sample_file(Path(loop)), _reading(how))
+        read = read_loop(sample_file(Path(loop), MeasurementError), _reading(how))
         volts, deflection, times = read.volts, read.deflection, read.times
     return identify_hysteresis(volts, deflection, operators, times, creep_start)
 

@@ -89,7 +89,7 @@ class Parameters:
                 f"{source!r} is no set of parameters; give a file, or values by name, such as "
                 "preload=0.6"
             )
-        return read_yaml(config_file(Path(source)))._with(values)
+        return read_yaml(config_file(Path(source), ParameterError))._with(values)
 
     def replace(self, **values: Any) -> Parameters:
         """Return the set with some values replaced by flat name, each one checked, as `of` does."""

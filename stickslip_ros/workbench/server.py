@@ -22,10 +22,9 @@ from urllib.parse import parse_qsl
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.measurement.load_motion import load_motion
-from stickslip_ros.measurement.reading import MeasurementError, Reading, typed_pairs
+from stickslip_ros.measurement.reading import Reading
 from stickslip_ros.pages.twin import TwinStory, live_parts, twin_page
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
-from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting.page import page
 from stickslip_ros.traces import TraceError
 from stickslip_ros.workbench.controls import (
@@ -46,7 +45,8 @@ _LARGEST = 200_000_000
 #: Characters of a file name that are kept; systems take 255 bytes, up to four of them a character
 _LONGEST_NAME = 60
 #: Options of a command that the page has fields for.
-_OPTION = r"--(columns|units|scale|rate)"
+_FIELDS = ("columns", "units", "scale", "rate")
+_OPTION = f"--({'|'.join(_FIELDS)})"
 Answers = Mapping[str, Callable[[dict[str, str]], dict[str, Any]]]
 _POLICY = (
     "default-src 'none'; script-src 'self'; connect-src 'self'; style-src 'unsafe-inline'; "
@@ -137,13 +137,14 @@ class Workbench(Panel):
         with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
             path = Path(folder) / file_name
             path.write_bytes(content)
+            typed: Any = {name: text for name in _FIELDS if (text := how.get(name))}
             try:
                 if path.suffix.lower() in (".yaml", ".yml"):
                     base = read_yaml(path)
                     curves(base)
                     self._set(base)
                     return {"parameters": file_name}
-                overlay = Overlay.of(load_motion(path, _reading_of(how)).motion)
+                overlay = Overlay.of(load_motion(path, Reading(**typed)).motion)
             except StickslipError as error:
                 text = str(error).replace(f"{path.parent}/", "")
                 raise TraceError(re.sub(_OPTION, r"\1 (below)", text)) from None
@@ -163,16 +164,6 @@ class Workbench(Panel):
             set_names=set_names(base),
             overlay=overlay,
         )
-
-
-def _reading_of(typed: dict[str, str]) -> Reading:
-    """Return how to read a file from the fields of the page. Raises MeasurementError."""
-    pairs = {field: typed_pairs([typed.get(field, "")]) for field in ("columns", "units", "scale")}
-    try:
-        rate = read_quantity(typed["rate"], "Hz") if typed.get("rate") else None
-    except ValueError as error:
-        raise MeasurementError(f"rate: {error}") from None
-    return Reading(pairs["columns"], pairs["units"], pairs["scale"], rate)
 
 
 def _file_name(name: str) -> str:

@@ -67,7 +67,7 @@ def test_info_is_one_object_with_json(bag: Path, capsys: pytest.CaptureFixture[s
         9,
         STEPS.type_hash,
     )
-    assert steps["offered_qos"] == [OfferedQos().as_dict()]
+    assert steps["offered_qos"] == [OfferedQos().as_json()]
     assert (found["compression"], found["ros_distro"], found["metadata_version"]) == (
         ["zstd"],
         "jazzy",

@@ -84,7 +84,7 @@ def test_lost_fringes_are_counted_and_taken_out(
 
 def test_bad_use_is_told(tmp_path: Path) -> None:
     for arguments, words in [
-        ("--rate 0", "--rate is 0 Hz; it has to be above 0"),
+        ("--rate 0", "rate is 0 Hz; it has to be above 0"),
         ("--rows 5", "write it as 1:5000 or 5001:"),
         ("--rows 9:3", "the last must not be before the first"),
         ("--sensor-angle 90", "between -85 and 85"),

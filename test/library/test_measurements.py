@@ -93,10 +93,19 @@ def test_an_unknown_option_is_refused() -> None:
     for function in (ss.read_measurement, ss.identify_actuator):
         with pytest.raises(ss.MeasurementError, match="no option 'column'; known: columns"):
             function("steps_100hz.csv", column="1")
-    with pytest.raises(ss.MeasurementError, match="units is 't=s,x=nm'; give a value for each"):
-        ss.read_measurement("steps_100hz.csv", units="t=s,x=nm")
     with pytest.raises(ss.MeasurementError, match="rate: options of files"):
         ss.identify_actuator(([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]), rate=10.0)
+
+
+def test_an_option_that_a_message_asks_for_is_an_argument_as_it_stands(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("position\n" + "\n".join(map(str, range(40))))
+    found = ss.read_measurement(tmp_path / "run.csv", units="x=nm", rate="10kHz", rows="21:")
+    assert (found.x[0], found.t[-1]) == pytest.approx((20e-9, 3.9e-3))
+    for name, wrong in {"units": "nm", "rate": "10 nm", "rows": "5", "scale": "x"}.items():
+        with pytest.raises(ss.MeasurementError, match=f"{name}: '{wrong}' is "):
+            ss.read_measurement("steps_100hz.csv", **{name: wrong})
+    with pytest.raises(ss.MeasurementError, match="there is no measurement run"):
+        ss.read_measurement("run")
 
 
 def test_a_misspelt_sample_is_answered_with_the_right_one(

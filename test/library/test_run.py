@@ -44,7 +44,7 @@ def test_a_misspelt_parameter_file_is_answered_with_the_right_one(
         ss.simulate("table1_tipical.yaml")
     with pytest.raises(ss.StickslipError, match=r"did you mean table1_typical\?"):
         ss.simulate("table1")
-    with pytest.raises(ss.StickslipError, match=r"file nosuch; here are .*, mcs_like, "):
+    with pytest.raises(ss.ParameterError, match=r"file nosuch; here are .*, mcs_like, "):
         ss.simulate("nosuch")
     with pytest.raises(ss.ParameterError, match="cannot read elsewhere/table1"):
         ss.simulate("elsewhere/table1_typical.yaml")

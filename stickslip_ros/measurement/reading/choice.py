@@ -7,9 +7,12 @@ column has. A question shows the first lines and the option that answers it.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from stickslip_ros.measurement.reading.table import (
     LONGEST_NAME,
@@ -20,7 +23,7 @@ from stickslip_ros.measurement.reading.table import (
     is_index,
     name_and_unit,
 )
-from stickslip_ros.parameters.row import NUMBER
+from stickslip_ros.parameters.row import NUMBER, read_quantity
 
 _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
@@ -32,11 +35,14 @@ _COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample
 
 @dataclass(frozen=True)
 class Reading:
-    """How a measurement is read, where the file does not say it; mappings by key of a quantity."""
+    """How a measurement is read, where the file does not say it.
+
+    Each field takes what the option of its name takes, as text: ``Reading(units="x=nm")``.
+    """
 
     columns: Mapping[str, str] = field(default_factory=dict)  #: name or number, from 1
     units: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "nm"}
-    scales: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "-50nm/V"}
+    scale: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "-50nm/V"}
     rate: float | None = None  #: Hz, in place of a column of time
     angle: float = 0.0  #: between the sensor's axis and the motion, rad
     #: of an interferometer, m: jumps by whole halves of it are taken out
@@ -45,13 +51,15 @@ class Reading:
     decimal: str | None = None  #: sign of the table
 
     def __post_init__(self) -> None:
-        """Raise MeasurementError for a text in place of a mapping, or a wavelength of no light."""
-        for name in ("columns", "units", "scales"):
-            given = getattr(self, name)
-            if not isinstance(given, Mapping):
-                raise MeasurementError(
-                    f'{name} is {given!r}; give a value for each key, such as {{"x": ...}}'
-                )
+        """Turn texts into values, and hold these against their bounds; MeasurementError."""
+        for name, read in _TEXTS.items():
+            if isinstance(given := getattr(self, name), str):
+                try:
+                    object.__setattr__(self, name, read(given))
+                except ValueError as error:
+                    raise MeasurementError(f"{name}: {error}") from None
+        if self.rate is not None and not 0.0 < self.rate < math.inf:
+            raise MeasurementError(f"rate is {self.rate:g} Hz; it has to be above 0")
         shortest, longest = _LIGHT
         if self.wavelength is not None and not shortest <= self.wavelength <= longest:
             raise MeasurementError(
@@ -60,16 +68,33 @@ class Reading:
             )
 
 
-def typed_pairs(texts: Sequence[str]) -> dict[str, str]:
-    """Return the values by key of texts such as ``t=NAME,x=NAME``. Raises MeasurementError."""
+def _pairs(text: str) -> dict[str, str]:
+    """Return the values by key of a text such as ``t=NAME,x=NAME``. Raises ValueError."""
     pairs = {}
-    for text in texts:
-        for part in re.split(r",(?=\s*\w+=)", text) if text else []:
-            key, sign, value = (piece.strip() for piece in part.partition("="))
-            if not sign or not value or not key:
-                raise MeasurementError(f"{text!r} is not of the form t=...,x=...")
-            pairs[key] = value
+    for part in re.split(r",(?=\s*\w+=)", text) if text else []:
+        key, sign, value = (piece.strip() for piece in part.partition("="))
+        if not sign or not value or not key:
+            raise ValueError(f"{text!r} is not of the form t=...,x=...")
+        pairs[key] = value
     return pairs
+
+
+def _rows(text: str) -> tuple[int, int]:
+    """Return the first and the last row of a text such as ``1:5000`` or ``5001:``. ValueError."""
+    first, sign, last = text.partition(":")
+    if not sign or not all(part.strip().isdecimal() or not part for part in (first, last)):
+        raise ValueError(f"{text!r} is no range; write it as 1:5000 or 5001:")
+    rows = int(first or 1), int(last or sys.maxsize)
+    if not 1 <= rows[0] <= rows[1]:
+        raise ValueError(f"{text!r}: rows count from 1, and the last must not be before the first")
+    return rows
+
+
+_TEXTS: dict[str, Callable[[str], Any]] = {
+    "columns": _pairs, "units": _pairs, "scale": _pairs, "rows": _rows,
+    "rate": lambda text: read_quantity(text, "Hz"),
+    "wavelength": lambda text: read_quantity(text, "m"),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -107,8 +132,8 @@ class Quantity:
                 f"{key}={stated}: the unit {stated!r} is not known; write it as {example}"
             )
         where = f"column {column} ({self.what})"
-        if key in given.scales:
-            return self._scaled(where, given.scales[key], stated, unit)
+        if key in given.scale:
+            return self._scaled(where, given.scale[key], stated, unit)
         if unit is None and not stated and self.default:
             unit = Unit.of(self.default)
         if unit is None:
@@ -251,13 +276,13 @@ def _find(
         fits = column.dimension in (None, quantity.dimension) or (
             quantity.required and column.dimension == "voltage"
         )
-        scaled = quantity.key in given.scales and column.dimension != "time"
+        scaled = quantity.key in given.scale and column.dimension != "time"
         no_value = column.stamped or column.counts or column in chosen.values()
         if (fits or scaled) and not no_value:
             free.append(column)
     usual = _with_names(free, quantity.names)
     if not quantity.required:
-        given_here = quantity.key in given.units or quantity.key in given.scales
+        given_here = quantity.key in given.units or quantity.key in given.scale
         return next((column for column in usual if given_here or column.dimension), None)
     if usual and not _is_abscissa(usual[0], table):
         return usual[0]

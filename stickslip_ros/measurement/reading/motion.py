@@ -161,7 +161,7 @@ def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
     with naming(path):
         values, notes = _read(open_table(path, how.decimal), LOOP, how)
         span = float(np.ptp(values["deflection"]))
-        if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scales}:
+        if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scale}:
             raise MeasurementError(
                 f"the deflection goes over {span:g} m, which no actuator does; say in which unit "
                 "it is: --units deflection=um, or in which column: --columns deflection=NAME"
@@ -189,7 +189,7 @@ def _read(
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the quantities in SI units, row by row, and notes. Raises MeasurementError."""
     known = {quantity.key: quantity for quantity in quantities}
-    for key in (*how.columns, *how.units, *how.scales):
+    for key in (*how.columns, *how.units, *how.scale):
         if key not in known:
             listed = ", ".join(f"{q.key} ({q.what})" for q in quantities)
             raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")

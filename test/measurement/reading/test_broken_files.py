@@ -58,7 +58,7 @@ def write_ros1(path: Path) -> None:
 WHOLE: list[tuple[str, Callable[[Path], None], Reading | None, bool]] = [
     (".csv", write_csv, None, True),
     (".csv", write_german_csv, None, True),
-    (".csv", write_numbered_csv, Reading(scales={"x": "1nm/V"}), True),
+    (".csv", write_numbered_csv, Reading(scale={"x": "1nm/V"}), True),
     (".csv.gz", write_packed_csv, None, False),
     (".bag", write_ros1, None, False),
     *((one[0], one[1], one[2], False) for one in FILES),

@@ -11,8 +11,8 @@ from stickslip_ros.measurement.reading import MeasurementError, Reading, read_me
 COUNT, START, STEP = 40, -2e-4, 1e-5
 T = START + STEP * np.arange(COUNT)
 VOLTS = np.round(0.01 * np.arange(COUNT) ** 1.5, 3)
-IN_VOLTS = Reading(scales={"x": "50nm/V"})
-CH1 = Reading(columns={"x": "CH1"}, scales={"x": "50nm/V"})
+IN_VOLTS = Reading(scale={"x": "50nm/V"})
+CH1 = Reading(columns={"x": "CH1"}, scale={"x": "50nm/V"})
 
 
 def rows(form: str, end: str = "\n", decimal: str = ".", count: int = COUNT) -> str:
@@ -62,7 +62,7 @@ DIALECTS: list[tuple[str, str, Reading | None]] = [
     (
         "Keysight, two channels, the first sample missing",
         "x-axis,1,2\nsecond,Volt,Volt\n-210.0E-06,,\n" + rows("{t:+.6E},{v:+.3E},+1.0E+00"),
-        Reading(columns={"x": "1"}, scales={"x": "50nm/V"}),
+        Reading(columns={"x": "1"}, scale={"x": "50nm/V"}),
     ),
     (
         "Infiniium",
@@ -110,7 +110,7 @@ DIALECTS: list[tuple[str, str, Reading | None]] = [
         "#Sample rate: 100000Hz\n#Samples: 40\n#Trigger: Source: Channel 1 Type: Edge Condition: "
         "Rise Level: 1 V Hysteresis: 10 mV HoldOff: 0 s\n#Channel 1: Range: 500 mV/div Offset: -1 V"
         "\n\nTime (s),Channel 1 (V),Channel 2 (V)\n" + rows("{t:.6e},{v:.6f},0.1"),
-        Reading(columns={"x": "Channel 1"}, scales={"x": "50nm/V"}),
+        Reading(columns={"x": "Channel 1"}, scale={"x": "50nm/V"}),
     ),
     (
         "Polytec",
@@ -128,12 +128,12 @@ DIALECTS: list[tuple[str, str, Reading | None]] = [
         "LabVIEW, a time beside each channel",
         f"{_LVM_HEAD}Channels\t2\t\t\t\nY_Unit_Label\tVolts\t\tVolts\n***End_of_Header***\n"
         "X_Value\tA\tX_Value\tB\tComment\n" + rows("{t:.6f}\t9\t{t:.6f}\t{v:.3f}"),
-        Reading(columns={"x": "B"}, units={"t": "s"}, scales={"x": "50nm/V"}),
+        Reading(columns={"x": "B"}, units={"t": "s"}, scale={"x": "50nm/V"}),
     ),
     (
         "MATLAB's own",
         rows("   {t:.7e}   {v:.7e}"),
-        Reading(units={"t": "s"}, scales={"x": "50nm/V"}),
+        Reading(units={"t": "s"}, scale={"x": "50nm/V"}),
     ),
     (
         "printed by NumPy 2",
@@ -242,7 +242,7 @@ def test_a_labview_channel_of_another_rate_has_its_own_times(tmp_path: Path) -> 
     slow = read_measurement(path)
     assert slow.t == pytest.approx(0.5 + 1e-3 * np.arange(20))
     assert slow.x == pytest.approx(50e-9 * VOLTS[:20])
-    how = Reading(columns={"x": "fast"}, scales={"x": "50nm/V"}, units={"t": "s"})
+    how = Reading(columns={"x": "fast"}, scale={"x": "50nm/V"}, units={"t": "s"})
     fast = read_measurement(path, how=how)
     assert fast.t == pytest.approx(T)
     assert fast.x == pytest.approx(50e-9 * VOLTS)
@@ -277,11 +277,11 @@ def test_an_export_of_two_files(tmp_path: Path) -> None:
 def test_sign_angle_and_scale(tmp_path: Path) -> None:
     path = tmp_path / "axis.csv"
     path.write_text("t (s),x (nm)\n" + rows("{t:.6f},{nm:.4f}"))
-    turned = read_measurement(path, how=Reading(scales={"x": "-1"}, angle=np.radians(60.0)))
+    turned = read_measurement(path, how=Reading(scale={"x": "-1"}, angle=np.radians(60.0)))
     assert turned.x == pytest.approx(-2.0 * 50e-9 * VOLTS)
     for scale, words in (("50nm/V", "but the scale is per voltage"), ("2um", "say per what")):
         with pytest.raises(MeasurementError, match=words):
-            read_measurement(path, how=Reading(scales={"x": scale}))
+            read_measurement(path, how=Reading(scale={"x": scale}))
 
 
 def test_a_setting_in_the_header_is_no_unit(tmp_path: Path) -> None:
@@ -294,9 +294,9 @@ def test_a_setting_in_the_header_is_no_unit(tmp_path: Path) -> None:
         with pytest.raises(MeasurementError, match=asked):
             read_measurement(path)
         with pytest.raises(MeasurementError, match=r"column 2 .* states no unit"):
-            read_measurement(path, how=Reading(units={"t": "s"}, scales={"x": "3"}))
+            read_measurement(path, how=Reading(units={"t": "s"}, scale={"x": "3"}))
         how = Reading(
-            columns={"t": "1", "x": "2"}, units={"t": "s", "x": "V"}, scales=IN_VOLTS.scales
+            columns={"t": "1", "x": "2"}, units={"t": "s", "x": "V"}, scale=IN_VOLTS.scale
         )
         assert read_measurement(path, how=how).x == pytest.approx(50e-9 * VOLTS)
 

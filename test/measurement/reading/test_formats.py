@@ -46,7 +46,7 @@ from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 T = STEP * np.arange(COUNT)
 X = 50e-9 * VOLTS  # m
 TYPICAL = Path(__file__).parents[3] / "config" / "table1_typical.yaml"
-IN_VOLTS = Reading(scales={"x": "50nm/V"})
+IN_VOLTS = Reading(scale={"x": "50nm/V"})
 
 
 def write_npy_with_names(path: Path) -> None:
@@ -138,7 +138,7 @@ def write_octave(path: Path) -> None:
 FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = [
     (".npy", write_npy_with_names, None, 0.0, 0.0),
     (".npz", write_npz, Reading(units={"t": "ms", "x": "nm"}), 0.0, 0.0),
-    (".mat", write_mat_of_a_picoscope, Reading(scales={"x": "50nm/V"}), -1e-3, 0.0),
+    (".mat", write_mat_of_a_picoscope, Reading(scale={"x": "50nm/V"}), -1e-3, 0.0),
     (".mat", write_mat_of_structs, None, 0.0, 0.0),
     (".mat", write_mat_73, None, 0.0, 0.0),
     (".h5", write_hdf5, None, 0.0, 0.0),
@@ -157,7 +157,7 @@ FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = 
     (
         ".wvf",
         write_yokogawa,
-        Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"}),
+        Reading(columns={"x": "CH5"}, scale={"x": "50nm/V"}),
         -1e-3,
         0.51 * ONE * 50e-9,
     ),
@@ -192,7 +192,7 @@ def test_a_format_is_read(
 def options_of(how: Reading | None) -> list[str]:
     """Return what a user writes for a reading on the command line."""
     how = how or Reading()
-    given = {"--columns": how.columns, "--units": how.units, "--scale": how.scales}
+    given = {"--columns": how.columns, "--units": how.units, "--scale": how.scale}
     words: list[str] = []
     for option, values in given.items():
         if values:
@@ -286,7 +286,7 @@ def test_either_file_of_a_pair_may_be_named(tmp_path: Path) -> None:
     pytest.importorskip("RigolWFM")
     write_rohde_schwarz(tmp_path / "scope.bin")
     write_yokogawa(tmp_path / "axis.WVF")
-    ch5 = Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"})
+    ch5 = Reading(columns={"x": "CH5"}, scale={"x": "50nm/V"})
     for name, how in (("scope.Wfm.bin", IN_VOLTS), ("axis.hdr", ch5), ("axis.WVF", ch5)):
         found = read_measurement(tmp_path / name, how=how)
         np.testing.assert_allclose(found.x, X, rtol=1e-6, atol=0.51 * ONE * 50e-9)
@@ -307,7 +307,7 @@ def test_a_pair_is_not_taken_for_what_it_is_not(tmp_path: Path) -> None:
         read_measurement(axis, Reading({"x": "CH5"}))
     whole = axis.read_bytes()
     axis.write_bytes(whole[:-4] + b"\x80\0" + whole[-2:])
-    ch5 = Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"})
+    ch5 = Reading(columns={"x": "CH5"}, scale={"x": "50nm/V"})
     found = read_measurement(axis, how=ch5)
     assert len(found.t) == COUNT - 1
     assert found.notes == (f"1 of {COUNT} rows have a gap and are left out",)
