@@ -243,7 +243,7 @@ def run_resimulate(args: argparse.Namespace) -> int:
         motion = f"computing {1e-9 * sum(lived):.0f} s of motion"
         with progress_bar(states, motion) as bar:
             runs = resimulate(bag, changes, args.out, bar.update)
-    reports = [one.as_dict() for one in runs]
+    reports = [one.as_json() for one in runs]
     texts = [_differences(report, bool(changes)) for report in reports]
     texts += [f"written to {args.out}"] if args.out else []
     content = {"bag": str(args.bag), "changes": changes, "runs": reports}

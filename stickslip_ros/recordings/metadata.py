@@ -93,7 +93,7 @@ def bag_metadata(
                     "name": topic.name,
                     "type": topic.type,
                     "serialization_format": topic.encoding,
-                    "offered_qos_profiles": [profile.as_dict() for profile in topic.offered_qos],
+                    "offered_qos_profiles": [profile.as_json() for profile in topic.offered_qos],
                     "type_description_hash": topic.type_hash,
                 },
                 "message_count": count,

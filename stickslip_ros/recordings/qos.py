@@ -106,7 +106,7 @@ class OfferedQos:
     liveliness_lease_ns: int = _INFINITE_NS
     avoid_ros_namespace_conventions: bool = False
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         """Return the profile with the keys, and in the order, of rosbag2."""
         found = {key: getattr(self, name) for key, name in _FIELDS.items()}
         for key, name in _FIELDS.items():
@@ -117,7 +117,7 @@ class OfferedQos:
 
 def qos_yaml(profiles: Sequence[OfferedQos]) -> str:
     """Return the YAML list that goes into the metadata of an MCAP channel."""
-    return str(yaml.safe_dump([profile.as_dict() for profile in profiles], sort_keys=False))
+    return str(yaml.safe_dump([profile.as_json() for profile in profiles], sort_keys=False))
 
 
 def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:

@@ -92,7 +92,7 @@ class Resimulated:
         """Whether every recorded state came out again."""
         return not any(difference.unequal for difference in self.differences.values())
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, Any]:
         """Return it as plain values, SI units."""
         return {
             **asdict(self),

@@ -242,7 +242,7 @@ def describe(bag: BagReader) -> dict[str, Any]:
                 "messages": bag.counts[topic.name],
                 "type_hash": topic.type_hash,
                 "encoding": topic.encoding,
-                "offered_qos": [profile.as_dict() for profile in topic.offered_qos],
+                "offered_qos": [profile.as_json() for profile in topic.offered_qos],
             }
             for topic in bag.topics.values()
         ],

@@ -123,7 +123,7 @@ def test_without_processor_time_it_is_late_and_loses_nothing_in_silence(
     print(f"{missed} deadlines missed; missing {missing}, said to be lost {told}")
     assert sum(missing.values()) <= told
     assert len(numbers["/joint_states"]) > 50
-    assert again.bit_for_bit, again.as_dict()
+    assert again.bit_for_bit, again.as_json()
 
 
 @pytest.mark.long

@@ -126,7 +126,7 @@ def hunt(
             assert "Traceback" not in output
         with open_bag(tmp_path / "bag") as bag:
             (again,) = resimulate(bag)
-        assert again.bit_for_bit, again.as_dict()
+        assert again.bit_for_bit, again.as_json()
 
     yield end
 
