@@ -16,7 +16,7 @@ comes from the scatter between settled cycles, for ringing from its fit.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.alignment import align, align_starts
+from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of
@@ -33,7 +34,6 @@ from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
 from stickslip_ros.traces.even_samples import SlipGrid, noise_of, resample_evenly
 from stickslip_ros.traces.joint_fit import fit_steps
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles
 from stickslip_ros.traces.steps import COVERAGE, MeasuredValue
@@ -46,19 +46,8 @@ _UNLIKE = 0.1
 _MET = 0.25
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
-_ZERO_AMPLITUDE = "0-amplitude"
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98
-#: Name, unit, least tolerance for the run's value, whether the gain of the sensor counts, and why
-#: it may be missing. A tenth of a nanometre is ten times what the model is solved to; the period
-#: has its last digits from floating-point times.
-_METRICS: tuple[tuple[str, str, Callable[[float], float], bool, str], ...] = (
-    ("period", "s", lambda run: 1e-9 * run, False, ""),
-    ("step size", "m", lambda run: 1e-10, True, "too few cycles"),
-    ("backstep", "m", lambda run: 1e-10, True, "too few samples after the slips"),
-    ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), False, "no ringing seen"),
-    ("damping ratio", "", lambda run: 2e-2 * abs(run), False, "no ringing seen"),
-)
 
 
 @dataclass(frozen=True)
@@ -184,7 +173,7 @@ def pair_runs(
     run, measurement = motions.run, motions.measurement
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     noise, seen = noise_of(measurement.x), run
-    limit = significant(len(_METRICS) * len(measured))
+    limit = significant(len(METRICS) * len(measured))
     if not exact:
         seen = Motion(run.source, pairs.t, pairs.run)
     found = []
@@ -275,8 +264,59 @@ def significant(comparisons: int) -> float:
 
 def missing_metrics(why: str) -> list[ComparisonMetric]:
     """Return the metrics, without values, of a run that one of both motions does not show."""
-    names = [*(row[:2] for row in _METRICS), (_ZERO_AMPLITUDE, "m")]
-    return [ComparisonMetric.missing(name, unit, why) for name, unit in names]
+    return [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
+
+
+@dataclass(frozen=True)
+class ComparedSteps:
+    """The same run of steps in one of both motions, for the estimates of `METRICS`."""
+
+    motion: Motion  #: with the samples that the steps are analysed at
+    steps: Run
+    deflection: Array | str  #: of the actuator in each cycle, m, or why it tells nothing
+    same_method: bool  #: whether both have their backstep by the same method, whose error cancels
+    gain: float  #: of the lengths over those of the run
+
+    @property
+    def period(self) -> MeasuredValue:
+        """Period (s): the first and the last slip give it, each to about two samples."""
+        error = 2.0 * self.motion.spacing / max(1, self.steps.steps - 1)
+        return MeasuredValue(self.steps.period, error)
+
+    @property
+    def backstep(self) -> MeasuredValue:
+        """Backstep (m)."""
+        found = self.steps.mean_backstep
+        return MeasuredValue(found.value, found.chance) if self.same_method else found
+
+    @property
+    def ringing_frequency(self) -> MeasuredValue:
+        """Frequency of the ringing, Hz."""
+        error = self.steps.ringing.frequency_error if self.steps.ringing else math.nan
+        return MeasuredValue(self.steps.ringing_frequency, error)
+
+    @property
+    def damping_ratio(self) -> MeasuredValue:
+        """Damping ratio of the ringing.
+
+        An infinite error is that of the method, the same for both. Chance moves frequency and decay
+        alike (the Cramer-Rao bounds of a damped oscillation).
+        """
+        ringing = self.steps.ringing
+        error = ringing.damping_ratio_error if ringing else math.nan
+        if ringing and math.isinf(error):
+            error = ringing.frequency_error / ringing.frequency
+        return MeasuredValue(self.steps.damping_ratio, error)
+
+    @property
+    def zero_amplitude(self) -> MeasuredValue | str:
+        """Deflection (m) at which a line through steps over amplitudes crosses zero (Fig. 7)."""
+        if isinstance(self.deflection, str):
+            return self.deflection
+        found = zero_crossing(self.deflection, single_steps(self.steps) / self.gain)
+        if math.isfinite(found.value):
+            return found
+        return f"fewer than {_AMPLITUDES} clear steps of different amplitude"
 
 
 def step_metrics(
@@ -286,73 +326,47 @@ def step_metrics(
 
     seen has the samples that the run is analysed at, limit is in standard errors.
     """
-
-    def estimates(motion: Motion, steps: Run) -> dict[str, MeasuredValue]:
-        ringing = steps.ringing or Ringing(math.nan, math.nan)
-        of_ratio = ringing.damping_ratio_error
-        # Inf: by the method, which is the same for both. Chance moves frequency and decay alike
-        # (the Cramer-Rao bounds of a damped oscillation).
-        if math.isinf(of_ratio):
-            of_ratio = ringing.frequency_error / ringing.frequency
-        return {
-            # The first and the last slip give the period, each to about two samples.
-            "period": MeasuredValue(steps.period, 2.0 * motion.spacing / max(1, steps.steps - 1)),
-            "step size": steps.mean_step,
-            "backstep": steps.mean_backstep,
-            "ringing frequency": MeasuredValue(steps.ringing_frequency, ringing.frequency_error),
-            "damping ratio": MeasuredValue(steps.damping_ratio, of_ratio),
-        }
-
+    deflections = _deflections(motions.run, run, measured, alignment)
+    same = run.mean_backstep.method == measured.mean_backstep.method
+    both = (
+        ComparedSteps(seen, run, deflections[0], same, 1.0),
+        ComparedSteps(motions.measurement, measured, deflections[1], same, alignment.gain),
+    )
     metrics = []
-    own, other = estimates(seen, run), estimates(motions.measurement, measured)
-    if run.mean_backstep.method == measured.mean_backstep.method:  # its error cancels
-        own["backstep"], other["backstep"] = (
-            MeasuredValue(one.mean_backstep.value, one.mean_backstep.chance)
-            for one in (run, measured)
-        )
-    for name, unit, floor, length, missing in _METRICS:
-        first, second = own[name], other[name]
-        scale = 1.0 / alignment.gain if length else 1.0
+    for row in METRICS:
+        first, second = (row.estimate(one) for one in both)
+        if isinstance(first, str) or isinstance(second, str):
+            why = first if isinstance(first, str) else str(second)
+            metrics.append(ComparisonMetric.missing(row.name, row.unit, why))
+            continue
+        scale = 1.0 / alignment.gain if row.scaled else 1.0
         error = math.hypot(first.error, scale * second.error)
-        tolerance = max(limit * error, floor(first.value))
-        why = missing if not math.isfinite(first.value + second.value) else ""
+        tolerance = max(limit * error, row.floor(first.value))
+        why = row.missing if not math.isfinite(first.value + second.value) else ""
         if not why and not math.isfinite(error):
             why = "too few cycles to tell its uncertainty"
         metrics.append(
-            ComparisonMetric(name, unit, first.value, scale * second.value, tolerance, why)
+            ComparisonMetric(row.name, row.unit, first.value, scale * second.value, tolerance, why)
         )
-    metrics.append(_zero_amplitude(motions.run, run, measured, alignment, limit))
     return metrics
 
 
-def _zero_amplitude(
-    run: Motion, run_steps: Run, measured_steps: Run, alignment: Alignment, limit: float
-) -> ComparisonMetric:
-    """Return where lines through steps over amplitudes cross zero (Fig. 7), of both."""
-
-    def missing(why: str) -> ComparisonMetric:
-        return ComparisonMetric.missing(_ZERO_AMPLITUDE, "m", why)
-
-    deflection = deflections_of(run, run_steps)
+def _deflections(
+    motion: Motion, run: Run, measured: Run, alignment: Alignment
+) -> tuple[Array | str, Array | str]:
+    """Return the run's deflections (m) in each cycle of both, or why they tell no 0-amplitude."""
+    deflection = deflections_of(motion, run)
+    why = ""
     if not np.nanmax(deflection, initial=0.0) > 0.0:
-        return missing("the run does not hold the actuator's deflection")
-    if np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
-        return missing("the amplitude does not vary")
-    if abs(measured_steps.period - run_steps.period) > _UNLIKE * run_steps.period:
-        return missing("run and measurement have other periods")
-    places = np.searchsorted(
-        run_steps.slips,
-        alignment.run_time(measured_steps.slips) - 0.5 * run_steps.period,
-    )
-    known = places < len(run_steps.slips)
-    own = zero_crossing(deflection, single_steps(run_steps))
-    other = zero_crossing(
-        deflection[places[known]], single_steps(measured_steps)[known] / alignment.gain
-    )
-    if not math.isfinite(own.value + other.value):
-        return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
-    tolerance = max(limit * math.hypot(own.error, other.error), 1e-10)
-    return ComparisonMetric(_ZERO_AMPLITUDE, "m", own.value, other.value, tolerance)
+        why = "the run does not hold the actuator's deflection"
+    elif np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
+        why = "the amplitude does not vary"
+    elif abs(measured.period - run.period) > _UNLIKE * run.period:
+        why = "run and measurement have other periods"
+    if why:
+        return why, why
+    places = np.searchsorted(run.slips, alignment.run_time(measured.slips) - 0.5 * run.period)
+    return deflection, np.append(deflection, math.nan)[places]
 
 
 def deflections_of(motion: Motion, steps: Run) -> Array:

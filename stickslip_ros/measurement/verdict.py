@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
@@ -29,11 +30,11 @@ LIMITS: Mapping[str, Limit] = {
     "shape-rmse": Limit("m", "RMSE within the cycles", lambda c: c.shape_rmse),
     "error": Limit("m", "largest difference", lambda c: c.largest),
     "normalised-error": Limit("", "RMSE as part of the range", lambda c: c.normalised),
-    "step-error": Limit("m", "difference in step size", "step size"),
-    "backstep-error": Limit("m", "difference in backstep", "backstep"),
-    "zero-amplitude-error": Limit("m", "difference in 0-amplitude", "0-amplitude"),
-    "frequency-error": Limit("Hz", "difference in ringing frequency", "ringing frequency"),
-    "damping-error": Limit("", "difference in damping ratio", "damping ratio"),
+    **{
+        row.limit: Limit(row.unit, f"difference in {row.name}", row.name)
+        for row in METRICS
+        if row.limit
+    },
     "offset": Limit("s", "clock offset", lambda c: abs(c.alignment.offset)),
 }
 

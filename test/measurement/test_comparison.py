@@ -19,6 +19,7 @@ from stickslip_ros.measurement import (
     judge,
 )
 from stickslip_ros.measurement.load_motion import simulate_as_measured
+from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.metrics import significant
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import trace_steps
@@ -191,11 +192,12 @@ def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
     `find_runs`, with its own error.
     """
     assert [significant(1), significant(10)] == pytest.approx([3.0, 3.64], abs=5e-3)
+    assert len(METRICS) == len(compared().metrics)
     found = compared()
     own, (other,) = found.run_steps, found.runs
     assert own is not None
     error = float(np.std(own.step_sizes[7:], ddof=1)) / np.sqrt(STEPS - 7)
-    limit = significant(5) * float(np.hypot(error, other.step_size_error))
+    limit = significant(len(METRICS)) * float(np.hypot(error, other.step_size_error))
     assert metric(found, "step size").tolerance == pytest.approx(limit, rel=1e-6)
     assert metric(found, "step size").measured == other.step_size
     assert limit > 1e-10  # or the least tolerance would be looked at
@@ -207,7 +209,7 @@ def test_the_error_of_the_ringing_is_that_of_its_fit() -> None:
     own, other = found.run_steps, found.measured_steps
     assert own is not None and other is not None and own.ringing and other.ringing
     errors = [one.ringing.damping_ratio_error for one in (own, other) if one.ringing]
-    limit = max(significant(5) * math.hypot(*errors), 2e-2 * own.damping_ratio)
+    limit = max(significant(len(METRICS)) * math.hypot(*errors), 2e-2 * own.damping_ratio)
     assert metric(found, "damping ratio").tolerance == pytest.approx(limit)
 
 
