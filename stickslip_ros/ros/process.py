@@ -17,11 +17,17 @@ from typing import Protocol, TypeVar
 import rclpy
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
-from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import (
+    Executor,
+    ExternalShutdownException,
+    SingleThreadedExecutor,
+    TimeoutException,
+)
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args, try_shutdown
 
 from stickslip_ros.errors import StickslipError, UsageError, ending_signals
@@ -31,6 +37,7 @@ from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
 _ROUND = 0.1  # s, the longest that the executor waits for something to do
+_LATE = 50_000_000  # ns by which a timer is late where messages have to wait for it
 _WARN_PERIOD = 1.0  # s, between errors in the log
 _POLL = 0.05  # s, between checks whether a signal asks to end while something is prepared
 
@@ -89,7 +96,7 @@ def run(
         except StickslipError as error:
             try_shutdown()
             return _fail(program, error, BAD_USE)
-        return _spin(program, node, _executor() if many else SingleThreadedExecutor(), caught)
+        return _spin(program, node, _Rounds(node.nodes, many), caught)
 
 
 @contextlib.contextmanager
@@ -168,19 +175,17 @@ def _cure(said: str) -> str:
     return next((cure for words, cure in cures.items() if words in said), "")
 
 
-def _spin(program: str, node: Runnable, executor: Executor, caught: list[int]) -> int:
-    for one in node.nodes:
-        executor.add_node(one)
+def _spin(program: str, node: Runnable, rounds: _Rounds, caught: list[int]) -> int:
     # Objects made at the start stay; searching them for garbage would cost deadlines.
     gc.collect()
     gc.freeze()
     try:
         # spin_until_future_complete of rclpy 7 leaves a callback behind with every round.
-        node.finished.add_done_callback(lambda _: executor.wake())
+        node.finished.add_done_callback(lambda _: rounds.wake())
         # Here, not in a timer: behind a flood of messages its turn came after more than a minute.
         while not (node.finished.done() or caught):
             try:
-                executor.spin_once(_ROUND)  # without a limit, that of events never returns
+                rounds.spin_once()
             except Exception as error:  # from below the callbacks, which are guarded
                 if not node.nodes[0].context.ok():
                     raise
@@ -197,22 +202,85 @@ def _spin(program: str, node: Runnable, executor: Executor, caught: list[int]) -
     finally:
         with contextlib.suppress(BagError):
             node.close()
-        executor.shutdown()
+        rounds.shutdown()
         for one in node.nodes:
             one.destroy_node()
         try_shutdown()
 
 
-def _executor() -> Executor:
-    """Return the executor with the least to do for each message, as far as this rclpy has it.
+class _Rounds:
+    """Spins nodes, one callback after another; no flood of messages keeps a timer from its turn.
 
-    The usual executor checks all entities of all nodes before each callback: with fifty axes that
-    takes longer than a period.
+    The executor of events has the least to do for each message: the usual one checks all entities
+    of all nodes before it, which with fifty axes takes longer than a period. But its queue has no
+    end, holds an event for each message that ever came, and timers wait behind them. So where a
+    timer is late, the usual one takes over: it takes one message of each topic and service in turn,
+    and the timers between them; what that leaves, the bounded queues of the middleware drop. When
+    nothing waits any more, it hands back.
     """
+
+    def __init__(self, nodes: Sequence[Node], many: bool) -> None:
+        """Take the nodes; many: there may be so many that the executor of events is needed."""
+        self._nodes = nodes
+        self._fair = SingleThreadedExecutor()
+        self._quick = (_events_executor() if many else None) or self._fair
+        self._had_turn = set[Timer]()  # since the last message
+        self._hand_to(self._quick)
+
+    def spin_once(self) -> None:
+        """Execute one callback and the timers that are due, or none if there is nothing to do."""
+        if self._now is not self._fair:
+            self._now.spin_once(_ROUND)  # without a limit, it never returns
+            if any(_lateness(timer) > _LATE for timer in self._all_timers()):
+                self._quick.shutdown()  # forgets its events; the messages are still there
+                self._hand_to(self._fair)
+            return
+        with contextlib.suppress(TimeoutException):
+            entity: object
+            handler, entity, _ = self._fair.wait_for_ready_callbacks(_ROUND)
+            handler()
+            handler.result()  # raises what it raised
+            if not isinstance(entity, Timer):
+                self._had_turn.clear()
+                for timer in self._all_timers():
+                    if timer.is_ready():
+                        timer.handle.call_timer()
+                        timer.callback()
+            elif entity not in self._had_turn:
+                self._had_turn.add(entity)
+            elif self._quick is not self._fair:  # between its two turns, nothing waited
+                self._hand_to(self._quick)
+
+    def wake(self) -> None:
+        """End the present wait."""
+        self._now.wake()
+
+    def shutdown(self) -> None:
+        """Let go of the nodes."""
+        for executor in {self._quick, self._fair}:
+            executor.shutdown()
+
+    def _hand_to(self, executor: Executor) -> None:
+        self._now = executor
+        self._had_turn.clear()
+        for node in self._nodes:
+            executor.add_node(node)
+
+    def _all_timers(self) -> Iterator[Timer]:
+        return (timer for node in self._nodes for timer in node.timers)
+
+
+def _lateness(timer: Timer) -> int:
+    """Return the time (ns) since a timer was due, 0 or less if it is not."""
+    return 0 if timer.is_canceled() else -timer.time_until_next_call()
+
+
+def _events_executor() -> Executor | None:
+    """Return the executor of events, as far as this rclpy has it."""
     try:
         from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
-        return SingleThreadedExecutor()
+        return None
     return EventsExecutor()
 
 

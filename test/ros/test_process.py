@@ -5,8 +5,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -14,7 +16,10 @@ from typing import Any
 import pytest
 from child import python
 from live import Ros
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.event_handler import EventHandler
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.task import Future
@@ -87,6 +92,60 @@ def test_a_signal_is_heard_behind_a_flood(ros_domain: int) -> None:
 
     assert run("flooded", ["flooded"], make) == DONE
     assert made[0].ticks <= 6
+
+
+class Flooded(Node):
+    """Hears more than it has the time for, while a timer ticks, and then one message more."""
+
+    FLOOD, LAST, TAKES = 2.0, -1, 3e-3  # s, number of the last message, s for each
+
+    def __init__(self) -> None:
+        super().__init__("flooded")
+        self.finished = Future()
+        self.ticks, self.executors = list[float](), set[Any]()
+        self.create_subscription(Int32, "~/numbers", self._hear, 10)
+        self._publisher = self.create_publisher(Int32, "~/numbers", 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(0.01, lambda: self.ticks.append(time.monotonic()), clock=steady)
+        threading.Thread(target=self._flood, daemon=True).start()
+
+    @property
+    def nodes(self) -> list[Node]:
+        return [self]
+
+    def close(self) -> None:
+        pass
+
+    def _flood(self) -> None:
+        end = time.monotonic() + self.FLOOD
+        while time.monotonic() < end:
+            self._publisher.publish(Int32(data=1))
+            time.sleep(2e-4)
+        time.sleep(1.0)  # it has taken all that waited
+        self._publisher.publish(Int32(data=self.LAST))
+
+    def _hear(self, message: Int32) -> None:
+        time.sleep(self.TAKES)
+        self.executors.add(self.executor)
+        if message.data == self.LAST:
+            self.last_executor = self.executor
+            self.finished.set_result(None)
+
+
+def test_a_flood_keeps_no_timer_from_its_turn(ros_domain: int) -> None:
+    """Its turn came behind all that had ever come: after 1.7 s of a flood of 2 s."""
+    made: list[Any] = []
+
+    def make() -> Flooded:
+        made.append(Flooded())
+        return made[0]
+
+    assert run("flooded", ["flooded"], make, many=True) == DONE
+    ticks = made[0].ticks
+    assert max(later - tick for tick, later in pairwise(ticks)) < 0.5
+    # The usual executor has taken over, and has handed back.
+    assert len(made[0].executors) == 2
+    assert not isinstance(made[0].last_executor, SingleThreadedExecutor)
 
 
 @pytest.mark.slow
