@@ -15,6 +15,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
+from rclpy.qos import qos_profile_parameters, qos_profile_services_default
 
 _WARN_PERIOD = 1.0  # s, between errors in the log
 #: Parameters that one request may set; more are refused together.
@@ -52,7 +53,10 @@ class GuardedNode(Node):
     def create_service(  # type: ignore[override]
         self, kind: Any, name: str, callback: Any, *a: Any, **k: Any
     ) -> Any:
-        """As rclpy does; an exception in it is counted, and the answer reports the failure."""
+        """As rclpy does; an exception in it is counted, and the answer reports the failure.
+
+        Of requests about parameters, as many may wait as of others: rclpy lets a thousand wait.
+        """
         guarded = self._guarded(callback, name)
 
         def answer(request: Any, response: Any) -> Any:
@@ -61,6 +65,8 @@ class GuardedNode(Node):
                 response.message = f"{name} failed; the log of the node says why"
             return done or response
 
+        if k.get("qos_profile") is qos_profile_parameters:
+            k["qos_profile"] = qos_profile_services_default
         return super().create_service(kind, name, answer, *a, **k)
 
     def create_timer(  # type: ignore[override]
@@ -108,8 +114,11 @@ class _Parameters(ParameterService):
         return response if many else super()._describe_parameters_callback(request, response)
 
     def _set_parameters_callback(self, request: Any, response: Any) -> Any:
-        many = _too_many(len(request.parameters))
-        response.results = [self._set([message], many) for message in request.parameters]
+        wanted = request.parameters
+        if many := _too_many(len(wanted)):  # one refusal for all: to make thousands takes 50 ms
+            response.results = [self._set((), many)] * len(wanted)
+        else:
+            response.results = [self._set([message], "") for message in wanted]
         return response
 
     def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
