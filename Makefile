@@ -95,10 +95,11 @@ endif
 	@touch $@
 
 # What the package needs to run; what its tests and its site need comes on top, for who asks for them.
+# Python compiles the files that it imports: all files of all packages would be ten seconds more.
 $(RUNS): $(MADE) setup.py setup.cfg package.xml
 	@echo "Installing into $(VENV): $$($(PY) --version), ROS $(or $(ROS),from PyPI);" \
 	      "one to three minutes the first time"
-	@$(PY) -m pip install -qq --editable '$(NEEDED)'
+	@$(PY) -m pip install -qq --no-compile --editable '$(NEEDED)'
 	@touch $@
 
 $(STAMP): $(RUNS)
