@@ -46,12 +46,6 @@ _UNLIKE = 0.1
 _MET = 0.25
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
-<<<<<<< HEAD
-=======
-_ZERO_AMPLITUDE, _COUNT = "0-amplitude", "steps"
-#: Part of its stroke by which an actuator moves that does not rest, and periods of a rest.
-_MOVED, _REST = 0.01, 0.5
->>>>>>> 014def00 (Compare periods with the parameters', and numbers of steps)
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98
 
@@ -183,8 +177,7 @@ def pair_runs(
     if not exact:
         seen = Motion(run.source, pairs.t, pairs.run)
     found = []
-    for k, one in enumerate(measured):
-        count = _count(motions, alignment, measured, k)
+    for one in measured:
         try:
             part, cycles = _steps_near(motions, alignment, one)
             if exact:
@@ -208,58 +201,10 @@ def pair_runs(
                 own = analyse_cycles(part.t, part.x, None, cycles, noise=noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
-            found.append(RunPair(None, one, [*missing_metrics(missing)[:-1], count], missing))
+            found.append(RunPair(None, one, missing_metrics(missing), missing))
         else:
-            metrics = step_metrics(motions, seen, own, one, alignment, limit)
-            found.append(RunPair(own, one, [*metrics, count]))
+            found.append(RunPair(own, one, step_metrics(motions, seen, own, one, alignment, limit)))
     return found
-
-
-def _count(
-    motions: MotionPair, alignment: Alignment, runs: Sequence[Run], k: int
-) -> ComparisonMetric:
-    """Return how many steps both make in a measured run and in the rests about it."""
-    one, (begin, end) = runs[k], _rests_about(motions.measurement, runs, k)
-    begin = 0.5 * (begin + one.start) if k else begin
-    end = 0.5 * (end + one.end) if k + 1 < len(runs) else end
-    seen, why = _found_steps(motions.measurement, runs, k)
-    edges = alignment.run_time(np.array([begin, end])).tolist()
-    part = motions.run.between(*edges)
-    own, unknown = 0, ""
-    if has_actuator(part.u):
-        own, unknown = _driven_steps(part.t, part.u, one.frequency if one.steps == 1 else None)
-    elif not has_actuator(motions.run.u):
-        found = motions.found_in_run
-        near = _nearest(found, one.direction, *edges)
-        own, unknown = _found_steps(motions.run, found, found.index(near)) if near else (0, "")
-    if why or unknown:
-        return ComparisonMetric.missing(_COUNT, "", why or unknown)
-    return ComparisonMetric(_COUNT, "", own, seen, 0.5)
-
-
-def _rests_about(motion: Motion, runs: Sequence[Run], k: int) -> tuple[float, float]:
-    """Return where the rests before and after a run begin and end, s."""
-    begin = runs[k - 1].end if k else float(motion.t[0])
-    return begin, runs[k + 1].start if k + 1 < len(runs) else float(motion.t[-1])
-
-
-def _found_steps(motion: Motion, runs: Sequence[Run], k: int) -> tuple[int, str]:
-    """Return the steps that were found in a motion, and why their number is not known."""
-    one, (begin, end) = runs[k], _rests_about(motion, runs, k)
-    rests = min(one.start - begin, end - one.end) > _REST * one.period
-    why = "; ".join(one.doubts) if rests else f"{motion.source} does not rest before and after them"
-    return one.steps, why
-
-
-def _driven_steps(t: Array, u: Array, frequency: float | None) -> tuple[int, str]:
-    """Return the steps of an actuator, and why their number is not known."""
-    try:
-        cycles = cycles_of_actuator(t, u, frequency)
-    except TraceError as error:
-        return 0, str(error)
-    outside = u[t < cycles.starts[0]], u[t > cycles.ends[-1]]
-    cut = any(np.ptp(rest) > _MOVED * np.ptp(u) for rest in outside if len(rest))
-    return len(cycles.slips), "the run begins or ends within a cycle" if cut else ""
 
 
 def match_slips(
@@ -300,19 +245,12 @@ def _steps_near(motions: MotionPair, alignment: Alignment, measured: Run) -> tup
             raise TraceError("its actuator rests there")
         frequency = measured.frequency if measured.steps == 1 else None
         return part, cycles_of_actuator(part.t, part.u, frequency)
-    best = _nearest(motions.found_in_run, measured.direction, begin, end)
-    if best is None:
+    likely = [one for one in motions.found_in_run if one.direction == measured.direction]
+    best = max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
+    if best is None or min(best.end, end) <= max(best.start, begin):
         raise TraceError("none are found there")
     begin, end = best.start - 0.5 * best.period, best.end + _AFTER * best.period
     return replace(motions.run.between(begin, end), u=None), best.cycles
-
-
-def _nearest(runs: Sequence[Run], direction: int, begin: float, end: float) -> Run | None:
-    """Return the run with most time between begin and end (s), None if there is none."""
-    likely = [
-        one for one in runs if one.direction == direction and one.end > begin and one.start < end
-    ]
-    return max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
 
 
 def significant(comparisons: int) -> float:
@@ -326,7 +264,6 @@ def significant(comparisons: int) -> float:
 
 def missing_metrics(why: str) -> list[ComparisonMetric]:
     """Return the metrics, without values, of a run that one of both motions does not show."""
-<<<<<<< HEAD
     return [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
 
 
@@ -380,10 +317,6 @@ class ComparedSteps:
         if math.isfinite(found.value):
             return found
         return f"fewer than {_AMPLITUDES} clear steps of different amplitude"
-=======
-    names = [*(row[:2] for row in _METRICS), (_ZERO_AMPLITUDE, "m"), (_COUNT, "")]
-    return [ComparisonMetric.missing(name, unit, why) for name, unit in names]
->>>>>>> 014def00 (Compare periods with the parameters', and numbers of steps)
 
 
 def step_metrics(
@@ -400,7 +333,6 @@ def step_metrics(
         ComparedSteps(motions.measurement, measured, deflections[1], same, alignment.gain),
     )
     metrics = []
-<<<<<<< HEAD
     for row in METRICS:
         first, second = (row.estimate(one) for one in both)
         if isinstance(first, str) or isinstance(second, str):
@@ -408,19 +340,6 @@ def step_metrics(
             metrics.append(ComparisonMetric.missing(row.name, row.unit, why))
             continue
         scale = 1.0 / alignment.gain if row.scaled else 1.0
-=======
-    own, other = estimates(seen, run), estimates(motions.measurement, measured)
-    if motions.period:
-        own["period"] = MeasuredValue(motions.period, own["period"].error)
-    if run.mean_backstep.method == measured.mean_backstep.method:  # its error cancels
-        own["backstep"], other["backstep"] = (
-            MeasuredValue(one.mean_backstep.value, one.mean_backstep.chance)
-            for one in (run, measured)
-        )
-    for name, unit, floor, length, missing in _METRICS:
-        first, second = own[name], other[name]
-        scale = 1.0 / alignment.gain if length else 1.0
->>>>>>> 014def00 (Compare periods with the parameters', and numbers of steps)
         error = math.hypot(first.error, scale * second.error)
         tolerance = max(limit * error, row.floor(first.value))
         why = row.missing if not math.isfinite(first.value + second.value) else ""
