@@ -69,9 +69,9 @@ def run(args: argparse.Namespace) -> int:
         if not 0.0 <= value < math.inf:
             raise UsageError(f"--max-{name} is {value:g}; it has to be 0 or more")
     check_outputs(args)
-    simulation, measurement, runs = _motions(args)
+    simulation, measurement, runs, period = _motions(args)
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
-    found = compare(simulation.motion, measurement, fits, args.filter, runs)
+    found = compare(simulation.motion, measurement, fits, args.filter, runs, period)
     say_doubts(measurement.source, runs or [])
     judgements = judge(found, allowed)
     title = f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"
@@ -92,8 +92,12 @@ def _text(found: Comparison, judgements: Sequence[Judgement]) -> str:
     return "\n".join([found.report(), *(f"{words[one.kept]}: {one}" for one in judgements)])
 
 
-def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] | None]:
-    """Return the run, the measurement, and the runs of steps in it where they were looked for."""
+def _motions(
+    args: argparse.Namespace,
+) -> tuple[LoadedMotion, Motion, list[Run] | None, float | None]:
+    """Return the run, the measurement, the runs of steps in it where they were looked for, and the
+    period (s) of the drive of a run that is simulated.
+    """
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.measurement.load_motion import (
         LoadedMotion,
@@ -119,7 +123,8 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
             argparse.Namespace(config=args.simulation, assignments=args.assignments)
         )
         measurement = measurement_of(args, args.measurement)
-        measurement, seen = steps_in(args, measurement, 1.0 / p.drive.frequency)
+        period = 1.0 / p.drive.frequency
+        measurement, seen = steps_in(args, measurement, period)
         name = args.simulation.name
         with report_compilation():
             simulation = (
@@ -127,13 +132,14 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
                 if args.steps is None
                 else simulate_motion(p, args.steps, name)
             )
-        return LoadedMotion(simulation, None, p.flat(), __version__), measurement, seen.runs
+        loaded = LoadedMotion(simulation, None, p.flat(), __version__)
+        return loaded, measurement, seen.runs, period
     run = load_motion(args.simulation, joint=args.joint)
     measurement = measurement_of(args, args.measurement, run.origin_ns)
     if measurement.u is not None and not (args.fit_position_drift or args.remove_hum):
-        return run, measurement, None
+        return run, measurement, None, None
     measurement, seen = steps_in(args, measurement, None)
-    return run, measurement, seen.runs if measurement.u is None else None
+    return run, measurement, seen.runs if measurement.u is None else None, None
 
 
 def _content(

@@ -205,9 +205,10 @@ def compare(
             isinstance(run, str | PathLike) and is_parameter_file(Path(run))
         ):
             p = Parameters.of(run)  # type: ignore[arg-type]
-            runs = analyses.find_runs(measured.t, measured.x, 1.0 / p.drive.frequency)
+            period = 1.0 / p.drive.frequency
+            runs = analyses.find_runs(measured.t, measured.x, period)
             simulated = simulate_as_measured(p, measured, runs, "simulation")
-            return comparisons.compare(simulated, measured, fits, cutoff, runs)
+            return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
         return comparisons.compare(_motion(run), measured, fits, cutoff)  # type: ignore[arg-type]
 
 

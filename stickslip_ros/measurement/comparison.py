@@ -250,12 +250,14 @@ def compare(
     fits: Fits | None = None,
     cutoff: float | None = None,
     runs: Sequence[Run] | None = None,
+    period: float | None = None,
 ) -> Comparison:
     """Compare; cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError.
 
-    runs are those of the measurement, if they were looked for.
+    runs are those of the measurement, if they were looked for; period (s) is that of the parameters
+    where the run was simulated at the frequency that the measurement shows.
     """
-    fits, motions = fits or Fits(), MotionPair(run, measurement)
+    fits, motions = fits or Fits(), MotionPair(run, measurement, period)
     shown_runs = runs_of(measurement, runs)
     alignment = align_runs(motions, fits, shown_runs)
     pairs = motions.at(alignment)

@@ -28,6 +28,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
+from stickslip_ros.measurement.step_count import nearest_run, step_counts
 from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
@@ -177,7 +178,8 @@ def pair_runs(
     if not exact:
         seen = Motion(run.source, pairs.t, pairs.run)
     found = []
-    for one in measured:
+    for k, one in enumerate(measured):
+        count = _count(*step_counts(motions, alignment, measured, k))
         try:
             part, cycles = _steps_near(motions, alignment, one)
             if exact:
@@ -201,10 +203,18 @@ def pair_runs(
                 own = analyse_cycles(part.t, part.x, None, cycles, noise=noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
-            found.append(RunPair(None, one, missing_metrics(missing), missing))
+            found.append(RunPair(None, one, [*missing_metrics(missing)[:-1], count], missing))
         else:
-            found.append(RunPair(own, one, step_metrics(motions, seen, own, one, alignment, limit)))
+            metrics = step_metrics(motions, seen, own, one, alignment, limit)
+            found.append(RunPair(own, one, [*metrics, count]))
     return found
+
+
+def _count(run: int, measured: int, why: str) -> ComparisonMetric:
+    """Return the numbers of steps, which differ or do not, without any chance."""
+    if why:
+        return ComparisonMetric.missing("steps", "", why)
+    return ComparisonMetric("steps", "", run, measured, 0.5)
 
 
 def match_slips(
@@ -245,9 +255,8 @@ def _steps_near(motions: MotionPair, alignment: Alignment, measured: Run) -> tup
             raise TraceError("its actuator rests there")
         frequency = measured.frequency if measured.steps == 1 else None
         return part, cycles_of_actuator(part.t, part.u, frequency)
-    likely = [one for one in motions.found_in_run if one.direction == measured.direction]
-    best = max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
-    if best is None or min(best.end, end) <= max(best.start, begin):
+    best = nearest_run(motions.found_in_run, measured.direction, begin, end)
+    if best is None:
         raise TraceError("none are found there")
     begin, end = best.start - 0.5 * best.period, best.end + _AFTER * best.period
     return replace(motions.run.between(begin, end), u=None), best.cycles
@@ -264,7 +273,8 @@ def significant(comparisons: int) -> float:
 
 def missing_metrics(why: str) -> list[ComparisonMetric]:
     """Return the metrics, without values, of a run that one of both motions does not show."""
-    return [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
+    metrics = [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
+    return [*metrics, _count(0, 0, why)]
 
 
 @dataclass(frozen=True)
@@ -276,12 +286,13 @@ class ComparedSteps:
     deflection: Array | str  #: of the actuator in each cycle, m, or why it tells nothing
     same_method: bool  #: whether both have their backstep by the same method, whose error cancels
     gain: float  #: of the lengths over those of the run
+    told: float | None = None  #: period of the drive by its parameters, s
 
     @property
     def period(self) -> MeasuredValue:
         """Period (s): the first and the last slip give it, each to about two samples."""
         error = 2.0 * self.motion.spacing / max(1, self.steps.steps - 1)
-        return MeasuredValue(self.steps.period, error)
+        return MeasuredValue(self.told or self.steps.period, error)
 
     @property
     def backstep(self) -> MeasuredValue:
@@ -329,7 +340,7 @@ def step_metrics(
     deflections = _deflections(motions.run, run, measured, alignment)
     same = run.mean_backstep.method == measured.mean_backstep.method
     both = (
-        ComparedSteps(seen, run, deflections[0], same, 1.0),
+        ComparedSteps(seen, run, deflections[0], same, 1.0, motions.period),
         ComparedSteps(motions.measurement, measured, deflections[1], same, alignment.gain),
     )
     metrics = []

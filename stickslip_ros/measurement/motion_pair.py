@@ -93,6 +93,7 @@ class MotionPair:
 
     run: Motion
     measurement: Motion
+    period: float | None = None  #: of the drive by its parameters, where a run is made of them, s
 
     @cached_property
     def found_in_run(self) -> list[Run]:

@@ -18,7 +18,7 @@ from stickslip_ros.measurement import (
     compare,
     judge,
 )
-from stickslip_ros.measurement.load_motion import simulate_as_measured
+from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.metrics import significant
 from stickslip_ros.parameters import Parameters
@@ -285,6 +285,39 @@ def test_each_run_of_steps_is_compared_with_its_own() -> None:
     assert "cannot be determined" in str(judge(stopped, {"step-error": 1.0})[0])
 
 
+def test_another_period_than_that_of_the_parameters_differs_in_every_run() -> None:
+    """The run was simulated at the measured frequency, so a wrong one agreed."""
+    t = np.arange(to_and_fro().t[0], to_and_fro().t[-1], 2e-5)
+    x = to_and_fro().position_at(t) + np.random.default_rng(4).normal(0.0, NOISE, len(t))
+    sensor, told = Motion("sensor", t, x), table_1(frequency=110.0)
+    runs = find_runs(t, x, 1.0 / 110.0)
+    simulated = simulate_as_measured(told, sensor, runs, "run")
+    found = compare(simulated, sensor, runs=runs, period=1.0 / 110.0)
+    assert [one.verdict for one in found.pairs] == ["period differs"] * 2
+    assert metric(found, "period").run == pytest.approx(1.0 / 110.0)
+
+
+@pytest.mark.parametrize("blind", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("steps", "rest", "differs"),
+    [(12, 0.02, False), (12, 0.0, False), (10, 0.0, True), (10, 0.02, True), (11, 0.02, True),
+     pytest.param(13, 0.02, True, marks=pytest.mark.long)],
+)  # fmt: skip
+def test_another_number_of_steps_differs(
+    steps: int, rest: float, differs: bool, blind: bool
+) -> None:
+    """Ten steps agreed with twelve: only the time in common was looked at."""
+    long = simulate_motion(table_1(), steps, "run", rest, 1.5 * rest)
+    sensor = measured(simulate_motion(table_1(), 12, "axis", 0.02, 0.03))
+    found = compare_told(measured(long, seed=2) if blind else long, sensor)
+    count = metric(found, "steps")
+    if blind and not rest:  # where a record begins or ends, steps without rest may be cut
+        assert "does not rest before and after" in count.verdict
+        return
+    assert (count.run, count.measured) == (steps, 12)
+    assert ("steps" in found.differing) == differs
+
+
 @pytest.mark.parametrize("late", [1, -1])
 def test_a_step_found_too_late_or_too_early_does_not_count(late: int) -> None:
     """One after the last slip was analysed with the others: backstep and damping were off."""
@@ -308,6 +341,7 @@ def test_of_offsets_that_fit_alike_the_one_with_most_time_in_common_is_taken() -
     middle = run().between(0.0305, 0.1155)
     assert middle.v is not None
     found = compare_told(middle, measured(middle, offset=0.05 + OFFSET))
+    assert metric(found, "steps").differs is None
     assert found.alignment.offset == pytest.approx(0.05 + OFFSET, abs=1e-6)
     assert found.alignment.other_offset is not None
     assert any("most time in common" in note for note in found.notes())

@@ -133,11 +133,11 @@ def draw(seed: int) -> Drawn:
 
 
 class _Levelled(TraceFit):
-    """A trace of which only the zero is unknown."""
+    """A trace of which only the zero is unknown, and hum while noise is taken for it."""
 
     def columns(self) -> Array:
-        """Return the one column of the zero."""
-        return np.ones((len(self.bins.t), 1))
+        """Return all columns but that of the drift."""
+        return super().columns()[:, :-1]
 
     def learn_noise(self, seen: BinnedModel) -> None:
         """Learn the noise, without the hum, of which there is none."""
