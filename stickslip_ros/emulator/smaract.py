@@ -194,7 +194,7 @@ MCS_CHANNEL: dict[str, Request] = {
     "MPA": Request(lambda c, x, hold: c.go_to_for(_NM * x, hold), 2, moves=True),
     "MPR": Request(lambda c, x, hold: c.go_to_for(c.target + _NM * x, hold), 2, moves=True),
     "MSCA": Request(_scan, 2, moves=True),
-    "MSCR": Request(lambda c, way, speed: _scan(c, c.level + way, speed), 2, moves=True),
+    "MSCR": Request(lambda c, distance, speed: _scan(c, c.level + distance, speed), 2, moves=True),
     "S": Request(lambda c: c.axis.stop()),
     "CS": Request(lambda c: None, moves=True),
     "FRM": Request(_refuse_reference, 3, moves=True),

@@ -143,8 +143,8 @@ def _cycles_of(shape: Shape, strokes: Array, sign: int) -> tuple[DriveCycles, ND
         order = np.argsort(~lasts, axis=1, kind="stable")
         durations = np.take_along_axis(np.where(lasts, durations, 0.0), order, axis=1)
         changes = np.take_along_axis(np.where(lasts, changes, 0.0), order, axis=1)
-    ways = changes * strokes[:, None]
-    rates = np.divide(ways, durations, out=np.zeros_like(ways), where=durations != 0.0)
+    lengths = changes * strokes[:, None]
+    rates = np.divide(lengths, durations, out=np.zeros_like(lengths), where=durations != 0.0)
     return DriveCycles(durations, rates, slip, sign, end - slip + 1), possible
 
 

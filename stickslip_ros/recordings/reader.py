@@ -71,8 +71,8 @@ class BagReader:
             self.close()
             raise
         found = {name: self.metadata.completed(one) for name, one in self._storage.topics.items()}
-        told = {topic.name: topic for topic in self.metadata.topics}
-        self.topics: dict[str, TopicDescription] = dict(sorted({**told, **found}.items()))
+        described = {topic.name: topic for topic in self.metadata.topics}
+        self.topics: dict[str, TopicDescription] = dict(sorted({**described, **found}.items()))
         self.counts: dict[str, int] = {name: self._storage.counts[name] for name in self.topics}
         self.files: list[FileSummary] = self._storage.files
         self.compressions: list[str] = self._storage.compressions

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.solver.any_arc import friction_at
+from stickslip_ros.solver.arc_dispatch import friction_at
+from stickslip_ros.solver.arc_motion import turns_within
 from stickslip_ros.solver.event_loop import (
     heat_since,
     open_account,
@@ -37,7 +38,6 @@ from stickslip_ros.solver.layout import (
     open_record,
     plant_in,
 )
-from stickslip_ros.solver.within_arc import turns_within
 
 #: Numbers of each sample: x (m), v (m/s), z (m), u' (m/s), u (m), F (N); for several contacts
 #: followed by z (m) of each

@@ -26,7 +26,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.model.friction import alpha_at, z_limit
-from stickslip_ros.solver.general_arcs import ERRORS, STEP, A
+from stickslip_ros.solver.dop853 import ERRORS, STEP, THIRD, A
 from stickslip_ros.solver.layout import GRADED, PLASTIC, STICKS
 
 #: The numbers of a runner, before those of its contacts: kg, N, N/m; the constants of ageing, 0, m,
@@ -46,8 +46,6 @@ _MOST, _TRIALS = 1_000_000, 100
 _FIRST, _SHORTER, _LONGER, _SAFE = 0.1, 0.2, 4.0, 0.9
 #: A swing goes on by twice the way to the place where nothing accelerates
 _AWAY = 2.0
-#: Weight of the estimate of third order, as in `general_arcs`
-_THIRD = 0.01
 #: Fractions of a bracket that a guess of an event's time keeps from its ends; where it ends,
 #: rounding
 _INNER, _CLOSE = 1e-3, 1e-15
@@ -168,7 +166,7 @@ def _try_step(y: NDArray, h: complex, rate: complex, run: _Run) -> float:
         low += (third.real / within) ** 2 + (third.imag / moved) ** 2
     if high == 0.0:
         return 0.0
-    return abs(h) * high / math.sqrt((high + _THIRD * low) * size) / _TOLERANCE
+    return abs(h) * high / math.sqrt((high + THIRD * low) * size) / _TOLERANCE
 
 
 @compiled

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.laws.law import ALWAYS_PLASTIC
+from stickslip_ros.solver.arc_motion import end_at, glide_of, is_at_rest
 from stickslip_ros.solver.branches import beyond_steady
 from stickslip_ros.solver.closed_arcs import glide, glide_end, rest_line
 from stickslip_ros.solver.layout import (
@@ -58,7 +59,6 @@ from stickslip_ros.solver.taylor import (
     time_at_level,
     turn_end,
 )
-from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest
 
 #: Fractions of the tolerance per cycle: one step of a series; what a z may lack to its limit and
 #: counts as reached

@@ -20,13 +20,19 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC
-from stickslip_ros.solver.any_arc import (
+from stickslip_ros.solver.arc_dispatch import (
     ArcLimits,
     arc_limits,
     find_arc,
     sample_anchor,
     sample_within,
     turn_of_arc,
+)
+from stickslip_ros.solver.arc_motion import (
+    actuator_path,
+    begin_arc,
+    position_integral,
+    rate_after,
 )
 from stickslip_ros.solver.contact_arcs import mean_at_end
 from stickslip_ros.solver.layout import TABULATED
@@ -37,12 +43,6 @@ from stickslip_ros.solver.stops import (
     held_heat,
     holding_stop,
     make_held_plant,
-)
-from stickslip_ros.solver.within_arc import (
-    actuator_path,
-    begin_arc,
-    position_integral,
-    rate_after,
 )
 
 #: The solver gives up after this many arcs without a length
@@ -84,9 +84,9 @@ def solve_cycles(
     while True:
         if drive.shape[1] > _FEWEST_TO_SEARCH:
             _pass_elastic_pieces(plant, s, kernel, contacts, drive, period)
-        outlook = arc_limits(s, drive, period)
+        limits = arc_limits(s, drive, period)
         over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
-        if over or (outlook.last and not outlook.ahead > 0.0):
+        if over or (limits.last and not limits.ahead > 0.0):
             sample_anchor(s, contacts, drive, s.tracking)
             break
         if s.spent >= s.allowance:
@@ -94,30 +94,30 @@ def solve_cycles(
             break
         if not arc.holds:
             too_short = drive[0, s.segment] < _SHORTEST_BENT * plant.inv_omega
-            _next_arc(plant, s, kernel, contacts, outlook, too_short)
-        s.rate, lined, s.bend = arc.rate, s.bend != arc.bend, arc.bend
+            _next_arc(plant, s, kernel, contacts, limits, too_short)
+        s.rate, straightened, s.bend = arc.rate, s.bend != arc.bend, arc.bend
         arc.holds = 0
         if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` raises an error
             sample_anchor(s, contacts, drive, 0)
             s.now_x = math.nan
             break
-        if arc.length > outlook.ahead or arc.length == math.inf:
+        if arc.length > limits.ahead or arc.length == math.inf:
             moving = kernel.held if s.stopped != 0 else plant
             # A tabulated arc is replaced by those that it is made of.
-            arc.holds = 0 if arc.kind == TABULATED or outlook.last else 1
-            sample_within(s, arc, moving, contacts, drive, outlook)
-            if lined:
+            arc.holds = 0 if arc.kind == TABULATED or limits.last else 1
+            sample_within(s, arc, moving, contacts, drive, limits)
+            if straightened:
                 s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
             break
-        _track_backstep(plant, s, kernel, outlook.resting)
+        _track_backstep(plant, s, kernel, limits.resting)
         _pass_arc(plant, s, arc, contacts)
-        if lined:
+        if straightened:
             s.heat += heat_since(s, plant, s.tau - s.open_tau)
             open_account(s)
             s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
-        if arc.length < outlook.limit:
+        if arc.length < limits.limit:
             continue
-        if outlook.last:
+        if limits.last:
             sample_anchor(s, contacts, drive, s.tracking)
             break
         if _pass_kink(plant, s, drive):
@@ -176,11 +176,11 @@ def _next_arc(
     s: np.record,
     kernel: np.record,
     contacts: NDArray | None,
-    outlook: ArcLimits,
+    limits: ArcLimits,
     too_short: bool,
 ) -> None:
     """Fill kernel.arc from the anchor to the next event; too_short: see `_SHORTEST_BENT`."""
-    arc, limit, rate, bend = kernel.arc, outlook.limit, s.rate, s.bend
+    arc, limit, rate, bend = kernel.arc, limits.limit, s.rate, s.bend
     arc.trial = s.trial
     arc.hit = 0
     near = not s.near_low <= s.x <= s.near_high
@@ -199,7 +199,7 @@ def _next_arc(
         s.stopped = holding_stop(plant, s, contacts)
     begin_arc(arc, plant, (s.x, s.z, s.v - rate), (rate, bend, limit))
     if s.stopped != 0:
-        if s.tracking and (s.segment != s.slip or outlook.resting):
+        if s.tracking and (s.segment != s.slip or limits.resting):
             s.backstep = s.x_top - s.x_low
             s.tracking = 0
         make_held_plant(plant, kernel)

@@ -9,10 +9,7 @@ the rest of the solver uses like a Taylor series for events, samples and sums. A
 turns, or with the step, whose length keeps the error of the polynomials, of order 7, within its
 limit.
 
-The method is DOP853 with its continuous output: E. Hairer, S. P. Norsett, G. Wanner, Solving
-Ordinary Differential Equations I, Springer 1993, section II.10. Stages 1 to 12 make the step, stage
-13 is the rate at its end, 14 to 16 serve the output alone. Each row of the tables is what one stage
-takes of those before it.
+The method is that of `dop853`.
 """
 
 from __future__ import annotations
@@ -22,142 +19,24 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ELASTOPLASTIC_CALC, FOREIGN
 from stickslip_ros.model.friction import has_two_states, rates_of_law
+from stickslip_ros.solver.arc_motion import AT_REST, end_at, is_at_rest
 from stickslip_ros.solver.contact_arcs import mean_at_end, stay
+from stickslip_ros.solver.dop853 import (
+    DEGREES,
+    ERRORS,
+    OUTPUT,
+    POWERS,
+    STAGES,
+    STEP,
+    THIRD,
+    TIMES,
+    A,
+)
 from stickslip_ros.solver.layout import ORDER, PLASTIC, TAYLOR, TURN
 from stickslip_ros.solver.taylor import W, Z, integral, polynomial, turn_end
-from stickslip_ros.solver.within_arc import AT_REST, end_at, is_at_rest
-
-#: Stages with those of the continuous output, and those of a step alone
-STAGES, STEP = 16, 12
-#: Powers of the fraction of a step in its continuous output, from 0 on
-DEGREES = 8
-
-
-def _matrix(rows: list[tuple[list[int], list[float]]]) -> Array:
-    """Return rows (rows, STAGES) of which each is given by its columns and its numbers."""
-    matrix = np.zeros((len(rows), STAGES))
-    for row, (columns, numbers) in zip(matrix, rows, strict=True):
-        row[columns] = numbers
-    return matrix
-
-
-# fmt: off
-#: What each stage takes of those before it
-A = _matrix([
-    ([], []),
-    ([0], [0.05260015195876773]),
-    ([0, 1], [
-        0.0197250569845379, 0.0591751709536137,
-    ]),
-    ([0, 2], [
-        0.02958758547680685, 0.08876275643042054,
-    ]),
-    ([0, 2, 3], [
-        0.2413651341592667, -0.8845494793282861, 0.924834003261792,
-    ]),
-    ([0, 3, 4], [
-        0.037037037037037035, 0.17082860872947386, 0.12546768756682242,
-    ]),
-    ([0, 3, 4, 5], [
-        0.037109375, 0.17025221101954405, 0.06021653898045596, -0.017578125,
-    ]),
-    ([0, 3, 4, 5, 6], [
-        0.03709200011850479, 0.17038392571223998, 0.10726203044637328, -0.015319437748624402,
-        0.008273789163814023,
-    ]),
-    ([0, 3, 4, 5, 6, 7], [
-        0.6241109587160757, -3.3608926294469414, -0.868219346841726, 27.59209969944671,
-        20.154067550477894, -43.48988418106996,
-    ]),
-    ([0, 3, 4, 5, 6, 7, 8], [
-        0.47766253643826434, -2.4881146199716677, -0.590290826836843, 21.230051448181193,
-        15.279233632882423, -33.28821096898486, -0.020331201708508627,
-    ]),
-    ([0, 3, 4, 5, 6, 7, 8, 9], [
-        -0.9371424300859873, 5.186372428844064, 1.0914373489967295, -8.149787010746927,
-        -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196,
-    ]),
-    ([0, 3, 4, 5, 6, 7, 8, 9, 10], [
-        2.273310147516538, -10.53449546673725, -2.0008720582248625, -17.9589318631188,
-        27.94888452941996, -2.8589982771350235, -8.87285693353063, 12.360567175794303,
-        0.6433927460157636,
-    ]),
-    ([0, 5, 6, 7, 8, 9, 10, 11], [
-        0.054293734116568765, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
-        0.3111643669578199, -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
-    ]),
-    ([0, 6, 7, 8, 9, 10, 11, 12], [
-        0.056167502283047954, 0.25350021021662483, -0.2462390374708025, -0.12419142326381637,
-        0.15329179827876568, 0.00820105229563469, 0.007567897660545699, -0.008298,
-    ]),
-    ([0, 5, 6, 7, 10, 11, 12, 13], [
-        0.03183464816350214, 0.028300909672366776, 0.053541988307438566, -0.05492374857139099,
-        -0.00010834732869724932, 0.0003825710908356584, -0.00034046500868740456,
-        0.1413124436746325,
-    ]),
-    ([0, 5, 6, 7, 8, 12, 13, 14], [
-        -0.42889630158379194, -4.697621415361164, 7.683421196062599, 4.06898981839711,
-        0.3567271874552811, -0.0013990241651590145, 2.9475147891527724, -9.15095847217987,
-    ]),
-])
-#: Estimates of the error, of order 5 and 3
-ERRORS = _matrix([
-    ([0, 5, 6, 7, 8, 9, 10, 11], [
-        0.01312004499419488, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
-        -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
-    ]),
-    ([0, 5, 6, 7, 8, 9, 10, 11], [
-        -0.18980075407240762, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
-        -0.4226823213237919, -0.1521609496625161, 0.20136540080403034, 0.02265179219836082,
-    ]),
-])
-#: The last four functions of the continuous output
-OUTPUT = _matrix([
-    ([0, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15], [
-        -8.428938276109013, 0.5667149535193777, -3.0689499459498917, 2.38466765651207,
-        2.117034582445028, -0.871391583777973, 2.2404374302607883, 0.6315787787694688,
-        -0.08899033645133331, 18.148505520854727, -9.194632392478356, -4.436036387594894,
-    ]),
-    ([0, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15], [
-        10.427508642579134, 242.28349177525817, 165.20045171727028, -374.5467547226902,
-        -22.113666853125306, 7.733432668472264, -30.674084731089398, -9.332130526430229,
-        15.697238121770845, -31.139403219565178, -9.35292435884448, 35.81684148639408,
-    ]),
-    ([0, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15], [
-        19.985053242002433, -387.0373087493518, -189.17813819516758, 527.8081592054236,
-        -11.57390253995963, 6.8812326946963, -1.0006050966910838, 0.7777137798053443,
-        -2.778205752353508, -60.19669523126412, 84.32040550667716, 11.99229113618279,
-    ]),
-    ([0, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15], [
-        -25.69393346270375, -154.18974869023643, -231.5293791760455, 357.6391179106141,
-        93.40532418362432, -37.45832313645163, 104.0996495089623, 29.8402934266605,
-        -43.53345659001114, 96.32455395918828, -39.17726167561544, -149.72683625798564,
-    ]),
-])
-# fmt: on
-
-#: When each stage is, as a fraction of the step
-TIMES = np.sum(A, axis=1)
-
-
-def _powers() -> Array:
-    """Return the output's functions x, x (1 - x), x^2 (1 - x), ... as powers of x, (7, DEGREES)."""
-    found, function = np.zeros((7, DEGREES)), np.polynomial.Polynomial([1.0])
-    for k in range(7):
-        function *= np.polynomial.Polynomial([0.0, 1.0] if k % 2 == 0 else [1.0, -1.0])
-        found[k, : len(function.coef)] = function.coef
-    return found
-
-
-#: Powers of x that the functions of the continuous output are made of
-POWERS = _powers()
-
-
-# -- the arcs
 
 #: Error allowed in a step, as a fraction of the tolerance per cycle. The estimate is that of the
 #: output, several times the error of the state at the end.
@@ -180,9 +59,6 @@ _ORDER, _NO_ERROR = 8.0, 1e-30
 #: method is stable. Its estimate of the error, a polynomial of that number, has a root at 5.65, and
 #: is less than the error within the step from 4 on
 _STABLE = 4.0
-#: Weight of the square of the estimate of third order beside that of fifth: as the authors of the
-#: method have it
-_THIRD = 0.01
 #: Lengths tried for one arc. Where none is exact enough, the arc has no length, and the next one
 #: tries still shorter ones; the event loop ends that.
 _TRIES = 40
@@ -343,7 +219,7 @@ def _error(arc: np.record, contacts: NDArray, rates: NDArray, h: float) -> float
         for j in range(STEP):
             fifth += ERRORS[0, j] * rates[j, k]
             third += ERRORS[1, j] * rates[j, k]
-        whole = math.sqrt(fifth * fifth + _THIRD * third * third)
+        whole = math.sqrt(fifth * fifth + THIRD * third * third)
         off = h * fifth * fifth / whole if whole > 0.0 else 0.0
         if k == _W:
             off *= arc.weight

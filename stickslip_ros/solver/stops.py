@@ -18,12 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.any_arc import find_arc, friction_at, place_contacts
+from stickslip_ros.solver.arc_dispatch import find_arc, friction_at, place_contacts
+from stickslip_ros.solver.arc_motion import (
+    actuator_path,
+    end_at,
+    motion_after,
+    rate_after,
+    turn_from,
+)
 from stickslip_ros.solver.contact_arcs import stay
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.oscillator import bisection
 from stickslip_ros.solver.taylor import Z, integral
-from stickslip_ros.solver.within_arc import actuator_path, end_at, rate_after, turn_from, within_arc
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
@@ -103,7 +109,7 @@ def _is_pressed(
 ) -> bool:
     """Return whether the runner is pressed against the stop at t (s) of an arc."""
     arc, plant, held, contacts, side = args
-    dr, z, _ = within_arc(arc, held, t)
+    dr, z, _ = motion_after(arc, held, t)
     z = place_contacts(arc, contacts, t, (dr, z))
     push = plant.force - plant.spring * arc.x - friction_at(z, -arc.rate, plant, contacts)
     return not side * push < 0.0
@@ -194,4 +200,4 @@ _hit = bisection(_is_short_of)
 @compiled
 def _over(arc: np.record, plant: np.record, side: int, stop: float, t: float) -> float:
     """Return how far (m) beyond the stop the runner would be after t (s)."""
-    return side * (arc.x + within_arc(arc, plant, t)[0] + actuator_path(arc, t) - stop)
+    return side * (arc.x + motion_after(arc, plant, t)[0] + actuator_path(arc, t) - stop)

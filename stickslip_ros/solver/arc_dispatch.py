@@ -14,17 +14,17 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import friction_force
-from stickslip_ros.solver.arcs import next_arc
+from stickslip_ros.solver.arc_motion import (
+    actuator_path,
+    begin_arc,
+    motion_after,
+    rate_after,
+    turning_point,
+)
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
 from stickslip_ros.solver.general_arcs import force_of, general_arc, needs_steps, second_after
 from stickslip_ros.solver.layout import TABULATED
-from stickslip_ros.solver.within_arc import (
-    actuator_path,
-    begin_arc,
-    rate_after,
-    turning_point,
-    within_arc,
-)
+from stickslip_ros.solver.single_contact_arcs import next_arc
 
 #: Arcs that a tabulated one is made of, at most: three branches, in a few steps each
 _MOST_PARTS = 100
@@ -119,15 +119,15 @@ def sample_within(
     plant: np.record,
     contacts: NDArray | None,
     drive: NDArray,
-    outlook: ArcLimits,
+    limits: ArcLimits,
 ) -> None:
     """Store the state at t_end, which lies within the arc; a backstep may be complete by then.
 
     plant is that of the arc: for a runner held by a stop, that of `stops.make_held_plant`. At rest
     the last arc never ends.
     """
-    ahead, tracking = outlook.ahead, s.tracking
-    if tracking and outlook.resting:
+    ahead, tracking = limits.ahead, s.tracking
+    if tracking and limits.resting:
         t, dr = turning_point(arc, plant, s.sign)
         if t <= ahead:
             s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + dr))
@@ -137,13 +137,13 @@ def sample_within(
         return
     at = ahead
     if contacts is None and arc.kind == TABULATED:  # through the arcs that it is made of
-        limit = outlook.limit
+        limit = limits.limit
         next_arc(arc, plant, limit, False)
         while arc.length <= at:
             at -= arc.length
             limit -= arc.length
             _next_part(arc, plant, limit)
-    dr, z, w = within_arc(arc, plant, at)
+    dr, z, w = motion_after(arc, plant, at)
     z = place_contacts(arc, contacts, at, (dr, z))
     if s.stopped == 0:
         s.now_x = min(max(arc.x + dr + actuator_path(arc, at), s.low), s.high)

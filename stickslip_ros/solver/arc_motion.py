@@ -96,7 +96,7 @@ def glide_of(arc: np.record, plant: np.record) -> Glide:
 
 
 @compiled
-def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float, float]:
+def motion_after(arc: np.record, plant: np.record, t: float) -> tuple[float, float, float]:
     """Return path so far (integral of w, m), deflection z (m), speed w (m/s) after t (s)."""
     z, mirror = arc.z, arc.mirror
     if arc.kind == ELASTIC:
@@ -177,7 +177,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
                 t = next_turn(y, wy, o, line.b + rate, t, h)
             if not t < h:
                 return math.nan, 0.0
-        return t, within_arc(arc, plant, t)[0] + actuator_path(arc, t)
+        return t, motion_after(arc, plant, t)[0] + actuator_path(arc, t)
     if not v_start < 0.0 <= v_end:
         return math.nan, 0.0
     if arc.kind == TAYLOR and straight:
@@ -193,7 +193,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         t = time_at_level(arc.work, W, -side * rate, -h)
         return h + t, arc.path + side * integral(arc.work, W, t) + actuator_path(arc, h + t)
     t = turn_from((arc, plant, -sign, False), 0.0, h)
-    return t, within_arc(arc, plant, t)[0] + actuator_path(arc, t)
+    return t, motion_after(arc, plant, t)[0] + actuator_path(arc, t)
 
 
 @compiled
@@ -206,8 +206,8 @@ def _moves_towards(t: float, args: tuple[np.record, np.record, int, bool]) -> bo
     if deflection and arc.kind == TAYLOR:
         return side * slope(arc.work, Z, t) > 0.0
     if deflection:
-        return side * within_arc(arc, plant, t)[2] > 0.0
-    return side * (within_arc(arc, plant, t)[2] + rate_after(arc, t)) > 0.0
+        return side * motion_after(arc, plant, t)[2] > 0.0
+    return side * (motion_after(arc, plant, t)[2] + rate_after(arc, t)) > 0.0
 
 
 #: When (s) it no longer moves to a side: of the args of `_moves_towards` and a bracket

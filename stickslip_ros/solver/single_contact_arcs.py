@@ -10,6 +10,7 @@ import numpy as np
 from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC
 from stickslip_ros.model.friction import z_limit
+from stickslip_ros.solver.arc_motion import end_at, glide_of, is_at_rest, motion_after
 from stickslip_ros.solver.branches import branch_at, held_at_jump, is_flat
 from stickslip_ros.solver.closed_arcs import elastic_end, glide, glide_end, rest_line
 from stickslip_ros.solver.layout import ELASTIC, FREE, GLIDE, REST, TABULATED, TAYLOR, TURN
@@ -29,7 +30,6 @@ from stickslip_ros.solver.taylor import (
     taylor_end,
     time_at_level,
 )
-from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest, within_arc
 
 #: Error of one step of a series, as a fraction of the tolerance per cycle: where tables cover most
 #: of a cycle, or its slides alone, where they do not, and on the Stribeck curve, where the motion
@@ -148,7 +148,7 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
         end = _series_end(arc, plant, branch, min(h, limit), tables)
     arc.length = end.t
     if end.t < math.inf:
-        dr, z_end, w_end = within_arc(arc, plant, end.t)
+        dr, z_end, w_end = motion_after(arc, plant, end.t)
         end_at(arc, end.t, z_end, 0.0 if end.event == TURN else w_end, dr)
         if end.z == end.z:
             arc.z_end = mirror * end.z
