@@ -69,7 +69,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     An exception leaves what was there before. A device or a pipe is written to directly.
 
-    :raises WriteError: the file cannot be written; every OSError inside counts as that.
+    Raises WriteError: the file cannot be written; every OSError inside counts as that.
     """
     with writing(path):
         target = Path(os.path.realpath(path))  # the file a link points to, not the link
@@ -108,7 +108,7 @@ def whole_folder(path: Path, replace: bool = False) -> Iterator[Path]:
     The folder given has its final name already, for files named after it, and is not there yet.
     An exception leaves nothing behind, and with ``replace`` what was there before.
 
-    :raises WriteError: it exists, its parent does not, or it cannot be written.
+    Raises WriteError: it exists, its parent does not, or it cannot be written.
     """
     with writing(path):
         target = path.expanduser().absolute()

@@ -47,15 +47,12 @@ class _RawFile(io.FileIO):
 
 
 class FileLayer:
-    """Counts, fails and remembers what a program does to the files in a folder.
-
-    :ivar calls: what was called so far, as ``write bag_0.mcap``.
-    """
+    """Counts, fails and remembers what a program does to the files in a folder."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         """Watch a folder until the test ends."""
         self.folder = folder
-        self.calls: list[str] = []
+        self.calls: list[str] = []  #: what was called so far, as ``write bag_0.mcap``
         self.fail_at = -1  #: number of the call that fails; it and those that follow if `broken`
         self.broken = False
         self.number = errno.ENOSPC
@@ -154,7 +151,7 @@ def each_fault(
 
     Yields the call that failed, the exception that came of it and the folder it was done in.
 
-    :param broken: whether all calls after that one fail, too.
+    broken: whether all calls after that one fail, too.
     """
     number = 0
     while True:

@@ -438,8 +438,7 @@ def positions(
 ) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest, after a rest (s), and of more cycles.
 
-    :param pushed: deflection (m) that each contact begins with.
-    :raises NoAnswerError: as it says.
+    pushed: deflection (m) that each contact begins with. Raises NoAnswerError: as it says.
     """
     plain = {"actuator": "linear", "actuator_memory": False, "creep": 0.0}
     stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")

@@ -81,7 +81,7 @@ _Values.add_constructor("tag:yaml.org,2002:int", _Values.construct_yaml_int)
 def load_values(text: str) -> Any:
     """Load YAML text.
 
-    :raises ValueError: not YAML, a duplicate key, or text that takes much time or memory to load.
+    Raises ValueError: not YAML, a duplicate key, or text that takes much time or memory to load.
     """
     return _load(text, _Values)
 
@@ -89,7 +89,7 @@ def load_values(text: str) -> Any:
 def load_texts(text: str) -> Any:
     """Load YAML text with all values as texts, without numbers and dates.
 
-    :raises ValueError: as :func:`load_values`.
+    Raises ValueError: as :func:`load_values`.
     """
     return _load(text, _Texts)
 

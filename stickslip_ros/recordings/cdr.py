@@ -74,7 +74,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     The object has the fields of the message as attributes, lists for arrays. The function raises
     BagError for data that is not such a message.
 
-    :raises BagError: the format of the topic is not known, or its schema is broken.
+    Raises BagError: the format of the topic is not known, or its schema is broken.
     """
     where = f"topic {topic.name} ({topic.type})"
     if topic.encoding != CDR or topic.schema_encoding != "ros2msg" or not topic.schema:
@@ -112,7 +112,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
 def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
     """Return a function that makes the data of a message of an object like a decoded one.
 
-    :raises BagError: the schema of the topic is broken.
+    Raises BagError: the schema of the topic is broken.
     """
     try:
         encode = serialize_dynamic(topic.type, topic.schema)[topic.type]
@@ -139,7 +139,7 @@ def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:
 def decode_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[BagMessage, Any]]:
     """Yield the messages on some topics in order of time, each as recorded and as an object.
 
-    :raises BagError: a topic is not in the bag or cannot be decoded, or a message is damaged.
+    Raises BagError: a topic is not in the bag or cannot be decoded, or a message is damaged.
     """
     decoders = {topic: decoder_for(bag.topics[topic]) for topic in topics}
     for found in bag.messages(decoders):
@@ -151,8 +151,8 @@ def fields_of(
 ) -> Iterator[tuple[str, bool | int | float | str]]:
     """Yield names and values of the fields of a message, without its header.
 
-    :param kind: its type; the fields of joint states are named after their joints.
-    :param longest_array: longer ones, images say, are passed over.
+    kind: its type; the fields of joint states are named after their joints. longest_array: longer
+    ones, images say, are passed over.
     """
     if kind == JOINT_STATE_TYPE:
         for name in ("position", "velocity", "effort"):
@@ -176,27 +176,21 @@ def fields_of(
 
 
 class Status(NamedTuple):
-    """One status of a DiagnosticArray; times in ns since the Unix epoch.
+    """One status of a DiagnosticArray; times in ns since the Unix epoch."""
 
-    :ivar log_ns: when the message with it was recorded.
-    :ivar stamp_ns: the time in its header.
-    :ivar level: 0 OK, 1 WARN, 2 ERROR, 3 STALE.
-    :ivar values: its values by key.
-    """
-
-    log_ns: int
-    stamp_ns: int
+    log_ns: int  #: when the message with it was recorded
+    stamp_ns: int  #: the time in its header
     name: str
-    level: int
+    level: int  #: 0 OK, 1 WARN, 2 ERROR, 3 STALE
     message: str
-    values: dict[str, str]
+    values: dict[str, str]  #: its values by key
 
 
 def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
     """Yield every diagnostic status on a topic in order of time, reading as it goes.
 
-    :raises BagError: the topic is not in the bag or not one of diagnostics; while reading: a
-        message is damaged.
+    Raises BagError: the topic is not in the bag or not one of diagnostics; while reading: a message
+    is damaged.
     """
     topic = bag.topics.get(topic_name)
     if topic is None or topic.type != STATUS_TYPE:
@@ -220,9 +214,8 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
 def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
     """Return the full ``ros2msg`` schema of a message type.
 
-    :param type_name: such as ``sensor_msgs/msg/JointState``.
-    :param definition_of: gives the ``.msg`` text of a type named that way; what it raises for a
-        type it does not know goes through to the caller.
+    type_name: such as ``sensor_msgs/msg/JointState``. definition_of: gives the ``.msg`` text of a
+    type named that way; what it raises for a type it does not know goes through to the caller.
     """
     definitions = {type_name: definition_of(type_name)}
     waiting = [type_name]
@@ -243,7 +236,7 @@ def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
 def _referenced_types(definition: str, package: str) -> Iterator[str]:
     """Yield the message types (``package/msg/Type``) named in the fields of a ``.msg`` text.
 
-    :param package: the package of the definition itself, for types written without one.
+    package: the package of the definition itself, for types written without one.
     """
     for line in definition.splitlines():
         words = line.split("#", 1)[0].split()

@@ -24,7 +24,7 @@ class BagError(StickslipError):
 def damaged(path: Path, what: str) -> BagError:
     """Return the error for a file that violates its format.
 
-    :param what: the violation, without a full stop.
+    what: the violation, without a full stop.
     """
     return BagError(
         f"{path} is damaged: {what}; `stickslip bag recover` makes a new bag of what is whole in it"

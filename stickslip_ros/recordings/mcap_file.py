@@ -47,16 +47,11 @@ _MOST_FALSE_STARTS = 1000
 
 
 class Block(NamedTuple):
-    """A chunk, or a record outside of chunks.
+    """A chunk, or a record outside of chunks."""
 
-    :ivar place: in the file.
-    :ivar records: of the chunk, unpacked, or the one record, b"" if it is of no use.
-    :ivar chunk: None outside of chunks.
-    """
-
-    place: Place
-    records: bytes
-    chunk: Chunk | None = None
+    place: Place  #: in the file
+    records: bytes  #: of the chunk, unpacked, or the one record, b"" if it is of no use
+    chunk: Chunk | None = None  #: None outside of chunks
 
 
 class Span(NamedTuple):
@@ -73,37 +68,28 @@ class Span(NamedTuple):
 
 
 class McapFile:
-    """An open file.
-
-    :ivar channels: the topics and metadata read so far.
-    :ivar size: of the file, unpacked, bytes.
-    :ivar stored_size: as it lies on the disk, bytes.
-    :ivar allowance: what its chunks may still unpack to.
-    :ivar findings: what is wrong with it, a sentence each; None if it has to be sound.
-    :ivar dropped_bytes: how much of it was of no use so far.
-    :ivar statistics: counts in its index, None if it has none.
-    :ivar spans: where messages are, by its index its chunks.
-    :ivar compressions: of its chunks, in words.
-    """
+    """An open file."""
 
     def __init__(self, path: Path, findings: list[str] | None = None) -> None:
         """Open the file.
 
-        :param findings: takes what is wrong with the file; None: that is an error.
-        :raises BagError: the operating system does not let us read it, it is cut, or no MCAP file.
+        findings: takes what is wrong with the file; None: that is an error. Raises BagError: the
+        operating system does not let us read it, it is cut, or no MCAP file.
         """
         self.path = path
+        #: what is wrong with it, a sentence each; None if it has to be sound
         self.findings = findings
-        self.dropped_bytes = 0
-        self.channels = Channels()
-        self.statistics: Statistics | None = None
-        self.spans: list[Span] = []
-        self.compressions: set[str] = set()
+        self.dropped_bytes = 0  #: how much of it was of no use so far
+        self.channels = Channels()  #: the topics and metadata read so far
+        self.statistics: Statistics | None = None  #: counts in its index, None if it has none
+        self.spans: list[Span] = []  #: where messages are, by its index its chunks
+        self.compressions: set[str] = set()  #: of its chunks, in words
         with reading(path):
             self.stream, whole = open_storage(path)
             try:
-                self.stored_size = path.stat().st_size
-                self.size = os.fstat(self.stream.fileno()).st_size
+                self.stored_size = path.stat().st_size  #: as it lies on the disk, bytes
+                self.size = os.fstat(self.stream.fileno()).st_size  #: of the file, unpacked, bytes
+                #: what its chunks may still unpack to
                 self.allowance = Allowance(path, self.stored_size)
                 self.begins_right = self.read(0, len(MAGIC)) == MAGIC
                 if not self.stored_size:
@@ -141,7 +127,7 @@ class McapFile:
     def footer(self) -> Footer:
         """Return the last record.
 
-        :raises ValueError: the file has no end.
+        Raises ValueError: the file has no end.
         """
         end = self.size - len(MAGIC)
         if self.records_end < len(MAGIC) or self.read(end, len(MAGIC)) != MAGIC:
@@ -154,7 +140,7 @@ class McapFile:
     def read_index(self, footer: Footer) -> None:
         """Read the index, and learn topics and metadata unless its checksum is wrong.
 
-        :raises ValueError: it is broken, or its checksum is wrong.
+        Raises ValueError: it is broken, or its checksum is wrong.
         """
         start, end = footer.summary_start, self.records_end
         if not len(MAGIC) <= start <= end:
@@ -192,8 +178,8 @@ class McapFile:
     def blocks(self, end: int | None = None) -> Iterator[Block]:
         """Yield all chunks and other used records, in the order of the file.
 
-        :param end: of the part that is read; the whole file if None.
-        :raises ValueError: something is wrong with a file that has to be sound.
+        end: of the part that is read; the whole file if None. Raises ValueError: something is wrong
+        with a file that has to be sound.
         """
         at = len(MAGIC) if self.begins_right else 0
         if end is None:
@@ -221,7 +207,7 @@ class McapFile:
     def _block_at(self, at: int, end: int) -> Block:
         """Return the chunk, or the record outside of chunks, at a place.
 
-        :raises ValueError: it is broken.
+        Raises ValueError: it is broken.
         """
         place = place_at(self.stream, at, end)
         if place.opcode == Opcode.CHUNK:

@@ -49,18 +49,15 @@ class Wanted(NamedTuple):
 
 
 class McapReader(McapFile):
-    """A finished MCAP file; its content is known when it has been opened.
-
-    :ivar counts: of the messages, by topic.
-    """
+    """A finished MCAP file; its content is known when it has been opened."""
 
     def __init__(self, path: Path) -> None:
         """Open the file and read its index, or the whole file if it has no index.
 
-        :raises BagError: it cannot be read, was not finished or is damaged.
+        Raises BagError: it cannot be read, was not finished or is damaged.
         """
         super().__init__(path)
-        self.counts: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()  #: of the messages, by topic
         self._times: tuple[int, int] | None = None
         try:
             with reading(path):
@@ -144,7 +141,7 @@ class McapReader(McapFile):
     def records(self, span: Span) -> bytes:
         """Return the records of a span, out of their chunk if they are in one.
 
-        :raises BagError: they are damaged.
+        Raises BagError: they are damaged.
         """
         end = span.offset + span.length
         with reading(self.path):
@@ -161,7 +158,7 @@ class McapReader(McapFile):
     def messages_of(self, records: bytes, span: Span, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield the wanted messages among the records of a span, in order of time.
 
-        :raises BagError: they are damaged.
+        Raises BagError: they are damaged.
         """
         with reading(self.path):
             heads = messages_in(records, self.channels.learn)
@@ -181,24 +178,17 @@ class McapReader(McapFile):
 
 
 class McapFiles:
-    """The open MCAP files of a bag as one.
-
-    :ivar topics: by name.
-    :ivar counts: messages by topic.
-    :ivar files: a summary of each.
-    :ivar compressions: of the chunks: "zstd", "lz4", "" for none.
-    :ivar libraries: names of the programs that wrote the files.
-    """
+    """The open MCAP files of a bag as one."""
 
     def __init__(self, path: Path, files: list[Path]) -> None:
         """Open the files of a bag.
 
-        :raises BagError: one cannot be read.
+        Raises BagError: one cannot be read.
         """
         self._path = path
         self._readers: list[McapReader] = []
-        self.topics: dict[str, TopicDescription] = {}
-        self.counts: Counter[str] = Counter()
+        self.topics: dict[str, TopicDescription] = {}  #: by name
+        self.counts: Counter[str] = Counter()  #: messages by topic
         try:
             for file in files:
                 reader = McapReader(file)
@@ -212,8 +202,10 @@ class McapFiles:
         except BaseException:
             self.close()
             raise
-        self.files = [reader.summary() for reader in self._readers]
+        self.files = [reader.summary() for reader in self._readers]  #: a summary of each
+        #: of the chunks: "zstd", "lz4", "" for none
         self.compressions = sorted({one for reader in self._readers for one in reader.compressions})
+        #: names of the programs that wrote the files
         self.libraries = sorted({reader.library for reader in self._readers})
 
     def close(self) -> None:
@@ -235,7 +227,7 @@ class McapFiles:
     def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages in order of time; at one time, in the order of their spans.
 
-        :raises BagError: a file is damaged.
+        Raises BagError: a file is damaged.
         """
         found = [
             (span, reader)

@@ -85,8 +85,8 @@ class Place(NamedTuple):
 def place_at(stream: IO[bytes], at: int, end: int) -> Place:
     """Return the record that begins at a place, without reading it.
 
-    :param end: of the records of the file.
-    :raises ValueError: there is none, or it is longer than what is left or than makes sense.
+    end: of the records of the file. Raises ValueError: there is none, or it is longer than what is
+    left or than makes sense.
     """
     stream.seek(at)
     opcode, length = HEAD.unpack(stream.read(HEAD.size))
@@ -139,7 +139,7 @@ class Chunk:
     def unpacked(self, allowance: Allowance | None) -> bytes:
         """Return the unpacked records; ValueError if they are damaged.
 
-        :param allowance: of the file; None where the sum is known to be within it.
+        allowance: of the file; None where the sum is known to be within it.
         """
         data = _unpack(self.data, self.compression, self.size, allowance)
         if len(data) != self.size:
@@ -152,8 +152,7 @@ class Chunk:
 def _unpack(data: bytes, compression: str, limit: int, allowance: Allowance | None) -> bytes:
     """Unpack data; return limit + 1 bytes at most.
 
-    :raises ValueError: broken data.
-    :raises ReadError: the file has unpacked to more than it may.
+    Raises ValueError: broken data. Raises ReadError: the file has unpacked to more than it may.
     """
     if not compression:
         return data[: limit + 1]
@@ -180,8 +179,8 @@ def _unpack(data: bytes, compression: str, limit: int, allowance: Allowance | No
 def unpack_message(data: bytes, allowance: Allowance) -> bytes:
     """Return a message that rosbag2 packed with zstd by itself.
 
-    :raises ValueError: broken data, or a message larger than makes sense.
-    :raises ReadError: the file has unpacked to more than it may.
+    Raises ValueError: broken data, or a message larger than makes sense. Raises ReadError: the file
+    has unpacked to more than it may.
     """
     unpacked = _unpack(data, "zstd", _LARGEST_MESSAGE, allowance)
     if len(unpacked) > _LARGEST_MESSAGE:
@@ -194,9 +193,8 @@ def open_storage(path: Path) -> tuple[IO[bytes], bool]:
 
     A file packed with zstd as a whole is unpacked to a temporary one, gone when closed.
 
-    :raises BagError: its zstd data is broken.
-    :raises ReadError: it is no file, or unpacks to more than it may.
-    :raises OSError: it cannot be read, or the temporary folder has no room.
+    Raises BagError: its zstd data is broken. Raises ReadError: it is no file, or unpacks to more
+    than it may. Raises OSError: it cannot be read, or the temporary folder has no room.
     """
     stream = open_regular(path)
     if path.suffix != ".zstd":
@@ -228,8 +226,7 @@ class Heads(NamedTuple):
 def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Heads:
     """Return the messages among records in memory.
 
-    :param learn: called with opcode and body of every other record.
-    :raises ValueError: a record is broken.
+    learn: called with opcode and body of every other record. Raises ValueError: a record is broken.
     """
     channels, times, starts = Heads(array("H"), array("Q"), array("Q"))
     unpack_head, unpack_message_head = HEAD.unpack_from, MESSAGE_HEAD.unpack_from
@@ -253,20 +250,13 @@ def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Heads:
 
 
 class BagMessage(NamedTuple):
-    """One message of a bag; times in ns since the Unix epoch.
+    """One message of a bag; times in ns since the Unix epoch."""
 
-    :ivar topic: its name.
-    :ivar log_ns: when it was recorded, which is what orders a bag.
-    :ivar publish_ns: when it was published.
-    :ivar sequence: the publisher's number of it, 0 if unknown.
-    :ivar data: the message, serialized.
-    """
-
-    topic: str
-    log_ns: int
-    publish_ns: int
-    sequence: int
-    data: bytes
+    topic: str  #: its name
+    log_ns: int  #: when it was recorded, which is what orders a bag
+    publish_ns: int  #: when it was published
+    sequence: int  #: the publisher's number of it, 0 if unknown
+    data: bytes  #: the message, serialized
 
 
 def message_at(records: bytes, start: int, topic: str) -> BagMessage:
@@ -278,23 +268,19 @@ def message_at(records: bytes, start: int, topic: str) -> BagMessage:
 
 
 class Channels:
-    """What the records of a file besides messages say.
-
-    :ivar topics: by the number of their channel.
-    :ivar metadata_text: what rosbag2 left in the file last, "" if nothing.
-    """
+    """What the records of a file besides messages say."""
 
     def __init__(self) -> None:
         """Know nothing."""
-        self.topics: dict[int, TopicDescription] = {}
-        self.metadata_text = ""
+        self.topics: dict[int, TopicDescription] = {}  #: by the number of their channel
+        self.metadata_text = ""  #: what rosbag2 left in the file last, "" if nothing
         self._known: dict[tuple[type, int], Any] = {}
         self._size = 0
 
     def learn(self, opcode: int, body: bytes) -> None:
         """Take a schema, channel or metadata record; other records are passed over.
 
-        :raises ValueError: it is broken, or another one had that number.
+        Raises ValueError: it is broken, or another one had that number.
         """
         if opcode == Opcode.METADATA:
             found = parse(Metadata, body)

@@ -35,23 +35,15 @@ _ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
 
 @dataclass(frozen=True)
 class TopicDescription:
-    """A topic as a bag keeps it.
-
-    :ivar type: such as ``sensor_msgs/msg/JointState``.
-    :ivar schema: the ``ros2msg`` text of the type with everything inside it.
-    :ivar type_hash: ``RIHS01_...``, empty when not known.
-    :ivar offered_qos: one entry a publisher.
-    :ivar schema_encoding: the language of the schema.
-    :ivar encoding: the format of the messages.
-    """
+    """A topic as a bag keeps it."""
 
     name: str
-    type: str
-    schema: str
-    type_hash: str = ""
-    offered_qos: tuple[OfferedQos, ...] = ()
-    schema_encoding: str = "ros2msg"
-    encoding: str = CDR
+    type: str  #: such as ``sensor_msgs/msg/JointState``
+    schema: str  #: the ``ros2msg`` text of the type with everything inside it
+    type_hash: str = ""  #: ``RIHS01_...``, empty when not known
+    offered_qos: tuple[OfferedQos, ...] = ()  #: one entry a publisher
+    schema_encoding: str = "ros2msg"  #: the language of the schema
+    encoding: str = CDR  #: the format of the messages
 
 
 @dataclass(frozen=True)
@@ -74,9 +66,8 @@ def bag_metadata(
 ) -> dict[str, Any]:
     """Return the metadata of a bag of MCAP files; rosbag2 needs every key.
 
-    :param files: every storage file, in order of time.
-    :param topics: every topic with the count of its messages.
-    :param custom_data: free text by key, kept as it is.
+    files: every storage file, in order of time. topics: every topic with the count of its messages.
+    custom_data: free text by key, kept as it is.
     """
     filled = [file for file in files if file.messages]
     start = min((file.start_ns for file in filled), default=0)
@@ -120,23 +111,18 @@ def bag_metadata(
 
 @dataclass(frozen=True)
 class StoredMetadata:
-    """The part of the metadata that the files of the bag do not contain.
-
-    :ivar files: names of the storage files.
-    :ivar topics: without schemas, which stand in the files.
-    :ivar message_count: in all files, None if it is not said.
-    :ivar compression_mode: "", "file" or "message": rosbag2's own, around or inside the files.
-    """
+    """The part of the metadata that the files of the bag do not contain."""
 
     version: int = METADATA_VERSION
     storage: str = "mcap"
-    files: tuple[str, ...] = ()
-    topics: tuple[TopicDescription, ...] = ()
+    files: tuple[str, ...] = ()  #: names of the storage files
+    topics: tuple[TopicDescription, ...] = ()  #: without schemas, which stand in the files
     compression_format: str = ""
+    #: "", "file" or "message": rosbag2's own, around or inside the files
     compression_mode: str = ""
     ros_distro: str = ""
     custom_data: dict[str, str] = field(default_factory=dict)
-    message_count: int | None = None
+    message_count: int | None = None  #: in all files, None if it is not said
 
     def completed(self, topic: TopicDescription) -> TopicDescription:
         """Return a topic with the hash and the QoS given here if its file does not give any."""
@@ -153,7 +139,7 @@ class StoredMetadata:
 def parse_metadata(text: str) -> StoredMetadata:
     """Parse a ``metadata.yaml``, or its copy inside a storage file.
 
-    :raises ValueError: the text names what is wrong with it.
+    Raises ValueError: the text names what is wrong with it.
     """
     found = YamlFields(load_texts(text), "the file")
     if OUTER_KEY in found.values:
@@ -192,7 +178,7 @@ def _topic(entry: Any) -> TopicDescription:
 def stored_metadata(path: Path) -> StoredMetadata | None:
     """Read the ``metadata.yaml`` of a bag, None if there is none.
 
-    :raises BagError: it cannot be read or is broken.
+    Raises BagError: it cannot be read or is broken.
     """
     file = path / METADATA_FILE
     if not path.is_dir() or not file.exists():
@@ -211,9 +197,8 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
 def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path]:
     """Return the storage files of a bag, all of one kind, in the order of their numbers.
 
-    :param path: a folder, or one file.
-    :param stored: what ``metadata.yaml`` says, which names the kind.
-    :raises BagError: there is none.
+    path: a folder, or one file. stored: what ``metadata.yaml`` says, which names the kind. Raises
+    BagError: there is none.
     """
     if not path.exists():
         raise BagError(f"there is no bag {path}; check the name")

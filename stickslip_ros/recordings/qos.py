@@ -125,7 +125,7 @@ def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:
 
     Text stands in the metadata of channels, and in ``metadata.yaml`` up to version 8.
 
-    :raises ValueError: it is no such list.
+    Raises ValueError: it is no such list.
     """
     if isinstance(value, str):
         value = load_texts(value) if value.strip() else []

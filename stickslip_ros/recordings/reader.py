@@ -33,31 +33,21 @@ _LOG = logging.getLogger(__name__)
 def open_bag(path: Path | str) -> BagReader:
     """Open a recording: a rosbag2 folder, one ``.mcap`` or ``.db3`` file, a ``.bag`` of ROS 1.
 
-    :raises BagError: it cannot be read; the text names the file and the cure.
+    Raises BagError: it cannot be read; the text names the file and the cure.
     """
     return BagReader(path)
 
 
 class BagReader:
-    """A recording, open for reading; also a context manager that closes it.
-
-    :ivar path: what was opened.
-    :ivar topics: every topic by its name, those without messages too.
-    :ivar counts: messages by topic.
-    :ivar files: the storage files.
-    :ivar warnings: what may be missing, a sentence each; none if nothing is.
-    :ivar metadata: what ``metadata.yaml``, or without one the files, say besides.
-    :ivar compressions: of the chunks: "zstd", "lz4", "" for none.
-    :ivar libraries: names of the programs that wrote the files.
-    """
+    """A recording, open for reading; also a context manager that closes it."""
 
     def __init__(self, path: Path | str) -> None:
         """Open a folder or a file; messages are read later.
 
-        :raises BagError: it cannot be read; the text names the file and the cure.
+        Raises BagError: it cannot be read; the text names the file and the cure.
         """
-        self.path = Path(path).expanduser().absolute()
-        self.warnings: list[str] = []
+        self.path = Path(path).expanduser().absolute()  #: what was opened
+        self.warnings: list[str] = []  #: what may be missing, a sentence each; none if nothing is
         with reading(self.path):
             stored = stored_metadata(self.path)
             files = self._storage_files(stored)
@@ -66,16 +56,21 @@ class BagReader:
                 _check_supported(self.path, stored, by_rosbags)
             self._storage = (RosbagsFiles if by_rosbags else McapFiles)(self.path, files)
         try:
+            #: what ``metadata.yaml``, or without one the files, say besides
             self.metadata = stored or self._storage.metadata
         except BaseException:
             self.close()
             raise
         found = {name: self.metadata.completed(one) for name, one in self._storage.topics.items()}
         described = {topic.name: topic for topic in self.metadata.topics}
+        #: every topic by its name, those without messages too
         self.topics: dict[str, TopicDescription] = dict(sorted({**described, **found}.items()))
+        #: messages by topic
         self.counts: dict[str, int] = {name: self._storage.counts[name] for name in self.topics}
-        self.files: list[FileSummary] = self._storage.files
+        self.files: list[FileSummary] = self._storage.files  #: the storage files
+        #: of the chunks: "zstd", "lz4", "" for none
         self.compressions: list[str] = self._storage.compressions
+        #: names of the programs that wrote the files
         self.libraries: list[str] = self._storage.libraries
         if stored and stored.message_count not in (None, self.message_count) and not self.warnings:
             self._warn(
@@ -145,10 +140,9 @@ class BagReader:
     ) -> Iterator[BagMessage]:
         """Yield messages in order of log time, over all files, reading as it goes.
 
-        :param topics: names, all topics if None.
-        :param start: ns since the Unix epoch, the first time to take.
-        :param end: ns since the Unix epoch, the first time not to take.
-        :raises BagError: a topic is not in the bag; while reading: a file is damaged.
+        topics: names, all topics if None. start: ns since the Unix epoch, the first time to take.
+        end: ns since the Unix epoch, the first time not to take. Raises BagError: a topic is not in
+        the bag; while reading: a file is damaged.
         """
         wanted = Wanted(
             None if topics is None else frozenset(topics),
@@ -202,7 +196,7 @@ class RosbagsFiles:
     def __init__(self, path: Path, files: list[Path]) -> None:
         """Open the files by themselves, because the topics in ``metadata.yaml`` may be wrong.
 
-        :raises BagError: one cannot be read, or ``rosbags`` is not installed.
+        Raises BagError: one cannot be read, or ``rosbags`` is not installed.
         """
         try:
             from rosbags.highlevel import AnyReader
@@ -268,7 +262,7 @@ class RosbagsFiles:
     def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages in order of time.
 
-        :raises BagError: a file is damaged.
+        Raises BagError: a file is damaged.
         """
         reader = self._reader
         chosen = [

@@ -37,19 +37,13 @@ from stickslip_ros.recordings.writer import BagWriter
 
 @dataclass(frozen=True)
 class Recovered:
-    """Result of a recovery.
+    """Result of a recovery."""
 
-    :ivar folder: of the new bag.
-    :ivar messages: in it.
-    :ivar dropped_bytes: of the old files, left out.
-    :ivar unprotected: messages in it that no checksum protected, or not the name of their topic.
-    :ivar findings: what was wrong with the old bag, a sentence each; none if it was whole.
-    """
-
-    folder: Path
-    messages: int
-    dropped_bytes: int
-    unprotected: int
+    folder: Path  #: of the new bag
+    messages: int  #: in it
+    dropped_bytes: int  #: of the old files, left out
+    unprotected: int  #: messages in it that no checksum protected, or not the name of their topic
+    #: what was wrong with the old bag, a sentence each; none if it was whole
     findings: tuple[str, ...]
 
 
@@ -63,7 +57,7 @@ def recovered_name(bag: Path) -> Path:
 def bytes_of(bag: Path) -> int:
     """Return the size of the storage files of a bag.
 
-    :raises BagError: there are none.
+    Raises BagError: there are none.
     """
     with reading(bag):
         return sum(file.stat().st_size for file in storage_files(bag.expanduser().absolute()))
@@ -76,12 +70,10 @@ def recover(
 ) -> Recovered:
     """Write the undamaged parts of a bag into a new one; the old bag stays unchanged.
 
-    :param bag: a folder or an MCAP file, finished or not.
-    :param out: folder of the new bag, which must not exist; :func:`recovered_name` if None.
-    :param on_bytes: called with the bytes gone through since it was called last.
-    :raises BagError: there is nothing to recover, or the disk takes no more; there is no new
-        folder then.
-    :raises WriteError: the new folder exists or cannot be made.
+    bag: a folder or an MCAP file, finished or not. out: folder of the new bag, which must not
+    exist; :func:`recovered_name` if None. on_bytes: called with the bytes gone through since it was
+    called last. Raises BagError: there is nothing to recover, or the disk takes no more; there is
+    no new folder then. Raises WriteError: the new folder exists or cannot be made.
     """
     bag = Path(bag).expanduser().absolute()
     out = Path(out).expanduser().absolute() if out else recovered_name(bag)
@@ -149,13 +141,11 @@ def _rewrite(
 
 
 class _DamagedFile(McapFile):
-    """A file that may be cut or damaged.
-
-    :ivar unprotected: messages found that no checksum protects, or not the name of their topic.
-    """
+    """A file that may be cut or damaged."""
 
     def __init__(self, path: Path, findings: list[str], packed_messages: bool) -> None:
         super().__init__(path, findings)
+        #: messages found that no checksum protects, or not the name of their topic
         self.unprotected = 0
         self._packed_messages = packed_messages
 

@@ -40,18 +40,12 @@ _Values = list[tuple[str, int, float]]
 
 @dataclass
 class Difference:
-    """The difference of a resimulated quantity from the recorded one.
+    """The difference of a resimulated quantity from the recorded one."""
 
-    :ivar values: compared.
-    :ivar unequal: not the same to the last bit.
-    :ivar largest: difference, in the unit of the quantity.
-    :ivar at: s of simulation at which it is largest, nan if there is none.
-    """
-
-    values: int = 0
-    unequal: int = 0
-    largest: float = 0.0
-    at: float = float("nan")
+    values: int = 0  #: compared
+    unequal: int = 0  #: not the same to the last bit
+    largest: float = 0.0  #: difference, in the unit of the quantity
+    at: float = float("nan")  #: s of simulation at which it is largest, nan if there is none
 
     def note(self, recorded: float, again: float, time_ns: int) -> None:
         """Add one pair of states."""
@@ -65,26 +59,18 @@ class Difference:
 
 @dataclass
 class Resimulated:
-    """Result of one resimulated run.
-
-    :ivar version: of this package that the axis ran with.
-    :ivar model_version: of the model that it ran with.
-    :ivar model_changes: what this model computes otherwise of the run, none if all is the same.
-    :ivar commands: carried out again.
-    :ivar left_out: commands that were refused because of the changes, each with the reason.
-    :ivar states: compared.
-    :ivar duration: s of simulation.
-    :ivar differences: by joint and field, such as ``axis_slider position``.
-    """
+    """Result of one resimulated run."""
 
     axis: str
-    version: str
-    model_version: int
+    version: str  #: of this package that the axis ran with
+    model_version: int  #: of the model that it ran with
+    #: what this model computes otherwise of the run, none if all is the same
     model_changes: list[ModelChange]
-    commands: int
-    left_out: list[str]
-    states: int = 0
-    duration: float = 0.0
+    commands: int  #: carried out again
+    left_out: list[str]  #: commands that were refused because of the changes, each with the reason
+    states: int = 0  #: compared
+    duration: float = 0.0  #: s of simulation
+    #: by joint and field, such as ``axis_slider position``
     differences: dict[str, Difference] = field(default_factory=dict)
 
     @property
@@ -122,13 +108,10 @@ def resimulate(
 ) -> list[Resimulated]:
     """Run every axis in a bag once more.
 
-    :param changes: parameters that are other ones from the start on.
-    :param out: folder of a new bag with what came out, there when all went well.
-    :param on_state: called after each state.
-    :raises NotRepeatable: a run cannot be repeated from the bag.
-    :raises ParameterError: the changes are not parameters of an axis.
-    :raises BagError: the bag is damaged.
-    :raises WriteError: the new bag cannot be written.
+    changes: parameters that are other ones from the start on. out: folder of a new bag with what
+    came out, there when all went well. on_state: called after each state. Raises NotRepeatable: a
+    run cannot be repeated from the bag. Raises ParameterError: the changes are not parameters of an
+    axis. Raises BagError: the bag is damaged. Raises WriteError: the new bag cannot be written.
     """
     changes = dict(changes or {})
     runs = recorded_runs(bag)

@@ -50,34 +50,24 @@ def contact_joints(axis: Axis) -> Joints:
 
 
 class Sample(NamedTuple):
-    """One recorded message about the state of an axis.
+    """One recorded message about the state of an axis."""
 
-    :ivar time_ns: of simulation, since the start of the axis.
-    :ivar message: sensor_msgs/JointState, with as many values of each kind as names, or none.
-    :ivar log_ns: when it was recorded.
-    :ivar publish_ns: when it was published.
-    """
-
-    time_ns: int
+    time_ns: int  #: of simulation, since the start of the axis
     topic: str
-    message: Any
-    log_ns: int
-    publish_ns: int
+    message: Any  #: sensor_msgs/JointState, with as many values of each kind as names, or none
+    log_ns: int  #: when it was recorded
+    publish_ns: int  #: when it was published
     sequence: int
 
 
 @dataclass
 class RecordedRun:
-    """One axis from its start on.
+    """One axis from its start on."""
 
-    :ivar node: full name of the axis node.
-    :ivar start_ns: stamp of the simulation time 0.
-    :ivar end_ns: stamp at which the next run of the same node starts, None if there is none.
-    """
-
-    node: str
-    start_ns: int
+    node: str  #: full name of the axis node
+    start_ns: int  #: stamp of the simulation time 0
     events: list[Event] = field(default_factory=list)
+    #: stamp at which the next run of the same node starts, None if there is none
     end_ns: int | None = None
 
     @property
@@ -112,7 +102,7 @@ def recorded_axes(bag: BagReader) -> dict[str, dict[str, str]]:
 
     They stand in the event "start", with which the events of an axis begin.
 
-    :raises BagError: a start event is damaged.
+    Raises BagError: a start event is damaged.
     """
     found = {}
     for topic in event_topics(bag):
@@ -185,8 +175,8 @@ def _events(bag: BagReader, texts: dict[str, str]) -> list[Event]:
 def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
     """Yield the recorded states of an axis, in order of simulation time.
 
-    :raises NotRepeatable: the stamps of a topic run back.
-    :raises BagError: a message is damaged, or not what its type says.
+    Raises NotRepeatable: the stamps of a topic run back. Raises BagError: a message is damaged, or
+    not what its type says.
     """
     streams = [_states_on(bag, topic, run) for topic in run.state_topics if bag.counts.get(topic)]
     return heapq.merge(*streams, key=lambda sample: sample.time_ns)
@@ -223,7 +213,7 @@ def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]
 def describe(bag: BagReader) -> dict[str, Any]:
     """Describe the content of a bag, SI units; times since the Unix epoch are whole ns.
 
-    :raises BagError: a start event is damaged.
+    Raises BagError: a start event is damaged.
     """
     return {
         "bag": str(bag.path),

@@ -50,10 +50,6 @@ class BagWriter:
     """Writes serialized messages into a new bag; also a context manager that closes it.
 
     It owns no clock: the caller stamps the messages and calls :meth:`flush`, best once a second.
-
-    :ivar custom_data: text by key that stands in the metadata when the bag is closed.
-    :ivar ros_distro: stands there too.
-    :ivar counts: messages written so far, by topic.
     """
 
     def __init__(
@@ -69,15 +65,13 @@ class BagWriter:
     ) -> None:
         """Create the folder, with the parents it needs, and open the first file.
 
-        :param folder: must not exist.
-        :param custom_data: text that goes into the metadata; :attr:`custom_data` takes more of it
-            until the bag is closed.
-        :param compression: of the chunks: "none", "lz4" (quick) or "zstd" (small).
-        :param max_bytes: a file that has grown to this size is followed by a new one; 0: never.
-        :param max_duration_ns: so is one whose messages cover this time in ns; 0: never.
-        :param sync: bring what is flushed to the disk as well, so that it outlives a power cut.
-        :raises BagError: the folder exists or cannot be made, or a value is out of range; nothing
-            is left behind then.
+        folder: must not exist. custom_data: text that goes into the metadata; :attr:`custom_data`
+        takes more of it until the bag is closed. compression: of the chunks: "none", "lz4" (quick)
+        or "zstd" (small). max_bytes: a file that has grown to this size is followed by a new one;
+        0: never. max_duration_ns: so is one whose messages cover this time in ns; 0: never. sync:
+        bring what is flushed to the disk as well, so that it outlives a power cut. Raises BagError:
+        the folder exists or cannot be made, or a value is out of range; nothing is left behind
+        then.
         """
         if compression not in COMPRESSIONS:
             known = ", ".join(COMPRESSIONS)
@@ -89,9 +83,10 @@ class BagWriter:
         if max_duration_ns < 0:
             raise BagError(f"max_duration_ns is {max_duration_ns}; it has to be positive, or 0")
         self.folder = Path(folder).expanduser().absolute()
+        #: text by key that stands in the metadata when the bag is closed
         self.custom_data: dict[str, str] = dict(custom_data or {})
-        self.ros_distro = ros_distro
-        self.counts: dict[str, int] = {}
+        self.ros_distro = ros_distro  #: stands there too
+        self.counts: dict[str, int] = {}  #: messages written so far, by topic
         self._topics: dict[str, TopicDescription] = {}
         self._compression = compression
         self._max_bytes = max_bytes
@@ -151,7 +146,7 @@ class BagWriter:
     def add_topic(self, topic: TopicDescription) -> None:
         """Make a topic known; it stands in the metadata even if no message follows.
 
-        :raises BagError: the topic is known already.
+        Raises BagError: the topic is known already.
         """
         if topic.name in self._topics:
             raise BagError(f"topic {topic.name} is already in the bag {self.folder}; add it once")
@@ -163,12 +158,11 @@ class BagWriter:
     ) -> None:
         """Append one message.
 
-        :param topic_name: a topic made known with :meth:`add_topic`.
-        :param data: the message in CDR, with its encapsulation header.
-        :param log_ns: when it was received, ns since the Unix epoch.
-        :param publish_ns: when it was published, ns since the Unix epoch.
-        :param sequence: the publisher's number of the message, 0 if unknown.
-        :raises BagError: unknown topic, closed bag, or a disk that takes no more.
+        topic_name: a topic made known with :meth:`add_topic`. data: the message in CDR, with its
+        encapsulation header. log_ns: when it was received, ns since the Unix epoch. publish_ns:
+        when it was published, ns since the Unix epoch. sequence: the publisher's number of the
+        message, 0 if unknown. Raises BagError: unknown topic, closed bag, or a disk that takes no
+        more.
         """
         topic = self._topics.get(topic_name)
         if topic is None:
@@ -186,7 +180,7 @@ class BagWriter:
     def split(self) -> None:
         """Finish the file and go on with a new one; does nothing as long as the file is empty.
 
-        :raises BagError: the disk does not take it; what was flushed before stays.
+        Raises BagError: the disk does not take it; what was flushed before stays.
         """
         if self._file is None or not self._file.count:
             return
@@ -202,7 +196,7 @@ class BagWriter:
 
         Unless the bag was opened without ``sync``, a thread brings it to the disk meanwhile.
 
-        :raises BagError: the disk takes no more.
+        Raises BagError: the disk takes no more.
         """
         if self._file is not None:
             with self._naming("write"):
@@ -211,7 +205,7 @@ class BagWriter:
     def wait_for_disk(self) -> None:
         """Wait until the flushed data is on the disk.
 
-        :raises BagError: the disk does not take it.
+        Raises BagError: the disk does not take it.
         """
         if self._file is not None:
             with self._naming("write"):
@@ -220,7 +214,7 @@ class BagWriter:
     def close(self) -> None:
         """Finish the file, write ``metadata.yaml``, bring both to the disk; twice does no harm.
 
-        :raises BagError: the disk does not take it; what was flushed before stays.
+        Raises BagError: the disk does not take it; what was flushed before stays.
         """
         if self._complete:
             return
@@ -292,14 +286,12 @@ class _McapWriter:
     Schemas and channels are written with the first message that needs them: a channel without
     messages would stand in the summary of the file but not in its data. Every method raises OSError
     if the disk does not take it.
-
-    :ivar count: of its messages.
-    :ivar start_ns: earliest log time so far, if there is a message.
     """
 
     def __init__(self, path: Path, metadata: dict[str, Any], compression: str) -> None:
         """Create the file, with the state of the bag at this moment."""
         self.path = path
+        #: earliest log time so far, if there is a message
         self.count = self.start_ns = self._end_ns = 0
         self._stream = path.open("xb")
         self._syncing: Future[None] | None = None
@@ -358,7 +350,7 @@ class _McapWriter:
     def flush(self, sync: bool) -> None:
         """Hand everything written so far to the operating system.
 
-        :param sync: begin to bring it to the disk, too, in a thread: a slow disk takes seconds.
+        sync: begin to bring it to the disk, too, in a thread: a slow disk takes seconds.
         """
         self._writer.flush()
         if sync and (self._syncing is None or self._syncing.done()):

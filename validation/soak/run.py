@@ -50,37 +50,26 @@ class Sample:
 
 @dataclass
 class Soaked:
-    """What came of it.
+    """What came of it."""
 
-    :ivar seed: of the random commands.
-    :ivar seconds: that it took, without start and end.
-    :ivar interrupted: before the time was up.
-    :ivar sent: commands by name; and of these, those that were refused.
-    :ivar faults: of the axis; each one was reset.
-    :ivar slowest: s that the answer to a command took.
-    :ivar messages: in the bag; of these states were computed again.
-    :ivar lost: messages that the recorder missed, as it says.
-    :ivar gaps: places where the numbers of a publisher of the axis do not follow each other.
-    :ivar waited: s for which the recorder waited for a processor: a machine with other work loses
-        messages, and that is none of its doing.
-    :ivar bit_for_bit: whether every recorded state came out again; None: not tried.
-    :ivar findings: what should not be, in words; empty if all is well.
-    """
-
-    seed: int
-    seconds: float = 0.0
-    interrupted: bool = False
+    seed: int  #: of the random commands
+    seconds: float = 0.0  #: that it took, without start and end
+    interrupted: bool = False  #: before the time was up
+    #: commands by name; and of these, those that were refused
     sent: Counter[str] = field(default_factory=Counter)
     refused: Counter[str] = field(default_factory=Counter)
-    faults: int = 0
-    slowest: float = 0.0
+    faults: int = 0  #: of the axis; each one was reset
+    slowest: float = 0.0  #: s that the answer to a command took
     samples: list[Sample] = field(default_factory=list)
-    messages: int = 0
+    messages: int = 0  #: in the bag; of these states were computed again
     states: int = 0
-    lost: int = 0
-    gaps: int = 0
+    lost: int = 0  #: messages that the recorder missed, as it says
+    gaps: int = 0  #: places where the numbers of a publisher of the axis do not follow each other
+    #: s for which the recorder waited for a processor: a machine with other work loses messages,
+    #: and that is none of its doing
     waited: float = 0.0
-    bit_for_bit: bool | None = None
+    bit_for_bit: bool | None = None  #: whether every recorded state came out again; None: not tried
+    #: what should not be, in words; empty if all is well
     findings: list[str] = field(default_factory=list)
 
     def growth(self, process: str) -> float | None:
