@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Packaging, for pip and colcon alike. Why each dependency is here: CONTRIBUTING.md."""
+"""Packaging, for pip and colcon alike. Why each dependency is here: docs/dependencies.md."""
 
 import gzip
 import os
