@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The operating point of Table 1, spelt out: tests that mean it say so and follow no default."""
+"""The operating point of Table 1 with sensor and loop, spelt out: its tests follow no default."""
 
 from typing import Any
 
 from stickslip_ros.parameters import Parameters
 
-#: Drive, runner and friction of Table 1 with the constants of Eq. 12-16; SI units, slewrate V/us.
+#: Drive, runner and friction of Table 1 with the constants of Eq. 12-16, then sensor, closed loop,
+#: travel and solver; SI units, slewrate V/us.
 TABLE_1: dict[str, Any] = {
     "model": "ceim",
     "preload": 0.4,
@@ -27,6 +28,21 @@ TABLE_1: dict[str, Any] = {
     "amplitude": 300.0,
     "frequency": 100.0,
     "waveform": "sawtooth",
+    "scan_rate": 1e4,
+    "sensor_rate": 1e3,
+    "sensor_resolution": 1e-9,
+    "sensor_noise": 1e-9,
+    "sensor_seed": 1,
+    "sensor_latency": 1e-3,
+    "sensor_order": 1,
+    "sensor_damping": 0.5**0.5,
+    "target_tolerance": 2e-9,
+    "hold_time": 0.05,
+    "settle_time": 5e-3,
+    "target_timeout": 60.0,
+    "travel_low": -0.01,
+    "travel_high": 0.01,
+    "tolerance": 1e-11,
 }
 
 

@@ -6,6 +6,7 @@ import random
 from contextlib import suppress
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.events import Event, event_texts
@@ -13,7 +14,10 @@ from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.parameters import ParameterError
 
-QUIET = {"frequency": 1000.0, "allow_faults": True, "sensor_noise": 0.0, "sensor_resolution": 0.0}
+QUIET = {
+    **TABLE_1,
+    **{"frequency": 1000.0, "allow_faults": True, "sensor_noise": 0.0, "sensor_resolution": 0.0},
+}
 
 
 def with_fault(fault: str, **parameters: object) -> Axis:
