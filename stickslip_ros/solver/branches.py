@@ -21,9 +21,10 @@ _ON_LIMIT = 4.0 * BAND
 _ROUNDING = 1e-16
 #: Rounding of a speed that has come down to the edge of the Stribeck curve
 _EDGE = 1.0 + 1e-9
-#: z nears that of steady sliding as an exponential within this fraction of the tolerance, and alpha
-#: is linear within this fraction of z - z_ba
-_REACHED, _LINEAR = 0.03, 1e-4
+#: z nears that of steady sliding as an exponential within this fraction of the tolerance
+_REACHED = 0.03
+#: Fraction of z - z_ba within which alpha is linear
+_LINEAR = 1e-4
 
 
 @compiled

@@ -46,9 +46,12 @@ _MOST_TURNS = 1000
 _SMALL = 0.5
 #: Terms of the first, which is exact then: 0.5^16 / 17! is below rounding
 _TERMS = 16
-#: (omega t)^2 from which the closed form loses no more than two digits; below, a series of at most
-#: so many terms, that ends where they are below rounding
-_TURNED, _MOST_TERMS, _ROUNDING = 0.01, 40, 1e-17
+#: (omega t)^2 from which the closed form loses no more than two digits; below, a series
+_TURNED = 0.01
+#: Terms of the series, at most
+_MOST_TERMS = 40
+#: Share of its sum below which a term is lost in rounding, and the series ends
+_ROUNDING = 1e-17
 
 
 class ElasticEnd(NamedTuple):

@@ -40,15 +40,24 @@ _SIGMA_0, _SIGMA_1, _SIGMA_2, _Z_BA, _Z_SS, _Z_K, _Z_S, _V_S = range(len(CONTACT
 _TOLERANCE = 1e-14
 #: Imaginary part below which nothing counts
 _LEAST = 1e-60
-#: Steps in a segment of the drive cycle, at most; trials for the time of an event
-_MOST, _TRIALS = 1_000_000, 100
-#: First step, in units of the ringing; least and largest factor to the next one, its safety
-_FIRST, _SHORTER, _LONGER, _SAFE = 0.1, 0.2, 4.0, 0.9
+#: Steps in a segment of the drive cycle, at most
+_MOST = 1_000_000
+#: Trials for the time of an event: a third of them halve, which is enough for the last bit
+_TRIALS = 100
+#: First step, in units of the ringing; its length soon adapts to the allowed error
+_FIRST = 0.1
+#: Least factor from one step to the next
+_SHORTER = 0.2
+#: Largest factor from one step to the next
+_LONGER = 4.0
+#: Step taken, as a fraction of the one whose error would be just allowed: so the next try succeeds
+_SAFE = 0.9
 #: A swing goes on by twice the way to the place where nothing accelerates
 _AWAY = 2.0
-#: Fractions of a bracket that a guess of an event's time keeps from its ends; where it ends,
-#: rounding
-_INNER, _CLOSE = 1e-3, 1e-15
+#: Fraction of a bracket that a guess of an event's time keeps from its ends
+_INNER = 1e-3
+#: Fraction of the time at which the bracket ends: rounding
+_CLOSE = 1e-15
 #: What ends a step: w = 0, v = 0, then two borders of each contact; in a log also a kink
 TURN, STOP, BORDER, KINK = 0, 1, 2, -1
 #: Numbers of a run: signs of w and of v; whether w = 0 ends a step (1, or 2 while ringing is

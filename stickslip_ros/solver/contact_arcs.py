@@ -60,9 +60,10 @@ from stickslip_ros.solver.taylor import (
     turn_end,
 )
 
-#: Fractions of the tolerance per cycle: one step of a series; what a z may lack to its limit and
-#: counts as reached
-_PER_STEP, _REACHED = 1e-3, 1e-4
+#: Error of one step of a series, as a fraction of the tolerance per cycle
+_PER_STEP = 1e-3
+#: What a z may lack to its limit and counts as reached, as the same fraction
+_REACHED = 1e-4
 
 
 @compiled

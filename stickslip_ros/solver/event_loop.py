@@ -51,9 +51,10 @@ STALLED = 1000
 _NO_TIME = 1e-6
 #: A drive of fewer pieces is not searched for those along which nothing happens
 _FEWEST_TO_SEARCH = 8
-#: Eight times what a straight line in place of a bent piece may be beside it, m; and for a contact
-#: that slides all the time, which loses some deflection at each return of the line
-_STRAIGHT_WITHIN, _SLIDING_WITHIN = 4e-12, 4e-14
+#: Eight times what a straight line in place of a bent piece may be beside it, m
+_STRAIGHT_WITHIN = 4e-12
+#: The same for a contact that slides all the time: each return of the line costs it deflection
+_SLIDING_WITHIN = 4e-14
 #: A bent piece shorter than this, in units of the ringing, is run as a straight line, which ends in
 #: the same state: its acceleration would hold the contact at a deflection so large that differences
 #: from it, and the heat that follows from these, are lost to rounding

@@ -50,11 +50,16 @@ _LEAST_PART = 1e-4
 _OF_MOTION = 1e-3
 #: First step, in units of the ringing; its length soon adapts to the allowed error
 _FIRST = 0.1
-#: Least and largest factor from one step to the next; the step taken, as a fraction of the one
-#: whose error would be just allowed
-_LEAST, _MOST, _SAFE = 0.2, 5.0, 0.9
-#: Power of its length with which the error of a step grows; fraction of it that counts as no error
-_ORDER, _NO_ERROR = 8.0, 1e-30
+#: Least factor from one step to the next
+_LEAST = 0.2
+#: Largest factor from one step to the next
+_MOST = 5.0
+#: Step taken, as a fraction of the one whose error would be just allowed: so the next try succeeds
+_SAFE = 0.9
+#: Power of its length with which the error of a step grows
+_ORDER = 8.0
+#: Fraction of the error allowed that counts as none: a step without any would grow for ever
+_NO_ERROR = 1e-30
 #: Longest step of a runner in motion, in the fastest time of its elastic contact: beyond, no such
 #: method is stable. Its estimate of the error, a polynomial of that number, has a root at 5.65, and
 #: is less than the error within the step from 4 on

@@ -22,8 +22,10 @@ _HALVINGS = 200
 STEPS = 100
 #: Fraction of the bracket at which Newton's method stops: rounding of the times in it
 CLOSE = 1e-14
-#: Fractions of the bracket between which a first guess lies: at an end the slope may be 0
-_INNERMOST, _OUTERMOST = 0.05, 0.95
+#: Fraction of the bracket from which on a first guess lies: at an end the slope may be 0
+_INNERMOST = 0.05
+#: The same of its other end
+_OUTERMOST = 0.95
 
 
 @compiled
@@ -95,9 +97,11 @@ _CANCELS = 0.05
 #: Sixty of the slow time constants, 2 delta / kappa at most: an overdamped motion has ended then,
 #: for exp(-60) is far below rounding
 _ENDED = 120.0
-#: A step of Halley's method this fraction of the bracket, over which the slope changes by that
-#: fraction, is the last: what is left goes with the cube of it, and is below rounding
-_LAST_STEP, _LAST_BEND = 1e-6, 1e-4
+#: A step of Halley's method is the last if it is this fraction of the bracket: what is left goes
+#: with the cube of it, and is below rounding
+_LAST_STEP = 1e-6
+#: And if the slope changes by this fraction over it
+_LAST_BEND = 1e-4
 
 
 class Oscillator(NamedTuple):

@@ -32,9 +32,14 @@ from stickslip_ros.solver.taylor import (
 )
 
 #: Error of one step of a series, as a fraction of the tolerance per cycle: where tables cover most
-#: of a cycle, or its slides alone, where they do not, and on the Stribeck curve, where the motion
-#: may be unstable
-_PER_RARE_STEP, _PER_BENT_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 2e-3, 1e-4, 1e-5
+#: of a cycle, so that steps are few
+_PER_RARE_STEP = 0.03
+#: The same where tables cover the slides of a cycle alone
+_PER_BENT_STEP = 2e-3
+#: The same where they cover nothing
+_PER_STEP = 1e-4
+#: The same on the Stribeck curve, where the motion may be unstable
+_PER_CURVED_STEP = 1e-5
 #: Distance of z from steady sliding, as a fraction of the tolerance, at which it counts as reached
 _REACHED = 1e-4
 #: Largest change of w, as a fraction of v_s, between checks whether a jump of alpha holds z

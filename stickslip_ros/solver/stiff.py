@@ -31,8 +31,10 @@ _A = np.array(
 )
 _A_A = _A @ _A
 _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-#: Newton's iterations; their last correction is this fraction of the error allowed
-_ITERATIONS, _CORRECTION = 15, 1e-3
+#: Newton's iterations, at most
+_ITERATIONS = 15
+#: Their last correction, as a fraction of the error allowed
+_CORRECTION = 1e-3
 #: What two halves of a step of fifth order are better than the whole, 2^5 - 1 (Richardson)
 _BETTER = 31.0
 #: Part of the tolerance to which a step is solved again for an event or a sample
@@ -48,12 +50,16 @@ _SLOW = 0.3
 _WAIT = 20.0
 #: Lengths that are tried for one arc: tenths of tenths, down to less than any motion takes
 _TRIES = 60
-#: Largest and smallest factor from one step to the next
-_GROWS, _SHRINKS = 5.0, 0.1
+#: Largest factor from one step to the next
+_GROWS = 5.0
+#: Smallest factor from one step to the next
+_SHRINKS = 0.1
 #: Step taken, as a fraction of the one whose error would be just allowed: so the next try succeeds
 _SAFETY = 0.9
-#: Power of its length with which the error of a step grows; error (m) that counts as none
-_ORDER, _NO_ERROR = 6.0, 1e-300
+#: Power of its length with which the error of a step grows
+_ORDER = 6.0
+#: Error (m) that counts as none
+_NO_ERROR = 1e-300
 #: Cost of an implicit step in the budget, in arcs of other kinds
 _COST = 15
 #: Borders that a step may cross

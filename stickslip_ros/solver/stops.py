@@ -33,8 +33,10 @@ from stickslip_ros.solver.taylor import Z, integral
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
-#: Factor by which an arc is shortened at a time; an endless one gets this many shortest lengths
-_SHORTER, _LONGEST = 8.0, 64.0
+#: Factor by which an arc is shortened at a time
+_SHORTER = 8.0
+#: Shortest lengths that an endless arc gets
+_LONGEST = 64.0
 #: Times within an arc of a held runner at which it is checked whether the force has turned
 _PROBES = 8
 #: Time (s) that turns the speeds of a held runner into lengths: no speed counts as negligible

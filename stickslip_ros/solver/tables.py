@@ -42,9 +42,12 @@ from stickslip_ros.solver.taylor import (
 #: Gauss points in (0, 1)
 _GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.leggauss(8))
 _GAUSS = _GAUSS + 0.5
-#: Fractions of the tolerance per cycle: a step of a series on the way to a table, what a slide may
-#: leave out, and the tail of a Chebyshev series
-_PER_STEP, _LEFT_OUT, _TAIL = 1e-4, 2e-3, 0.02
+#: Error of a step of a series on the way to a table, as a fraction of the tolerance per cycle
+_PER_STEP = 1e-4
+#: What a slide may leave out, as the same fraction
+_LEFT_OUT = 2e-3
+#: The tail of a Chebyshev series, as the same fraction
+_TAIL = 0.02
 #: Largest skewness of the work of the forces along a slide; at constant z the work is linear
 _SKEW = 0.03
 _ANGLES = (np.arange(NODES) + 0.5) * math.pi / NODES

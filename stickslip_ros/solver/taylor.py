@@ -35,8 +35,10 @@ BAND = 1e-12
 #: flank the curve is flat, and no coefficient there knows of the rise to come; and beyond pi lie
 #: the zeros of z_lim in the complex plane, where the series would end.
 _EXPONENT = 2.0
-#: Factors by which such a step is shortened at once: at most, and at least
-_SHORTENED, _LEAST_SHORTENED = 0.1, 0.9
+#: Factor by which such a step is shortened at once, at most
+_SHORTENED = 0.1
+#: The same, at least
+_LEAST_SHORTENED = 0.9
 #: Halvings of a step in search of w above its floor, as many as bisection makes
 _HALVINGS = 200
 
