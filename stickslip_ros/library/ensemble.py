@@ -68,10 +68,9 @@ class Ensemble:
 def read_ensemble(path: Path) -> Ensemble:
     """Return the ensemble in a fitted file. Raises EnsembleError."""
     try:
-        text = path.read_text(encoding="utf-8")
+        found = _LINE.search(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise EnsembleError(f"cannot read {path}: {error}") from None
-    found = _LINE.search(text)
     if not found:
         raise EnsembleError(
             f"{path} holds no ensemble; write it with stickslip identify --out, uninterrupted"
@@ -99,14 +98,10 @@ def _parse(text: str, path: Path) -> Ensemble:
         ensemble = Ensemble(names, values, low, high, rows)
     except (ValueError, KeyError, TypeError, ParameterError) as error:
         raise EnsembleError(f"{path}: the ensemble is damaged ({error}); identify again") from None
-    count = len(ensemble.names)
-    shapes = {len(ensemble.values), len(ensemble.low), len(ensemble.high), len(rows)}
-    numbers = np.array([*ensemble.values, *ensemble.low, *ensemble.high])
-    whole = count > 0 and shapes | {len(row) for row in rows} == {count}
-    if (
-        not whole
-        or not (np.isfinite(numbers) & (numbers > 0.0)).all()
-        or not np.isfinite(rows).all()
+    shapes = {len(one) for one in (names, values, low, high, rows, *rows)}
+    numbers = np.array([*values, *low, *high])
+    if len(shapes) != 1 or not (
+        len(names) and (np.isfinite(numbers) & (numbers > 0.0)).all() and np.isfinite(rows).all()
     ):
         raise EnsembleError(f"{path}: the ensemble is damaged; identify again")
     return ensemble

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from stickslip_ros.arrays import Array
 from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_plan import Sweep, SweepAxis
+from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting.picture import COLUMN, LOOKS
 
 #: Units as they are read easily: factor and name.
@@ -113,6 +114,5 @@ def _title(sweep: Sweep) -> str:
 
 
 def _quantity(name: str, value: float) -> str:
-    unit = {"preload": "N", "mass": "kg", "amplitude": "V", "frequency": "Hz", "slewrate": "V/us"}
-    factor, shown = readable(unit[name])
-    return f"{factor * value:g} {shown}"
+    factor, unit = readable(parameter(name).unit)
+    return f"{factor * value:g} {unit}"

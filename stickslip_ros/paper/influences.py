@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from stickslip_ros.arrays import Array
@@ -138,42 +137,12 @@ def _spread(values: Array) -> float:
     return 200.0 * float(np.ptp(values) / (np.max(values) + np.min(values)))
 
 
-def runner_on_contacts(count: int, cycles: int = 2) -> float:
-    """Return the position (m) of a runner on count equal LuGre contacts after cycles at 1 kHz.
-
-    Each contact has the stiffness and damping of Table 2 and its share of the preload, and a
-    deflection of its own. Integrated by SciPy, restarted at the kinks of the drive.
-    """
-    p = columns({**LUGRE, "frequency": 1e3})
-    friction, mass = p.friction, p.runner.mass
-    stiffness, damping = friction.sigma_0 or 0.0, friction.sigma_1
-    drive_cycle = drive_of(p)
-    share = friction.preload / count
-    state = np.zeros(2 + count)
-
-    def rates(t: float, y: Array, rate: float) -> Array:
-        w, z = y[1] - rate, y[2:]
-        bell = math.exp(-((w / friction.v_stribeck) ** 2))
-        level = share * (friction.mu_k + (friction.mu_s - friction.mu_k) * bell)
-        change = w - abs(w) * stiffness / level * z
-        force = np.sum(stiffness * z + damping * change)
-        return np.concatenate(([y[1], -force / mass], change))
-
-    for _ in range(cycles):
-        for duration, rate in zip(drive_cycle.durations, drive_cycle.rates, strict=True):
-            found = solve_ivp(
-                rates, (0.0, duration), state, method="DOP853", args=(rate,), rtol=1e-9, atol=1e-15
-            )
-            state = found.y[:, -1]
-    return float(state[0])
-
-
 def contacts() -> Result:
     """A runner on several contacts, compared with the single contact that represents them."""
     counts = np.array([1, 2, 3, CONTACTS])
-    several = np.array([runner_on_contacts(int(n)) for n in counts])
-    lumped = np.array([_lumped(n * 1e6, n * 5.0) for n in counts])
-    single = _lumped(1e6, 5.0)
+    several = np.array([_position(n * 1e6, n * 5.0, contacts=int(n)) for n in counts])
+    lumped = np.array([_position(n * 1e6, n * 5.0) for n in counts])
+    single = _position(1e6, 5.0)
     values = {
         f"{CONTACTS} contacts over one with {CONTACTS} times sigma_0 and sigma_1": several[-1]
         / lumped[-1],
@@ -183,14 +152,16 @@ def contacts() -> Result:
     }
     table = {
         "contacts": counts.astype(np.float64),
-        "way in 2 cycles, contacts one by one (m)": several,
-        "way in 2 cycles, one with n sigma_0 (m)": lumped,
+        "distance in 2 cycles, contacts one by one (m)": several,
+        "distance in 2 cycles, one with n sigma_0 (m)": lumped,
     }
     return Result(values, tables={"": table})
 
 
-def _lumped(stiffness: float, damping: float) -> float:
-    p = columns({**LUGRE, "frequency": 1e3, "sigma_0": stiffness, "sigma_1": damping})
+def _position(stiffness: float, damping: float, contacts: int = 1) -> float:
+    """Return the position (m) of a runner after two cycles at 1 kHz; sums over equal contacts."""
+    own = {"sigma_0": stiffness, "sigma_1": damping, "contacts": contacts}
+    p = columns({**LUGRE, "frequency": 1e3, **own})
     simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 2)
     simulation.advance(2e-3)

@@ -24,10 +24,8 @@ from stickslip_ros.reporting.page import Figure
 
 #: Width of one and of two columns of a journal, and of a pixel of a page, inches.
 COLUMN, TWO_COLUMNS, _PIXEL = 85.0 / 25.4, 170.0 / 25.4, 1.0 / 130.0
-#: Room left, right, below and above the axes for their labels, inches; above without names of
-#: lines, and beside names of rows, for each letter.
-_LEFT, _RIGHT, _BELOW, _ABOVE = 0.75, 0.15, 0.45, 0.45
-_BARE, _LETTER = 0.15, 0.07
+#: Room left, right, below and above the axes for labels, inches; above without names of lines.
+_LEFT, _RIGHT, _BELOW, _ABOVE, _BARE = 0.75, 0.15, 0.45, 0.45, 0.15
 LOOKS: Any = {"font.size": 8.0, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 1.0}
 #: Dots of a PNG to an inch, as journals ask for.
 _DOTS = 300
@@ -83,24 +81,18 @@ def _draw(part: SubFigure, height: float, figure: Figure) -> None:
     layout, made = figure["layout"], dict[tuple[str, str], Axes]()
     named = [trace for trace in figure["data"] if trace.get("showlegend", True)]
     named = named if layout.get("showlegend", True) and len(named) > 1 else []
-    maps = [trace for trace in figure["data"] if trace["type"] == "heatmap"]
-    rows = [len(name) for trace in maps for name in trace["y"]]
-    left = max(_LEFT, 0.2 + _LETTER * max(rows, default=0))
     above = _ABOVE if named or layout.get("annotations") else _BARE
     first: dict[str, Axes] = {}  # of each axis of x: those below each other share it
     for trace in figure["data"]:
         key = trace.get("xaxis", "x"), trace.get("yaxis", "y")
         if key not in made:
             x, y = (layout.get(f"{name[0]}axis{name[1:]}", {}) for name in key)
-            place = _place(height, left, above, x, y)
+            place = _place(height, above, x, y)
             axes = part.add_axes(place, sharex=first.get(key[0]))
             first.setdefault(key[0], axes)
             made[key] = axes
             _label(axes, x, y, x.get("anchor", key[1]) == key[1])
-        if trace["type"] == "heatmap":
-            _heatmap(made[key], trace)
-        else:
-            _line(made[key], trace)
+        _line(made[key], trace)
     _mark(made, layout)
     if named:
         handles = [one for axes in made.values() for one in axes.get_legend_handles_labels()[0]]
@@ -110,14 +102,12 @@ def _draw(part: SubFigure, height: float, figure: Figure) -> None:
         )  # fmt: skip
 
 
-def _place(
-    height: float, margin: float, above: float, x: Figure, y: Figure
-) -> tuple[float, float, float, float]:
+def _place(height: float, above: float, x: Figure, y: Figure) -> tuple[float, float, float, float]:
     """Return the place of axes in their part, from their shares of its width and height."""
-    wide, high = (TWO_COLUMNS - margin - _RIGHT) / TWO_COLUMNS, (height - _BELOW - above) / height
+    wide, high = (TWO_COLUMNS - _LEFT - _RIGHT) / TWO_COLUMNS, (height - _BELOW - above) / height
     (left, right), (low, top) = x.get("domain", (0.0, 1.0)), y.get("domain", (0.0, 1.0))
     return (
-        margin / TWO_COLUMNS + wide * left,
+        _LEFT / TWO_COLUMNS + wide * left,
         _BELOW / height + high * low,
         wide * (right - left),
         high * (top - low),
@@ -130,11 +120,7 @@ def _label(axes: Axes, x: Figure, y: Figure, lowest: bool) -> None:
         axes.set_xlabel(x.get("title", {}).get("text", ""))
     else:
         axes.tick_params(labelbottom=False)
-    if y.get("type") == "log":
-        axes.set_yscale("log")
-    else:
-        axes.ticklabel_format(axis="y", useOffset=False)
-    axes.ticklabel_format(axis="x", useOffset=False)
+    axes.ticklabel_format(useOffset=False)
     if x.get("tickformat") == "d":
         axes.locator_params(axis="x", integer=True)
     if np.diff(x.get("domain", (0.0, 1.0)))[0] < 0.5:
@@ -168,17 +154,6 @@ def _line(axes: Axes, trace: Figure) -> None:
         axes.errorbar(x, y, yerr=_numbers(trace["error_y"]["array"]), **style)
     else:
         axes.plot(x, y, **style)
-
-
-def _heatmap(axes: Axes, trace: Figure) -> None:
-    values = np.array(trace["z"], dtype=np.float64)
-    axes.imshow(values, vmin=trace["zmin"], vmax=trace["zmax"], cmap="coolwarm", aspect="auto")
-    axes.set_xticks(range(len(trace["x"])), trace["x"])
-    axes.set_yticks(range(len(trace["y"])), trace["y"])
-    axes.grid(False)
-    for row, texts in enumerate(trace["text"]):
-        for column, text in enumerate(texts):
-            axes.text(column, row, text, ha="center", va="center")
 
 
 def _mark(made: Mapping[tuple[str, str], Axes], layout: Figure) -> None:
