@@ -145,7 +145,7 @@ def _announce() -> None:
         _announced = True
         _say(
             "the solver runs as plain Python until it is compiled: that goes on in the "
-            "background, once for this version, for half a minute"
+            "background, once for this version, and takes about twenty seconds"
         )
 
 

@@ -119,7 +119,7 @@ def pytest_runtestloop(session: pytest.Session) -> None:
 def compiled_solver() -> None:
     """Have everything compiled that an axis needs, for tests that start programs.
 
-    On a fresh machine that takes half a minute, longer than they wait, and the programs say so.
+    On a fresh machine that takes a while, longer than they wait, and the programs say so.
     """
     from stickslip_ros.axis import Axis
     from stickslip_ros.library.operating_points import zero_amplitude
