@@ -29,7 +29,7 @@ TIMEOUT = 60.0  # s, far more than anything takes, for a machine that is busy wi
 def wait_until(condition: Callable[[], Any], what: str = "", timeout: float = TIMEOUT) -> Any:
     """Return the first true value of the condition; fail when there is none in time.
 
-    what: names the condition in the failure. timeout: s.
+    what: names the condition in the failure; timeout: s.
     """
     deadline = time.monotonic() + timeout
     while not (value := condition()):

@@ -47,8 +47,7 @@ def parameters_of(
 ) -> Iterator[tuple[Event, Parameters]]:
     """Yield the start and each change of parameters, with the full set in force from then on.
 
-    :param changes: parameters that are laid over each.
-    :raises NotRepeatable: this version refuses them.
+    changes: parameters that are laid over each. Raises NotRepeatable: this version refuses them.
     """
     p = Parameters()
     for event in events:

@@ -53,17 +53,14 @@ _FEWEST = 8
 
 
 class LoadedMotion(NamedTuple):
-    """A motion and the information in its file.
-
-    :ivar origin_ns: the time (ns since the Unix epoch) that its times count from, of a bag.
-    :ivar parameters: of the axis when it started, if the file holds them.
-    :ivar version: of this package that the axis ran with, likewise.
-    """
+    """A motion and the information in its file."""
 
     motion: Motion
+    #: the time (ns since the Unix epoch) that its times count from, of a bag
     origin_ns: int | None = None
+    #: of the axis when it started, if the file holds them
     parameters: dict[str, Value] | None = None
-    version: str | None = None
+    version: str | None = None  #: of this package that the axis ran with, likewise
 
 
 def is_parameter_file(path: Path) -> bool:
@@ -79,11 +76,11 @@ def load_motion(
 ) -> LoadedMotion:
     """Read a motion from a bag, a trace that we wrote, or a measurement of any format.
 
-    :param how: properties that the file does not state, such as the columns of time and position.
-    :param joint: in a bag; None: the first whose name ends in ``_slider``, or the only one.
-    :param origin_ns: time that the stamps of a bag count from; None: its first message.
-    :raises MeasurementError: a table cannot be read, or has no such joint.
-    :raises BagError: a bag cannot be read.
+    how: properties that the file does not state, such as the columns of time and position.
+    joint: in a bag; None: the first whose name ends in ``_slider``, or the only one.
+    origin_ns: time that the stamps of a bag count from; None: its first message.
+    Raises MeasurementError: a table cannot be read, or has no such joint.
+    Raises BagError: a bag cannot be read.
     """
     how = how or Reading()
     if not is_bag(path):

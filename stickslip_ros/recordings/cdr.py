@@ -151,7 +151,7 @@ def fields_of(
 ) -> Iterator[tuple[str, bool | int | float | str]]:
     """Yield names and values of the fields of a message, without its header.
 
-    kind: its type; the fields of joint states are named after their joints. longest_array: longer
+    kind: its type; the fields of joint states are named after their joints; longest_array: longer
     ones, images say, are passed over.
     """
     if kind == JOINT_STATE_TYPE:
@@ -214,7 +214,7 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
 def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
     """Return the full ``ros2msg`` schema of a message type.
 
-    type_name: such as ``sensor_msgs/msg/JointState``. definition_of: gives the ``.msg`` text of a
+    type_name: such as ``sensor_msgs/msg/JointState``; definition_of: gives the ``.msg`` text of a
     type named that way; what it raises for a type it does not know goes through to the caller.
     """
     definitions = {type_name: definition_of(type_name)}

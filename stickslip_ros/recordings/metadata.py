@@ -66,7 +66,8 @@ def bag_metadata(
 ) -> dict[str, Any]:
     """Return the metadata of a bag of MCAP files; rosbag2 needs every key.
 
-    files: every storage file, in order of time. topics: every topic with the count of its messages.
+    files: every storage file, in order of time.
+    topics: every topic with the count of its messages.
     custom_data: free text by key, kept as it is.
     """
     filled = [file for file in files if file.messages]
@@ -197,7 +198,7 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
 def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path]:
     """Return the storage files of a bag, all of one kind, in the order of their numbers.
 
-    path: a folder, or one file. stored: what ``metadata.yaml`` says, which names the kind. Raises
+    path: a folder, or one file; stored: what ``metadata.yaml`` says, which names the kind. Raises
     BagError: there is none.
     """
     if not path.exists():

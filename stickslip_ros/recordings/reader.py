@@ -140,9 +140,10 @@ class BagReader:
     ) -> Iterator[BagMessage]:
         """Yield messages in order of log time, over all files, reading as it goes.
 
-        topics: names, all topics if None. start: ns since the Unix epoch, the first time to take.
-        end: ns since the Unix epoch, the first time not to take. Raises BagError: a topic is not in
-        the bag; while reading: a file is damaged.
+        topics: names, all topics if None.
+        start: ns since the Unix epoch, the first time to take.
+        end: ns since the Unix epoch, the first time not to take.
+        Raises BagError: a topic is not in the bag; while reading: a file is damaged.
         """
         wanted = Wanted(
             None if topics is None else frozenset(topics),

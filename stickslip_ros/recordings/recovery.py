@@ -70,10 +70,12 @@ def recover(
 ) -> Recovered:
     """Write the undamaged parts of a bag into a new one; the old bag stays unchanged.
 
-    bag: a folder or an MCAP file, finished or not. out: folder of the new bag, which must not
-    exist; :func:`recovered_name` if None. on_bytes: called with the bytes gone through since it was
-    called last. Raises BagError: there is nothing to recover, or the disk takes no more; there is
-    no new folder then. Raises WriteError: the new folder exists or cannot be made.
+    bag: a folder or an MCAP file, finished or not.
+    out: folder of the new bag, which must not exist; :func:`recovered_name` if None.
+    on_bytes: called with the bytes gone through since it was called last.
+    Raises BagError: there is nothing to recover, or the disk takes no more; there is no new
+    folder then.
+    Raises WriteError: the new folder exists or cannot be made.
     """
     bag = Path(bag).expanduser().absolute()
     out = Path(out).expanduser().absolute() if out else recovered_name(bag)

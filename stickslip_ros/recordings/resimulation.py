@@ -108,10 +108,13 @@ def resimulate(
 ) -> list[Resimulated]:
     """Run every axis in a bag once more.
 
-    changes: parameters that are other ones from the start on. out: folder of a new bag with what
-    came out, there when all went well. on_state: called after each state. Raises NotRepeatable: a
-    run cannot be repeated from the bag. Raises ParameterError: the changes are not parameters of an
-    axis. Raises BagError: the bag is damaged. Raises WriteError: the new bag cannot be written.
+    changes: parameters that are other ones from the start on.
+    out: folder of a new bag with what came out, there when all went well.
+    on_state: called after each state.
+    Raises NotRepeatable: a run cannot be repeated from the bag.
+    Raises ParameterError: the changes are not parameters of an axis.
+    Raises BagError: the bag is damaged.
+    Raises WriteError: the new bag cannot be written.
     """
     changes = dict(changes or {})
     runs = recorded_runs(bag)

@@ -65,13 +65,15 @@ class BagWriter:
     ) -> None:
         """Create the folder, with the parents it needs, and open the first file.
 
-        folder: must not exist. custom_data: text that goes into the metadata; :attr:`custom_data`
-        takes more of it until the bag is closed. compression: of the chunks: "none", "lz4" (quick)
-        or "zstd" (small). max_bytes: a file that has grown to this size is followed by a new one;
-        0: never. max_duration_ns: so is one whose messages cover this time in ns; 0: never. sync:
-        bring what is flushed to the disk as well, so that it outlives a power cut. Raises BagError:
-        the folder exists or cannot be made, or a value is out of range; nothing is left behind
-        then.
+        folder: must not exist.
+        custom_data: text that goes into the metadata; :attr:`custom_data` takes more of it
+        until the bag is closed.
+        compression: of the chunks: "none", "lz4" (quick) or "zstd" (small).
+        max_bytes: a file that has grown to this size is followed by a new one; 0: never.
+        max_duration_ns: so is one whose messages cover this time in ns; 0: never.
+        sync: bring what is flushed to the disk as well, so that it outlives a power cut.
+        Raises BagError: the folder exists or cannot be made, or a value is out of range; nothing
+        is left behind then.
         """
         if compression not in COMPRESSIONS:
             known = ", ".join(COMPRESSIONS)
@@ -158,11 +160,12 @@ class BagWriter:
     ) -> None:
         """Append one message.
 
-        topic_name: a topic made known with :meth:`add_topic`. data: the message in CDR, with its
-        encapsulation header. log_ns: when it was received, ns since the Unix epoch. publish_ns:
-        when it was published, ns since the Unix epoch. sequence: the publisher's number of the
-        message, 0 if unknown. Raises BagError: unknown topic, closed bag, or a disk that takes no
-        more.
+        topic_name: a topic made known with :meth:`add_topic`.
+        data: the message in CDR, with its encapsulation header.
+        log_ns: when it was received, ns since the Unix epoch.
+        publish_ns: when it was published, ns since the Unix epoch.
+        sequence: the publisher's number of the message, 0 if unknown.
+        Raises BagError: unknown topic, closed bag, or a disk that takes no more.
         """
         topic = self._topics.get(topic_name)
         if topic is None:

@@ -225,7 +225,7 @@ class UnknownTypeError(StickslipError, LookupError):
 def message_class(type_name: str) -> type[Any]:
     """Return the Python class of a message type such as ``std_msgs/msg/Int32``.
 
-    :raises UnknownTypeError: it is not installed.
+    Raises UnknownTypeError: it is not installed.
     """
     try:
         package, kind, name = type_name.split("/")
@@ -253,7 +253,7 @@ def publisher_of(node: Node, topic: OutputTopic, rate: float = 0.0) -> Publisher
 def message_definition(type_name: str) -> str:
     """Return the ``.msg`` text of a message type: the installed file, else made from its fields.
 
-    :raises UnknownTypeError: it is not installed.
+    Raises UnknownTypeError: it is not installed.
     """
     # A sourced ROS names its prefixes; packages installed by pip lie below the interpreter's own.
     sourced = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)

@@ -55,8 +55,8 @@ class LossCount:
     def note(self, number: int | None, publishers: Callable[[], frozenset[bytes]]) -> None:
         """Take the number of a message; publishers are asked for only if it is out of turn.
 
-        :param number: counted by the publisher from 1, None if the middleware does not say.
-        :param publishers: gives the ids of those on the topic now.
+        number: counted by the publisher from 1, None if the middleware does not say. publishers:
+        gives the ids of those on the topic now.
         """
         if number is None:
             return
@@ -83,13 +83,13 @@ class RecordedTopic:
     ) -> None:
         """Subscribe.
 
-        :param name: full name of the topic.
-        :param type_name: such as ``std_msgs/msg/Int32``.
-        :param on_messages: called with the messages that have arrived; it must take them all.
-        :param expect_latched: request earlier messages while no publisher is known.
-            If requested later, they would arrive after newer messages.
-        :raises UnknownTypeError: the type is not installed.
-        :raises OSError: its definition cannot be read.
+        name: full name of the topic.
+        type_name: such as ``std_msgs/msg/Int32``.
+        on_messages: called with the messages that have arrived; it must take them all.
+        expect_latched: request earlier messages while no publisher is known.
+        If requested later, they would arrive after newer messages.
+        Raises UnknownTypeError: the type is not installed.
+        Raises OSError: its definition cannot be read.
         """
         self.name = name
         self.type_name = type_name

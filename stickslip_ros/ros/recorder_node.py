@@ -264,6 +264,6 @@ class RecorderNode(GuardedNode):
 def main(args: Sequence[str] | None = None) -> int:
     """Run the recorder; return 0 when the bag is whole, 1 if writing failed, 2 on bad use.
 
-    :param args: the command line with the program's name, that of the process if None.
+    args: the command line with the program's name, that of the process if None.
     """
     return run_node("recorder_node", args, RecorderNode, "Records topics into bags.", PARAMETERS)

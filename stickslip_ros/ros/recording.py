@@ -24,7 +24,7 @@ _STEP = 1_000_000_000  # ns by which a clock that is set differs at least from o
 def axis_topics(axis: str) -> dict[str, str]:
     """Return the topics of an axis node and their types, known before the node exists.
 
-    :param axis: full name of the node, such as ``/stickslip_axis``.
+    axis: full name of the node, such as ``/stickslip_axis``.
     """
     topics = {
         topic.full_name(axis): topic.type for topic in OUTPUTS.values() if not topic.of_process
@@ -147,7 +147,7 @@ class Recording:
     def close(self) -> None:
         """Record the waiting messages, close the bag, log its content; closing twice does no harm.
 
-        :raises BagError: writing fails.
+        Raises BagError: writing fails.
         """
         bag = self.bag
         if bag.closed:

@@ -69,8 +69,9 @@ def record_axis(
 ) -> None:
     """Write what an axis and a recorder write: steps, a new amplitude, jogging, a load, targets.
 
-    change: may change the texts of each event by its number, as a stranger would. joints: may
-    change each message of joint states. values: parameters of the axis.
+    change: may change the texts of each event by its number, as a stranger would.
+    joints: may change each message of joint states.
+    values: parameters of the axis.
     """
     axis = Axis({**TABLE_1, "sensor_noise": 1e-9, "preload": 0.5, **values})
     written = 0
