@@ -47,7 +47,7 @@ def check(name: str, what: str) -> Check:
 
 
 #: Claims that take many seconds, or share their work with one that does.
-LONG = {"shaping", "fig04c", "fig06", "fig12", "fig15", "joint", "sec52"}
+LONG = {"shaping", "fig04c", "fig06", "fig12", "fig15", "joint"}
 each_claim = pytest.mark.parametrize(
     "claim",
     [
