@@ -286,13 +286,13 @@ class ComparedSteps:
     deflection: Array | str  #: of the actuator in each cycle, m, or why it tells nothing
     same_method: bool  #: whether both have their backstep by the same method, whose error cancels
     gain: float  #: of the lengths over those of the run
-    told: float | None = None  #: period of the drive by its parameters, s
+    drive_period: float | None = None  #: by its parameters, s
 
     @property
     def period(self) -> MeasuredValue:
         """Period (s): the first and the last slip give it, each to about two samples."""
         error = 2.0 * self.motion.spacing / max(1, self.steps.steps - 1)
-        return MeasuredValue(self.told or self.steps.period, error)
+        return MeasuredValue(self.drive_period or self.steps.period, error)
 
     @property
     def backstep(self) -> MeasuredValue:
