@@ -38,7 +38,7 @@ from stickslip_ros.recordings import open_bag
 from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node, choose_domain
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.process import SpinThread
-from validation.campaigns.processes import memory_of, waited
+from validation.campaigns.processes import ended, memory_of, waited
 from validation.campaigns.tests.hostile import damaged, messages
 
 AXIS, RECORDER = "stickslip_axis", "stickslip_recorder"
@@ -48,7 +48,7 @@ GROWTH = 30.0  #: MB that a process may grow by in the second half
 REQUESTS, LONG = 25, 100  #: of so many messages, one is a request, and one is longer than SHORT
 SHORT = 2000  # bytes
 EXAMPLES = 60  # of each topic and service, whole ones and damaged ones
-LOOK_EVERY = 5.0  # s
+LOOK_EVERY, PATIENCE = 5.0, 60.0  # s
 ORDERS_SILENCE = {f"/{RECORDER}/stop", f"/{AXIS}/pause", f"/{AXIS}/enable"}
 
 
@@ -63,6 +63,7 @@ def examples(strategy: SearchStrategy[Any], number: int) -> list[Any]:
 
 def flood(rate: float, number: int, seconds: float) -> None:
     """Send so many messages a second for so long, at all that nodes hear; say how many."""
+    os.nice(10)  # to send is more work than to hear
     spin, lot = SpinThread("flood"), random.Random(number)
     node = spin.add(Node("flood", context=spin.context))
     time.sleep(5.0)  # until the graph is known
@@ -154,23 +155,27 @@ def study(minutes: float, rate: float, number: int) -> list[str]:
         memory: dict[str, list[float]] = {}
         everybody = {**axes, "recorder": recorder}
         sender = subprocess.Popen(words)
-        while sender.poll() is None and not faults:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                sender.wait(LOOK_EVERY)
+        until = time.monotonic() + 60.0 * minutes  # the nodes end while the flood goes on
+        while time.monotonic() < until and sender.poll() is None and not faults:
+            time.sleep(LOOK_EVERY)
             for name, child in everybody.items():
                 try:
                     child.check_running()
                     memory.setdefault(name, []).append(memory_of(child.pid))
                 except ChildError as error:
                     faults.append(str(error))
-        spin.close()
-        sender.kill()
+        ends = dict[str, float]()
         for name, child in everybody.items():
+            begin, before = time.monotonic(), waited(child.pid)
             try:
                 child.interrupt()
+                ended(child.pid, PATIENCE)
+                ends[name] = time.monotonic() - begin - waited(child.pid) + before
                 child.ended()
             except ChildError as error:
                 faults.append(f"{name}: {error}")
+        spin.close()
+        sender.wait()
         said = [one.read_text(errors="replace") for one in folder.glob("*/*.log")]
         faults += [one[one.index("Traceback") :][:800] for one in said if "Traceback" in one]
         grown = {name: sizes[-1] - sizes[len(sizes) // 2] for name, sizes in memory.items()}
@@ -181,7 +186,7 @@ def study(minutes: float, rate: float, number: int) -> list[str]:
         with open_bag(folder / "bag") as bag:
             print(f"{bag.message_count} messages in the bag")
     print(f"silent at most {heard.silent} s (with waiting {heard.gross} s), {heard.count} states")
-    print(f"growth {grown} MB, load {os.getloadavg()[0]:.1f}")
+    print(f"ended {ends} s after SIGINT, growth {grown} MB, load {os.getloadavg()[0]:.1f}")
     return faults
 
 
