@@ -183,16 +183,17 @@ def _spin(program: str, node: Runnable, rounds: _Rounds, caught: list[int]) -> i
         # spin_until_future_complete of rclpy 7 leaves a callback behind with every round.
         node.finished.add_done_callback(lambda _: rounds.wake())
         # Here, not in a timer: behind a flood of messages its turn came after more than a minute.
-        while not (node.finished.done() or caught):
-            try:
-                rounds.spin_once()
-            except Exception as error:  # from below the callbacks, which are guarded
-                if not node.nodes[0].context.ok():
-                    raise
-                node.nodes[0].get_logger().error(
-                    f"error of the middleware, going on: {' '.join(str(error).split())}",
-                    throttle_duration_sec=_WARN_PERIOD,
-                )
+        with _woken_by_signals(rounds):
+            while not (node.finished.done() or caught):
+                try:
+                    rounds.spin_once()
+                except Exception as error:  # from below the callbacks, which are guarded
+                    if not node.nodes[0].context.ok():
+                        raise
+                    node.nodes[0].get_logger().error(
+                        f"error of the middleware, going on: {' '.join(str(error).split())}",
+                        throttle_duration_sec=_WARN_PERIOD,
+                    )
         if node.finished.done():
             node.finished.result()
         node.close()
@@ -206,6 +207,28 @@ def _spin(program: str, node: Runnable, rounds: _Rounds, caught: list[int]) -> i
         for one in node.nodes:
             one.destroy_node()
         try_shutdown()
+
+
+@contextlib.contextmanager
+def _woken_by_signals(rounds: _Rounds) -> Iterator[None]:
+    """Have a signal end the wait for something to do, which would last for 0.1 s at rest."""
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    before = signal.set_wakeup_fd(write)
+
+    def watch() -> None:
+        while os.read(read, 1):
+            rounds.wake()
+
+    thread = threading.Thread(target=watch, name="signals", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(write)
+        thread.join()
+        os.close(read)
 
 
 class _Rounds:
@@ -253,7 +276,7 @@ class _Rounds:
 
     def wake(self) -> None:
         """End the present wait."""
-        self._now.wake()
+        self._now.create_task(lambda: None)  # a wait ends with work, not because it was woken
 
     def shutdown(self) -> None:
         """Let go of the nodes."""

@@ -26,7 +26,7 @@ from rclpy.task import Future
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
-from stickslip_ros.ros import child_process
+from stickslip_ros.ros import child_process, process
 from stickslip_ros.ros.child_process import ChildError, ChildProcess
 from stickslip_ros.ros.process import DONE, SpinThread, run
 
@@ -92,6 +92,30 @@ def test_a_signal_is_heard_behind_a_flood(ros_domain: int) -> None:
 
     assert run("flooded", ["flooded"], make) == DONE
     assert made[0].ticks <= 6
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_a_signal_ends_the_wait_for_something_to_do(
+    ros_domain: int, monkeypatch: pytest.MonkeyPatch, many: bool
+) -> None:
+    """It was heard when the wait was over, a tenth of a second later."""
+    monkeypatch.setattr(process, "_ROUND", 60.0)
+    sent: list[float] = []
+
+    class Idle(Ticking):
+        def __init__(self) -> None:
+            super().__init__()
+            for timer in self.timers:
+                timer.cancel()
+
+    def interrupt() -> None:
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    timer = threading.Timer(1.0, interrupt)
+    timer.start()
+    assert run("idle", ["idle"], Idle, many=many) == DONE
+    assert time.monotonic() - sent[0] < 10.0
 
 
 class Flooded(Node):
