@@ -279,18 +279,6 @@ def check_record(experiment: Experiment) -> Iterator[str]:
         )
 
 
-def check_noise(experiment: Experiment, found: float) -> Iterator[str]:
-    """Yield a message if a fit leaves far more noise (m) than neighbouring samples show."""
-    motion = experiment.motion
-    shown = max(noise_of(motion.x), RECORD.least_noise)
-    if found > RECORD.noise_factor * shown:
-        yield (
-            f"{motion.source}: the fit leaves {format_si(found, 'm', 3)} a sample, neighbours "
-            f"differ by {format_si(shown, 'm', 3)}: a sensor that wanders, or an axis that is "
-            "not as its parameters say; is the amplitude right, does the actuator creep?"
-        )
-
-
 def is_too_coarse(experiment: Experiment, found: Parameters) -> bool:
     """Return True if a record has too few samples for the ringing that was found, or seen."""
     seen = experiment.ringing.frequency if experiment.ringing else 0.0

@@ -172,6 +172,7 @@ class Fit:
     base: Parameters  #: parameters of the first experiment, with the values found
     correlations: Mapping[str, Mapping[str, float]]  #: of the logarithms
     unknown: tuple[str, ...]  #: freedoms that the measurements leave, in words
+    given: tuple[str, ...]  #: what would change the values and not show, in words
     runs: tuple[FittedRun, ...]
     curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]
@@ -237,7 +238,7 @@ class Fit:
         for name, one in self.parameters.items():
             low, high = (("-" if end is None else f"{end:.4g}") for end in (one.low, one.high))
             lines.append(f"{name}: {one.value:.5g} {one.unit}, from {low} to {high}")
-        lines += self.unknown
+        lines += [*self.unknown, *self.given]
         if self.ensemble:
             lines.append(self.ensemble.comment())
         if self.misfit:
@@ -256,11 +257,7 @@ class Fit:
             cells = " ".join(f"{text:>14}" for text in one.texts)
             quiet = one.determined or not (self.complete or one.at_bound)
             lines.append(f"{name:<16} {cells}" + ("" if quiet else f"  {one.remark}"))
-        if self.runs and "mass" not in self.parameters and not self.base.runner.spring:
-            mass = 1e3 * self.base.runner.mass
-            lines.append(
-                f"stiffness and damping are in proportion to the mass, {mass:.4g} g as given"
-            )
+        lines += self.given
         lines.append("")
         for run in self.runs:
             hum = f", hum of {' and '.join(f'{f:g}' for f in run.mains)} Hz" if run.mains else ""
@@ -318,6 +315,7 @@ class Fit:
             },
             "correlations": {name: dict(row) for name, row in self.correlations.items()},
             "not_determined": list(self.unknown),
+            "given": list(self.given),
             "noise": self.noise,
             "residual": self.residual,
             "misfit": self.misfit.text if self.misfit else None,

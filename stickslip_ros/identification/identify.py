@@ -10,10 +10,10 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import Curve, CurveFit
+from stickslip_ros.identification.effects import effects_of
 from stickslip_ros.identification.experiment import (
     Experiment,
     IdentificationError,
-    check_noise,
     check_record,
     is_too_coarse,
 )
@@ -116,11 +116,7 @@ def identify(
     traces = [TraceFit(one) for one in experiments]
     work = _Estimation(traces, tables, free, seed, progress)
     found = work.fit(suggest_next)
-    fitted = zip(experiments, found.runs, strict=True)
-    after = [note for one, run in fitted for note in check_noise(one, run.noise)]
-    for note in after:
-        say(note)
-    found = replace(found, notes=(*notes, *after))
+    found = replace(found, notes=tuple(notes))
     if experiments and all(is_too_coarse(one, found.base) for one in experiments):
         found = found.without_intervals()
     if not laws or not found.complete:
@@ -345,17 +341,20 @@ class _Estimation:
         free = self.free
         if LAG in estimates and estimates[LAG].low is None:  # its interval does not exclude 0
             free, theta = free.without_lag(), theta[:-1]
+        effects = effects_of(self.problem, best) if complete else []
+        given = [f"{one.effect.tenth} would not show: {one.given}" for one in effects if one.given]
         return Fit(
             parameters=estimates,
             base=free.applied(self.problem.fits[0].parameters, theta),
             correlations=correlations,
             unknown=tuple(profiler.unknown()) if profiler else (),
+            given=tuple(given),
             runs=tuple(self._run(best, k) for k in range(len(self.traces))),
             curves=tuple(
                 one.fitted(best.seen[len(self.traces) + k]) for k, one in enumerate(self.tables)
             ),
             profiles=tuple(profiles),
-            misfit=misfit_of(self.problem, best) if complete else None,
+            misfit=misfit_of(self.problem, best, effects) if complete else None,
             complete=complete,
         )
 

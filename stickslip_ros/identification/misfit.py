@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests whether residuals are more than noise, and finds the effect that explains them best.
 
-Four tests use the whitened residuals. Averaged over the phases of the drive cycle, they must not
+An effect of the model that would lower the deviance by more than chance (`effects`) is one. Four
+more tests use the whitened residuals. Averaged over the phases of the drive cycle, they must not
 differ by more than chance: otherwise the model lacks a part of each cycle. Nor must they differ in
 each third of the run, because the residuals of a changing axis change their sign. And the means of
 cycles must not differ: otherwise, too, the axis changed during the run. And they must not be far
@@ -12,7 +13,7 @@ at a significance that chance reaches once in thousands of measurements.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,18 +22,19 @@ from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
+from stickslip_ros.identification.effects import SeenEffect
 from stickslip_ros.identification.fit import Misfit
 from stickslip_ros.identification.least_squares import Point, Problem
-from stickslip_ros.identification.settings import MISFIT, SEARCH
+from stickslip_ros.identification.settings import MISFIT
 from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
-from stickslip_ros.model.friction import contact_of
-from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import format_si
-from stickslip_ros.solver import SolverError
 
 
-def misfit_of(problem: Problem, best: Point) -> Misfit | None:
-    """Return the residuals that are more than noise, None if there are none."""
+def misfit_of(problem: Problem, best: Point, effects: Sequence[SeenEffect]) -> Misfit | None:
+    """Return the residuals that are more than noise, None if there are none.
+
+    effects are those of the fit, the largest first.
+    """
     runs: list[tuple[_Finding, _Finding, _Finding]] = []
     loud: list[_Finding] = []
     row = 0
@@ -59,25 +61,24 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     if not runs:
         return None
     probability = min(1.0, *(one.chance * len(found) for one in found))
-    gains = _gains(problem, best)
-    free = max(len(best.residuals) - problem.size, 1)
-    least = MISFIT.slow * best.deviance / free
-    slow = max(_SLOW, key=lambda name: gains.get(name, 0.0))
-    if not (probability < MISFIT.chance or gains.get(slow, 0.0) > least):
+    clear = [one for one in effects if one.clear]
+    if not (probability < MISFIT.chance or clear):
         return None
     within, along, between = max(runs, key=lambda three: sum(one.size for one in three))
     text = "; ".join([within.text, along.text, between.text, *(one.text for one in loud)])
     changed = between.size > MISFIT.changed * within.size
     if changed or along.size > MISFIT.part_changed * within.size:
         text += ", so the axis changed during the run: its preload, its track or its load"
-    if gains.get(slow, 0.0) == max([least, *gains.values()]):
-        return Misfit(f"{text}; {slow} explains it: {_SLOW[slow]}", probability)
-    beyond = sum(max(one.beyond for one in three) for three in runs)
-    named = []
-    for name in sorted(gains, key=lambda one: -gains[one])[: MISFIT.named]:
-        share = min(gains[name] / max(beyond, 1e-9), 1.0)
-        if share > MISFIT.takes_up:
-            named.append(f"{name} would take up {100.0 * share:.0f} % of it")
+    if clear and clear[0].effect.cure:
+        return Misfit(
+            f"{text}; {clear[0].effect.text} explains it: {clear[0].effect.cure}", probability
+        )
+    beyond = max(sum(max(one.beyond for one in three) for three in runs), 1e-9)
+    named = [
+        f"{one.effect.text} would take up {100.0 * min(one.fall / beyond, 1.0):.0f} % of it"
+        for one in effects[: MISFIT.named]
+        if one.clear or one.fall > MISFIT.takes_up * beyond
+    ]
     causes = ", or ".join(named) or "no single effect of the model takes it up"
     return Misfit(f"{text}; {causes}", probability)
 
@@ -179,56 +180,3 @@ def _in_motion(fit: TraceFit, white: Array, cycle: Array) -> list[_Finding]:
     chance = float(scipy.stats.f.sf(ratio / MISFIT.louder**2, len(moving), len(still)))
     text = f"the noise is {math.sqrt(ratio):.2g} times that at rest"
     return [_Finding(chance, 0.0, 0.0, text)] if chance < MISFIT.chance else []
-
-
-_LAG, _SENSOR = "a lag of the amplifier", "a slow sensor"
-#: Effects that pass for constants of the contact, so that little is left of them, and their cures.
-_SLOW = {
-    _LAG: "identify again with --fit-lag",
-    _SENSOR: "set sensor_bandwidth in the parameters, the intervals do not hold without it",
-}
-#: What may explain the residuals, and how the parameters express them.
-_EXPLANATIONS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
-    "another slewrate (a slower amplifier)": lambda p, part: p.replace(
-        slewrate=p.drive.slewrate * (1.0 + part)
-    ),
-    _LAG: lambda p, part: p.replace(
-        amplifier_bandwidth=p.actuator.amplifier_bandwidth
-        or 1.0 / (2.0 * math.pi * SEARCH.lag_start)
-    ),
-    _SENSOR: lambda p, part: p.replace(
-        sensor_bandwidth=p.sensor.sensor_bandwidth or MISFIT.sensor_bandwidth
-    ),
-    "another gain of the actuator": lambda p, part: p.replace(gain=p.actuator.gain * (1.0 + part)),
-    "viscous friction (sigma_2)": lambda p, part: p.replace(
-        sigma_2=p.friction.sigma_2 + abs(part) * p.friction.sigma_1
-    ),
-    "another mass": lambda p, part: p.replace(mass=p.runner.mass * (1.0 + part)),
-    "a force on the runner": lambda p, part: p.replace(
-        force=p.runner.force + part * 0.1 * p.friction.preload
-    ),
-    "a larger z_ss": lambda p, part: p.replace(
-        z_ss=contact_of(p.friction).z_ss * (1.0 + abs(part))
-    ),
-}
-
-
-def _gains(problem: Problem, best: Point) -> dict[str, float]:
-    """Return by how much each effect would lower the deviance, all else following, linearly."""
-    basis, _ = np.linalg.qr(problem.jacobian(best))
-    theta = best.unknowns[: len(problem.free.names)]
-    gains = {}
-    for name, change in _EXPLANATIONS.items():
-        changes = []
-        try:
-            for k, (fit, seen) in enumerate(zip(problem.fits, best.seen, strict=True)):
-                p = change(problem.free.applied(fit.parameters, theta), MISFIT.part)
-                changes.append(fit.model(p, problem.clock(best.unknowns, k)).x - seen.x)
-        except (ParameterError, SolverError):
-            continue
-        slope = problem.derivatives(best, changes)
-        slope = slope - basis @ (basis.T @ slope)
-        power, along = float(slope @ slope), float(slope @ best.residuals)
-        if power > 0.0 and not (name in _SLOW and along > 0.0):  # none is quicker than at once
-            gains[name] = along**2 / power
-    return gains

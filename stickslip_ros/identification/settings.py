@@ -134,13 +134,11 @@ class MisfitSettings:
     part_changed: float = 1.0  #: parts of a run, likewise
     takes_up: float = 0.3  #: part of the residuals that an effect has to explain to be named
     named: int = 2  #: effects at most: the third best hardly ever is the cause
-    slow: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand
     sensor_bandwidth: float = 1e5  #: Hz, of a slow sensor: its effect grows with the square
     louder: float = (
         1.5  #: ratio of the residuals in motion to those at rest that is left to sensors
     )
     at_rest: int = 100  #: bins, below which a record shows no rest
-    part: float = 0.01  #: change of a parameter for its derivative
     left_out_parts: int = 3  #: of the cycles of a single run, each left out in turn
     rounds_without: int = 6  #: of a descent without one of them
     halvings: int = 8  #: of a breakaway distance above the limit

@@ -31,6 +31,17 @@ def test_every_interval_holds_the_truth_and_is_narrow(found: Fit) -> None:
     assert found.unknown == ()
 
 
+def test_what_the_values_rest_on_is_said(found: Fit) -> None:
+    """A payload of 20 % moved sigma_0 by as much, which no residual shows; nothing was said."""
+    (mass,) = (line for line in found.given if line.startswith("10 % more mass"))
+    assert mass.startswith("10 % more mass would not show: sigma_0 +10 %, sigma_1 +10 %")
+    assert mass in found.report() and mass in found.as_json()["given"]
+    assert any(
+        line.startswith("10 % more preload would not show: sigma_0ss") for line in found.given
+    )
+    assert not any("gain" in line for line in found.given)  # a wrong one is a misfit
+
+
 def test_the_noise_of_the_sensor_is_told(found: Fit) -> None:
     assert found.noise == pytest.approx(1e-9, rel=0.05)
 

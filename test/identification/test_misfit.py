@@ -50,6 +50,16 @@ def test_another_axis_is_told(other: Other) -> None:
 
 
 @pytest.mark.long
+def test_another_amplitude_is_told() -> None:
+    """The first three tests say nothing: the parameters and a wander of the sensor take it up."""
+    start = {name: 1.5 * value for name, value in truth_of(AXIS).items()}
+    known = Parameters.of({**KNOWN, **start, "amplitude": 290.0})
+    found = identify([(known, trace(Other()))])
+    assert found.misfit is not None
+    assert "another gain of the actuator would take up" in found.misfit.text
+
+
+@pytest.mark.long
 def test_noise_that_comes_with_the_motion_is_told() -> None:
     """The fit printed 22 nm of noise where the record showed 1.5 nm, and said nothing."""
     motion = trace(Other())

@@ -12,7 +12,6 @@ from experiments import small
 from stickslip_ros.identification import Experiment, identify
 from stickslip_ros.identification.experiment import (
     Stepping,
-    check_noise,
     check_record,
     is_too_coarse,
     without_repeats,
@@ -87,13 +86,6 @@ def test_values_that_repeat_are_no_data(
     assert bool(said) == (len(kept.t) < 3000)
     assert not said or "repeat the value before" in said
     assert (np.diff(kept.t) > 0.0).all()
-
-
-def test_noise_that_no_sample_shows_is_told() -> None:
-    """An amplitude 5 % off left 17 nm for a random walk of the sensor, and nothing was said."""
-    assert list(check_noise(RECORD, 2.5e-9)) == []
-    (line,) = check_noise(RECORD, 17e-9)
-    assert re.search(r"the fit leaves 17\.0 nm a sample, neighbours differ by (0\.9|1\.0)", line)
 
 
 def test_a_record_is_too_coarse_for_what_is_seen_or_found() -> None:

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 from bench_traces import Array, Axis, Drive, Sensor, bench_trace, random_axis
 
-from stickslip_ros.identification import Experiment, Fit, identify
+from stickslip_ros.identification import Experiment, Fit, IdentificationError, identify
 from stickslip_ros.identification.experiment import Stepping
 from stickslip_ros.identification.free import FreeParameters, free_parameters
 from stickslip_ros.identification.least_squares import Problem
@@ -196,7 +196,10 @@ def whole(seed: int) -> dict[str, Any]:
     drawn = draw(seed)
     begun = time.process_time()
     runs = [(one.known, Motion("bench", one.t, one.x)) for one in drawn.traces]
-    found: Fit = identify(runs)
+    try:
+        found: Fit = identify(runs)
+    except IdentificationError as error:
+        return {"seed": seed, "noise": drawn.noise, "refused": str(error)}
     took = time.process_time() - begun
     best = 2.0 * CONFIDENCE * deviations(_at_truth(drawn, True))
     values = {}
@@ -227,7 +230,9 @@ def summary(lines: list[dict[str, Any]]) -> str:
             text.append(f"{kind}: {_share(int(own.sum()), own.size)}")
         wider = np.round(np.median([one["wider"] for one in lines], axis=0), 2)
         return "\n".join([*text, f"median width over that of a fit that knows all: {wider}"])
-    text, counts = [], Counter[tuple[str, bool]]()
+    refused = [one for one in lines if "refused" in one]
+    lines = [one for one in lines if "refused" not in one]
+    text, counts = [f"refused: {len(refused)}"], Counter[tuple[str, bool]]()
     for name in lines[0]["values"]:
         found = [one["values"][name] for one in lines]
         for line, one in zip(lines, found, strict=True):
