@@ -154,7 +154,9 @@ def study(minutes: float, rate: float, number: int) -> list[str]:
         heard = Listener(node, {name: child.pid for name, child in axes.items()})
         memory: dict[str, list[float]] = {}
         everybody = {**axes, "recorder": recorder}
-        sender = subprocess.Popen(words)
+        sender = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        assert sender.stdout
+        print(sender.stdout.readline(), end="", flush=True)  # from now on it floods
         until = time.monotonic() + 60.0 * minutes  # the nodes end while the flood goes on
         while time.monotonic() < until and sender.poll() is None and not faults:
             time.sleep(LOOK_EVERY)
@@ -175,7 +177,7 @@ def study(minutes: float, rate: float, number: int) -> list[str]:
             except ChildError as error:
                 faults.append(f"{name}: {error}")
         spin.close()
-        sender.wait()
+        print(sender.communicate()[0], end="")
         said = [one.read_text(errors="replace") for one in folder.glob("*/*.log")]
         faults += [one[one.index("Traceback") :][:800] for one in said if "Traceback" in one]
         grown = {name: sizes[-1] - sizes[len(sizes) // 2] for name, sizes in memory.items()}

@@ -17,6 +17,7 @@ give back more (docs/friction.md).
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import multiprocessing
 import signal
@@ -171,7 +172,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if kind == "fault":
             print(f"{number}: {said}\n    {drawn(number)}", flush=True)
 
-    study(range(args.first, args.first + args.count), report)
+    with contextlib.suppress(KeyboardInterrupt):  # of what was judged until then
+        study(range(args.first, args.first + args.count), report)
     print(", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
     return int(counts["fault"] > 0)
 
