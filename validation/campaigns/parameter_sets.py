@@ -109,7 +109,7 @@ def outcome(values: dict[str, Any]) -> str:
         contact = Plant.column(p).contact
         weakens = contact.z_s > contact.z_k or Surface.of(p.friction) is not None
         force = p.friction.mu * p.friction.preload if has_own_rate(p.friction) else 0.0
-        allowed = ROUNDING * work + STEPS * force * p.solver.tolerance
+        allowed = ROUNDING * work + force * p.solver.tolerance  # in each cycle
         if cycles.lost.min() < -allowed and not weakens:
             return f"heat {cycles.lost.min():g} J of a work of {work:g} J"
         axis = Axis(p)
