@@ -187,8 +187,9 @@ def pair_runs(
             else:  # by the samples about them, the ends of the cycles unknown
                 slips = cycles.slips
                 # Where the periods differ, slips apart are no errors of the search.
-                if abs(one.period / cycles.period - 1.0) * one.steps < _MET:
-                    # The search may miss the first one, and count one after the last.
+                alike = abs(one.period / cycles.period - 1.0) * one.steps < _MET
+                if alike and len(slips) != one.steps:
+                    # It has missed the first one, say, or counted one after the last.
                     slips = slips[match_slips(slips, cycles.period, one, alignment)[1]]
                     if not len(slips):
                         raise TraceError("its steps are at other times")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import TypeGuard
 
 import numpy as np
@@ -42,7 +43,7 @@ from stickslip_ros.traces.run_search import (
 )
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
-from stickslip_ros.traces.steps import MeasuredValue, settled_from, wander_of
+from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, settled_from, wander_of
 
 #: Reports of a search for steps.
 STAGES = REPORTS + 1
@@ -195,16 +196,14 @@ def find_steps(
     even = resample_evenly(t, x, _MOST, noise if kept.all() else None)
     seen, shorter = _search(even, period, report)
     report("steps")
-    parts, grids, ringings = [], [], []
-    for one in seen:
-        last = min([even.end, *(other.begin for other in seen if other.first > one.end)])
-        after = min(one.end + _AFTER * one.period, last)
-        part = slice(*np.searchsorted(t, [one.begin - _BEFORE * one.period, after]))
-        grid, ringing = _with_onset(t[part], x[part], one)
-        parts.append(part)
-        grids.append(grid)
-        ringings.append(ringing)
-    estimates, disturbances = fit_steps(even, grids, ringings)
+    parts, grids, estimates, disturbances = _fit_all(t, x, even, seen)
+    steps = [
+        one.explained or abs(step.value) > COVERAGE * step.error
+        for one, step in zip(grids, estimates, strict=True)
+    ]
+    if any(steps) and not all(steps):  # a guess beside a run, and without a step, is none
+        seen, shorter = list(compress(seen, steps)), list(compress(shorter, steps))
+        parts, grids, estimates, disturbances = _fit_all(t, x, even, seen)
     still = without_disturbances(even, disturbances)
     clipping, jumps = find_clipping(even), find_jumps(x)
     runs = []
@@ -216,6 +215,22 @@ def find_steps(
         doubts = doubts_of(still, grid, others, run.mean_step, less, run.ringing, given)
         runs.append(replace(run, doubts=(*clipping, *doubts, *(jumps if doubts else ()))))
     return Findings(runs, disturbances)
+
+
+def _fit_all(
+    t: Array, x: Array, even: EvenSamples, seen: list[SlipGrid]
+) -> tuple[list[slice], list[SlipGrid], list[MeasuredValue], Disturbances]:
+    """Return the samples of each run, its slips where they begin, its step, and what disturbs."""
+    parts, grids, ringings = [], [], []
+    for one in seen:
+        last = min([even.end, *(other.begin for other in seen if other.first > one.end)])
+        after = min(one.end + _AFTER * one.period, last)
+        part = slice(*np.searchsorted(t, [one.begin - _BEFORE * one.period, after]))
+        grid, ringing = _with_onset(t[part], x[part], one)
+        parts.append(part)
+        grids.append(grid)
+        ringings.append(ringing)
+    return parts, grids, *fit_steps(even, grids, ringings)
 
 
 def _search(

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bench_traces import Drive, Sensor, bench_trace, random_axis
+from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
 from table_1 import table_1
 
+import stickslip_ros as ss
 from stickslip_ros.measurement import (
     Comparison,
     ComparisonError,
@@ -487,6 +488,39 @@ def test_limits_are_kept_or_not() -> None:
     assert [one.kept for one in judge(found, loose)] == [True, True, False]
     assert [one.kept for one in judge(found, tight)] == [False, False, False]
     assert "cannot be determined (the amplitude does not vary)" in str(judge(found, loose)[2])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("axis", "drive", "sensor", "part"),
+    [
+        pytest.param(
+            Axis(1.0083, 7.5639e-3, 6.3427, 5.11027e6, 1.057267e7),
+            Drive(11, 942.238, 189.1767, 1, 4e-3),
+            Sensor(2e5, 1.9e-9, hum=1.2e-9, drift=1.07e-7, offset=0.0171),
+            0.8,
+            id="the rest between them rang like three cycles of 1 +- 28 nm",
+        ),
+        pytest.param(
+            Axis(1.0221, 3.759e-3, 3.1334, 6.07155e6, 1.057564e7),
+            Drive(18, 1126.01, 253.512, 1, 4e-3),
+            Sensor(2e5, 5.4e-10, offset=-0.446),
+            1.2,
+            id="the whole motions lie best over one another 0.28 of a cycle late",
+        ),
+    ],
+)
+def test_runs_there_and_back_are_compared_run_by_run(
+    axis: Axis, drive: Drive, sensor: Sensor, part: float
+) -> None:
+    bench = bench_trace(axis, (drive, replace(drive, direction=-1)), sensor, 8e-3, 930025)
+    measured = Motion("bench", bench.t, bench.x)
+    known = {**axis.parameters, "frequency": drive.frequency, "amplitude": drive.amplitude}
+    true = ss.compare(known, measured)
+    assert [pair.verdict for pair in true.pairs] == ["agrees", "agrees"]
+    wrong = ss.compare({**known, "preload": part * axis.preload}, measured)
+    assert len(wrong.pairs) == 2
+    assert all("step size" in pair.verdict for pair in wrong.pairs)
 
 
 @pytest.mark.parametrize("cycles", [9, 12, 40])
