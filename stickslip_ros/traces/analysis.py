@@ -33,7 +33,7 @@ from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps, without_disturbances
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
-from stickslip_ros.traces.run_growth import count_falls
+from stickslip_ros.traces.run_growth import count_falls, move_to_fall
 from stickslip_ros.traces.run_search import (
     REPORTS,
     Report,
@@ -58,6 +58,8 @@ _BEFORE, _AFTER = 0.5, 0.98
 _SWINGS, _EARLIER = 3.0, 1.3
 #: Steps change if the means of two halves differ by this many standard deviations.
 _CHANGED = 4.0
+#: Part of a cycle by which slips may be away from where a start that is given has them.
+_OFF_CLOCK = 0.1
 #: Largest error of the last slip, in periods of ringing, at which the onsets give the period.
 _SWUNG = 0.5
 
@@ -159,6 +161,12 @@ def _at_clock(t: Array, x: Array, u: Array | None, cycles: Cycles) -> Run:
     """Analyse cycles that are known; few of them, or few samples in each, do not determine it."""
     run = analyse_cycles(t, x, u, cycles)
     doubts = too_few(run.steps, run.frequency, 1.0 / float(np.median(np.diff(t))))
+    if u is None:
+        grid = SlipGrid(cycles.slips[0], run.period, run.steps, run.direction, 0.0, 0.0)
+        fall = move_to_fall(resample_evenly(t, x, _MOST), grid, within=1.0)
+        late = math.remainder(fall.first - grid.first, grid.period) / grid.period
+        if abs(late) > _OFF_CLOCK:
+            doubts += (f"the runner falls {late:+.2f} of a cycle away from where cycles begin",)
     return replace(run, doubts=doubts)
 
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.traces.cycles import Cycles
+from stickslip_ros.traces.even_samples import rounding_of
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import MeasuredValue, estimate_settled_mean, settled_from
 
@@ -60,7 +61,7 @@ SETTINGS = BackstepSettings()
 
 @dataclass(frozen=True)
 class Backstep(MeasuredValue):
-    """The mean backstep over the settled cycles, m; nan where it cannot be determined."""
+    """The mean backstep over the settled cycles, m; nan, or its error inf, if not determined."""
 
     chance: float  #: part of the error that noise and the scatter of cycles make, m
     method: str  #: its source: `ARC`, `RINGING` or `SAMPLES`
@@ -81,17 +82,18 @@ def estimate_backstep(
     (m) are the backsteps cycle by cycle, (cycles,), and noise (m) is that of a sample. The last
     slip runs into rest, is a little longer, and counts only where it is the only one.
     """
-    count = max(len(cycles.slips) - 1, 1)
+    count, shared = max(len(cycles.slips) - 1, 1), math.sqrt(2.0) * rounding_of(forward, noise)
     if ringing is not None and noise >= EXACT:
         found = _by_arc(t, forward, cycles, slice(settled_from(count), count), ringing)
         if found is not None:
-            depth, chance = max(found.value, 0.0), found.error
+            depth, chance = max(found.value, 0.0), math.hypot(found.error, shared)
             return Backstep(depth, math.hypot(chance, SETTINGS.by_arc * depth), chance, ARC)
     mean = estimate_settled_mean(singles[:count], exact)
     if exact:
         return Backstep(mean.value, mean.error, mean.error, SAMPLES)
     # One fall alone shows no scatter; its fit takes more than one sample.
     chance = mean.error if math.isfinite(mean.error) or math.isnan(mean.value) else noise
+    chance = math.hypot(chance, shared)
     if cycles.ends[0] == cycles.slips[0]:  # a slip is found to a sample, in which the runner goes
         last = len(cycles.slips) - 1
         risen = np.diff(np.interp(cycles.slips[[0, last]], t, forward))[0]

@@ -24,6 +24,7 @@ from stickslip_ros.traces.even_samples import (
     fill_gaps,
     mean_cycle,
     phases_of,
+    quantum_of,
     sample_cycles,
     without_trend,
 )
@@ -62,6 +63,7 @@ class DoubtSettings:
     #: Samples in a row that a record which is cut off stays at its outermost value, and times as
     #: many as at any other: the steps of a converter make such stretches everywhere.
     held: tuple[int, float] = (12, 20.0)
+    stops: float = 0.5  #: of the usual way in so many samples, after which no runner rests at once
     #: Times the step between samples that all but this part keep below, and part by which jumps may
     #: miss whole multiples of the least one: no contact moves its runner so.
     jump: float = 4.0
@@ -69,7 +71,7 @@ class DoubtSettings:
     alike: float = 0.1
     swings: float = 2.5  #: of the ringing, in a shorter period that is one of ringing, not of steps
     mains: float = 0.5  #: periods over a run by which its clock may be off that of the mains
-    exact: float = 1e-11  #: noise (m) below which positions are simulated, and not cut off
+    exact: float = 1e-10  #: noise (m) below which positions are simulated, and rest at one value
     looked_at: int = 64  #: cycles that are tested, from the middle
 
 
@@ -162,15 +164,26 @@ def too_few(cycles: int, frequency: float, rate: float) -> tuple[str, ...]:
 
 
 def find_clipping(even: EvenSamples) -> tuple[str, ...]:
-    """Return what is to be said of a record that stays at its end as nowhere else."""
+    """Return what is to be said of a record that stays at its end as nowhere else.
+
+    With noise, no rest has one value so long; without, no runner comes to rest at once.
+    """
     ends = np.flatnonzero(np.diff(even.x, append=math.nan) != 0.0)  # of stretches of one value
     long = np.diff(ends, prepend=-1)
     outer = np.isin(even.x[ends], [even.x.min(), even.x.max()])
-    longest = int(np.max(long[outer], initial=0))
-    if even.noise < SETTINGS.exact or longest < SETTINGS.held[0]:
+    least, times = SETTINGS.held
+    held = outer & (long >= least)
+    rounded = quantum_of(even.x)
+    if even.noise < max(SETTINGS.exact, rounded):
+        moved = np.abs(even.x[least:] - even.x[:-least])
+        before = ends - long - least
+        usual = max(float(np.median(moved[moved > 0.0])), 4.0 * rounded)
+        held &= (before >= 0) & (moved[np.maximum(before, 0)] > SETTINGS.stops * usual)
+    else:
+        held &= long >= times * int(np.max(long[~outer], initial=1))
+    if not held.any():
         return ()
-    if longest < SETTINGS.held[1] * int(np.max(long[~outer], initial=1)):
-        return ()
+    longest = int(np.max(long[held]))
     return (f"{longest} samples in a row have the record's outermost value: it was cut off there",)
 
 

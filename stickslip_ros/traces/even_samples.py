@@ -21,6 +21,9 @@ from stickslip_ros.arrays import Array
 #: quarters of those beside it.
 _SPIKE, _USUAL, _ALONE = 8.0, 3.0, 4.0
 _NEIGHBOURS = 5
+#: Least differences within which most neighbours are on a coarse converter; part of one by which
+#: they may miss whole numbers of it, as printed.
+_COARSE, _WHOLE = 20.0, 0.1
 #: Samples from which noise is estimated; length of a gap in usual sample distances.
 _LOOKED_AT, _GAP = 2**20, 4.0
 #: Samples of one spectrum of the noise; times the noise beside its lines that is no noise alone.
@@ -90,8 +93,36 @@ def robust_std(x: Array) -> float:
     return 1.4826 * float(np.median(np.abs(x - np.median(x))))
 
 
+def quantum_of(x: Array) -> float:
+    """Return the step (m) of a converter that samples are whole multiples of; 0 where none is seen.
+
+    It is the least difference of neighbours, if they differ by few of it, which hides the noise.
+    """
+    apart = np.abs(np.diff(x[:_LOOKED_AT]))
+    apart = apart[apart > 0.0]
+    if not len(apart):
+        return 0.0
+    steps = apart / float(apart.min())
+    few = steps[steps < _COARSE]
+    whole = np.abs(few - np.rint(few)) < _WHOLE
+    return float(apart.min()) if 2 * len(few) > len(apart) and whole.all() else 0.0
+
+
+def rounding_of(x: Array, noise: float) -> float:
+    """Return the error (m) that all samples of one place share as a converter rounds them alike.
+
+    Noise (m) beyond that of rounding makes it differ from sample to sample.
+    """
+    alike = quantum_of(x) / math.sqrt(12.0)
+    return alike * alike / max(noise, alike) if alike > 0.0 else 0.0
+
+
 def noise_of(x: Array) -> float:
-    """Return the standard deviation (m) of the noise of a sample."""
+    """Return the standard deviation (m) of the noise of a sample, that of rounding at least."""
+    return max(_scatter_of(x), quantum_of(x) / math.sqrt(12.0))
+
+
+def _scatter_of(x: Array) -> float:
     if len(x) < 8:
         return 0.0
     if len(x) > _LOOKED_AT:  # stretches of neighbouring samples from all over
@@ -167,10 +198,7 @@ def resample_evenly(t: Array, x: Array, most: int, noise: float | None = None) -
     for gap in np.flatnonzero(apart > _GAP * max(tick, float(np.median(apart)))):
         known[slice(*np.searchsorted(grid, [t[gap], t[gap + 1]], side="right"))] = False
     even = np.interp(grid, t, x)
-    steps = np.abs(np.diff(x[:_LOOKED_AT]))
-    quantum = float(steps[steps > 0.0].min(initial=math.inf))
-    floor = quantum / math.sqrt(12.0) if math.isfinite(quantum) and noise == 0.0 else 0.0
-    return EvenSamples(float(t[0]), tick, even, known, max(noise, floor))
+    return EvenSamples(float(t[0]), tick, even, known, noise)
 
 
 #: Phases of a mean cycle at most; part of a period after the slip that belongs to a cycle, too.

@@ -48,6 +48,9 @@ _CLEAR_GAIN, _UNCERTAIN = 25.0, 0.02
 _CYCLES, _SAMPLES, _SPECTRUM = 20, 20_000, 4096
 #: Decays after which nothing is left of the ringing; samples of a swing that are kept.
 _GONE, _DENSE = 6.0, 40.0
+#: No axis rings faster (Hz): 1 g on 16 N/µm; twice the logarithm of how many times as likely a
+#: frequency has to be as a faster one.
+_FASTEST, _SURELY = 2e4, 2.0 * math.log(1e3)
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class Ringing:
     decay: float  #: 1/s, sigma_1 / (2 m) for a runner on its elastic contact
     frequency_error: float = math.nan  #: standard error, Hz
     decay_error: float = math.nan  #: standard error, 1/s; inf where the decay is not determined
+    folded: bool = False  #: whether the samples may show a faster one (`may_be_folded`)
 
     @property
     def damping_ratio(self) -> float:
@@ -83,10 +87,7 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     much as another period less makes of it: of 133 traces integrated apart, the errors with that
     (two of them) hold 95 % of the decays; without it, 76 %.
     """
-    # Every second sample of a slow cycle would show another frequency; later ones do not ring.
-    some = np.unique(np.linspace(0, max(len(windows) - 1, 0), _CYCLES).astype(int))
-    windows = [windows[k] for k in some if k < len(windows)]
-    windows = [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in windows if len(t) >= 8]
+    windows = _some(windows)
     if not windows:
         return None
     span = float(np.median([t[-1] for t, _ in windows]))
@@ -109,6 +110,55 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
         frequency_error=math.hypot(found.frequency_error, later.frequency - found.frequency),
         decay_error=math.hypot(found.decay_error, later.decay - found.decay),
     )
+
+
+def _some(windows: Sequence[Window]) -> list[Window]:
+    # Every second sample of a slow cycle would show another frequency; later ones do not ring.
+    some = np.unique(np.linspace(0, max(len(windows) - 1, 0), _CYCLES).astype(int))
+    chosen = [windows[k] for k in some if k < len(windows)]
+    return [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in chosen if len(t) >= 8]
+
+
+def may_be_folded(windows: Sequence[Window], ringing: Ringing) -> bool:
+    """Return whether a ringing up to `_FASTEST` that sampling folds explains the windows as well.
+
+    At even times the two are the same. But slips lie at other places between the samples each time,
+    and only at its own frequency the ringing begins alike after all of them. The clock of the slips
+    may be a sample off over the run.
+    """
+    windows = _some(windows)
+    if not windows:
+        return False
+    interval = max(float(np.median(np.diff(t))) for t, _ in windows)
+    multiples = np.arange(1.0, _FASTEST * interval + 2.0) / interval
+    others = np.concatenate((multiples - ringing.frequency, multiples + ringing.frequency))
+    others = others[others < _FASTEST]
+    if not len(others):
+        return False
+    flat = [_without_trend(t, x) for t, x in windows]
+    total = sum(float(x @ x) for _, x, _ in flat)
+    about = np.linspace(-1.5, 1.5, len(windows)) * interval
+
+    def left(frequency: float) -> float:
+        """Return the squares left by swings of a frequency that begin alike, at the best clock."""
+        poles = [replace(ringing, frequency=frequency).columns(t) for t, *_ in flat]
+        swings = [
+            one - basis @ (basis.T @ one) for one, (*_, basis) in zip(poles, flat, strict=True)
+        ]
+        waves = [one @ [1.0, 1.0j] for one in swings]
+        late = np.linspace(-1.0, 1.0, 2 * math.ceil(100.0 * frequency * interval) + 1)
+        turn = np.exp(-2j * math.pi * frequency * late[:, None] * about)
+        seen = turn @ [one @ x for one, (_, x, _) in zip(waves, flat, strict=True)]
+        same = turn**2 @ [one @ one for one in waves]
+        size = sum(float(np.vdot(one, one).real) for one in waves)
+        # Least squares of a cosine and a sine, which are not at right angles.
+        told = size * np.abs(seen) ** 2 - (same.conj() * seen**2).real
+        best = np.max(2.0 * told / np.maximum(size**2 - np.abs(same) ** 2, 1e-9 * size**2))
+        return max(total - float(best), 1e-9 * total)
+
+    samples = sum(len(t) for t, _ in windows)
+    least = min(map(left, others.tolist()))
+    return samples * math.log(least / left(ringing.frequency)) < _SURELY
 
 
 def thin_swings(t: Array, x: Array, frequency: float) -> Window:

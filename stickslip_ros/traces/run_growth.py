@@ -142,8 +142,8 @@ def tune_period(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     )
 
 
-def move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
-    """Return a run whose slips are where its mean cycle falls fastest."""
+def move_to_fall(even: EvenSamples, grid: SlipGrid, within: float = SETTINGS.fall) -> SlipGrid:
+    """Return a run whose slips are where its mean cycle falls fastest, within so many periods."""
     phases = phases_of(even, grid.period)
     slips = grid.slips[sample_cycles(grid.count)]
     rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
@@ -152,7 +152,7 @@ def move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     # A fall at the end of a cycle is seen from both sides; so the search is about there.
     fall = np.convolve(mean, edge_kernel(width)[::-1], mode="valid")
     place = phases[width : width + len(fall)] - 0.5 * (phases[1] - phases[0])
-    near = np.abs(place) < SETTINGS.fall
+    near = np.abs(place) < within
     if not near.any():
         return grid
     at = float(place[near][int(np.argmax(fall[near]))])

@@ -197,18 +197,26 @@ class Run:
     def report(self) -> str:
         """Return cycles, step size, backstep, ringing and Eq. 9 as text."""
         balance = self.balance
-        rings = not math.isnan(self.ringing_frequency)
-        damps = f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical"
-        how = ""  # the backstep is an estimate, if it is one; a simulation without noise shows it
-        if not math.isnan(self.backstep) and self.mean_backstep.method != SAMPLES:
-            arc = self.mean_backstep.method == ARC
-            how = ", estimated by " + ("a curve through the falls" if arc else "the ringing")
+        told, unknown = self.as_json(), "not determined"
+        rings, damps, backstep = "none visible", "-", unknown
+        if self.ringing is not None:
+            rings = f"{self.ringing_frequency:.1f} Hz"
+            damps = f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical"
+            damps = unknown if math.isnan(told["damping_ratio"]) else damps
+            if math.isnan(told["ringing_frequency"]):
+                rings = f"{unknown}: {rings}, or a faster one that looks the same"
+        if not math.isinf(self.backstep_error):
+            backstep = nanometres(self.backstep, self.backstep_error)
+            if not math.isnan(self.backstep) and self.mean_backstep.method != SAMPLES:
+                arc = self.mean_backstep.method == ARC  # a simulation without noise shows it
+                backstep += ", estimated by "
+                backstep += "a curve through the falls" if arc else "the ringing"
         rows = [
             ("cycles", f"{self.steps} of {format_si(self.period, 's')}, from {self.span}"),
             ("step size", nanometres(self.step_size, self.step_size_error)),
-            ("backstep", f"{nanometres(self.backstep, self.backstep_error)}{how}"),
-            ("ringing", f"{self.ringing_frequency:.1f} Hz" if rings else "none visible"),
-            ("decay", (damps if self._damps else "not determined") if rings else "-"),
+            ("backstep", backstep),
+            ("ringing", rings),
+            ("decay", damps),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
         ]
         if math.isnan(balance.excitation):
@@ -222,11 +230,6 @@ class Run:
             ("remainder", nanometres(balance.remainder)),
         ]
         return format_rows(rows)
-
-    @property
-    def _damps(self) -> bool:
-        """Whether the samples determine the decay of the ringing."""
-        return self.ringing is not None and not math.isinf(self.ringing.decay_error)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with one row for each cycle, SI units; needs pandas."""
@@ -251,18 +254,20 @@ class Run:
         return draw_lines(axes, lines, "cycle", "size (m)")
 
     def _repr_html_(self) -> str:
+        told = self.as_json()
         rows = [
             ("cycles", f"{self.steps} at {self.frequency:.6g} Hz"),
             ("step size", format_si(self.step_size, "m", uncertainty=self.step_size_error)),
-            ("backstep", format_si(self.backstep, "m", uncertainty=self.backstep_error)),
-            ("ringing", format_si(self.ringing_frequency, "Hz")),
+            ("backstep", format_si(told["backstep"], "m", uncertainty=told["backstep_error"])),
+            ("ringing", format_si(told["ringing_frequency"], "Hz")),
             *(("not determined", doubt) for doubt in self.doubts),
         ]
         return html_table(f"Steps from {self.span}", rows)
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
-        nan, ringing = math.nan, self.ringing
+        ringing = self.ringing or Ringing(math.nan, math.nan)
+        hidden = math.inf if ringing.folded else 0.0
         return {
             "start": self.start,
             "end": self.end,
@@ -277,13 +282,10 @@ class Run:
             "determined": self.determined,
             "doubts": list(self.doubts),
             "scatter": float(np.std(self.step_sizes[self.first_cycle :])),
-            "backstep": self.backstep,
-            "backstep_error": self.backstep_error,
+            **_known("backstep", self.backstep, self.backstep_error),
             "backstep_from": self.mean_backstep.method,
-            "ringing_frequency": self.ringing_frequency,
-            "ringing_frequency_error": nan if ringing is None else ringing.frequency_error,
-            "damping_ratio": self.damping_ratio if self._damps else nan,
-            "damping_ratio_error": ringing.damping_ratio_error if ringing and self._damps else nan,
+            **_known("ringing_frequency", ringing.frequency, hidden + ringing.frequency_error),
+            **_known("damping_ratio", ringing.damping_ratio, hidden + ringing.damping_ratio_error),
             "mean_speed": self.mean_speed,
         }
 
@@ -293,7 +295,14 @@ class Run:
             "period", "direction", "starts", "slips", "step_sizes", "step_size", "backsteps",
             "backstep", "ringing_frequency", "decay", "damping_ratio", "mean_speed", "points",
         )  # fmt: skip
-        return {**{name: getattr(self, name) for name in names}, "balance": asdict(self.balance)}
+        own = {name: getattr(self, name) for name in names} | {"balance": asdict(self.balance)}
+        return own | {name: told for name, told in self.as_json().items() if name in own}
+
+
+def _known(name: str, value: float, error: float) -> dict[str, float]:
+    """Return a value and its error by name; nan where the record does not determine it."""
+    shown = (math.nan, math.nan) if math.isinf(error) else (value, error)
+    return dict(zip((name, f"{name}_error"), shown, strict=True))
 
 
 def main_run(runs: Sequence[Run]) -> Run:

@@ -19,9 +19,9 @@ from stickslip_ros.traces.backstep import EXACT, estimate_backstep
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.hum import HUMMING
-from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
+from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing, may_be_folded
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.steps import estimate_settled_mean, settled_mean
+from stickslip_ros.traces.steps import estimate_settled_mean, settled_from, settled_mean
 
 #: Length of the fit before a slip, in periods of the drive and of the ringing; of the fit after a
 #: slip, in periods of the ringing.
@@ -55,6 +55,9 @@ def analyse_cycles(
     forward, count = cycles.direction * position, len(cycles.slips)
     windows = [_after(time, forward, cycles, k) for k in range(count)]
     ringing = _ringing_in(windows)
+    first = settled_from(count)  # the last slip runs into rest
+    if ringing is not None and may_be_folded(windows[first : max(count - 1, first + 1)], ringing):
+        ringing = replace(ringing, folded=True)
     own_noise = noise_of(position)
     noise = own_noise if noise is None else noise
     before = np.array([_just_before(time, forward, cycles, k, ringing, noise)
@@ -69,14 +72,17 @@ def analyse_cycles(
     backsteps = np.maximum(before - lowest[:, 1], 0.0)
     exact = own_noise < EXACT
     step = estimate_settled_mean(step_sizes, exact)
+    backstep = estimate_backstep(
+        time, forward, cycles, ringing, backsteps, noise, exact and noise < EXACT
+    )
+    if ringing is not None and ringing.folded:
+        backstep = replace(backstep, error=math.inf)
     return Run(
         cycles=cycles,
         step_sizes=cycles.direction * step_sizes,
         mean_step=replace(step, value=cycles.direction * step.value),
         backsteps=backsteps,
-        mean_backstep=estimate_backstep(
-            time, forward, cycles, ringing, backsteps, noise, exact and noise < EXACT
-        ),
+        mean_backstep=backstep,
         ringing=ringing,
         points=_points(time, forward, actuator, cycles, ringing, fits, lowest[:, 0]),
         regained=settled_mean(lowest[:, 2]),

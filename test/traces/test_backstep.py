@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bench_traces import SLEWRATE, Axis, Drive, Sensor, bench_trace, random_axis
 
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.backstep import ARC, RINGING, SAMPLES, Backstep
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.step_analysis import analyse_cycles
@@ -95,3 +96,26 @@ def test_exact_positions_give_the_mean_of_the_single_backsteps() -> None:
     assert found.method == SAMPLES
     assert abs(found.value - _true(Axis(), drive)) < 0.05e-9
     assert found.error < 0.1e-9
+
+
+@pytest.mark.parametrize(
+    ("rate", "frequency", "folded"),
+    [(5e3, 20.0, True), (7001.3, 20.0, True), (15e3, 23.7, False), (50e3, 20.0, False)],
+)
+def test_what_a_ringing_that_may_be_folded_tells_is_not_determined(
+    rate: float, frequency: float, folded: bool
+) -> None:
+    """Of 6 kHz, 5 and 7 kS/s showed 1 kHz, as if that was sure, and a backstep by it."""
+    axis = replace(Axis(), mass=Axis().mass * (Axis().ringing[0] / 6e3) ** 2)
+    drive = Drive(20, frequency, 250.0, pause=0.05)
+    bench = bench_trace(axis, (drive,), Sensor(rate=rate, noise=1e-9), rest=0.06)
+    (run,), (true,) = find_runs(bench.t, bench.x), bench.runs
+    told, text = run.as_json(), run.report()
+    for name in ("backstep", "ringing_frequency", "ringing_frequency_error"):
+        assert math.isnan(told[name]) is folded, name
+    assert ("or a faster one" in text) is folded
+    assert (text.count("not determined") == 3) is folded
+    assert abs(run.backstep - true.backstep) < 2.0 * run.backstep_error
+    assert abs(run.step_size - true.step_size) < 2.0 * run.step_size_error
+    if not folded:
+        assert run.ringing_frequency == pytest.approx(6e3, rel=1e-3)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 
+from stickslip_ros.traces.analysis import analyse_steps
 from stickslip_ros.traces.doubts import doubts_of, find_clipping
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 from stickslip_ros.traces.folding import shorter_period
@@ -136,6 +137,10 @@ def test_a_record_that_was_cut_off_is_doubted(bench: Bench) -> None:
     cut = replace(bench, x=np.minimum(bench.x, 0.9 * COUNT * step))
     (text,) = find_clipping(_even(cut))
     assert "outermost value" in text
+    exact = np.minimum(bench.clean, 0.9 * COUNT * step)  # without noise, a rest is even, too
+    (text,) = find_clipping(_even(replace(bench, x=exact)))
+    assert "outermost value" in text
+    assert not find_clipping(_even(replace(bench, x=bench.clean)))
     coarse = replace(bench, x=1e-8 * np.round(bench.x / 1e-8))
     assert find_clipping(_even(coarse)) == _doubts(_even(coarse), _grid(coarse), [], step, None)
     assert not find_clipping(_even(coarse))
@@ -185,3 +190,12 @@ def test_every_tenth_of_fast_cycles_is_doubted() -> None:
     grid = SlipGrid(run.start + 10.0 / 2200.0, 10.0 / 2200.0, 5, 1, 1e-6, 1.0)
     found = _doubts(_even(bench), grid, [], 10.0 * run.step_size, None)
     assert "no run of equal steps explains the motion" in found
+
+
+@pytest.mark.parametrize("part", [0.0, 0.4, -0.3])
+def test_a_start_within_a_cycle_is_doubted(bench: Bench, part: float) -> None:
+    """It made steps of the right size and a backstep of nothing."""
+    start = bench.runs[0].start + part / FREQUENCY
+    (doubt, *more) = [*analyse_steps(bench.t, bench.x, frequency=FREQUENCY, start=start).doubts, ""]
+    assert doubt.startswith(f"the runner falls {-part:+.2f} of a cycle away" if part else "")
+    assert bool(more) is bool(part)

@@ -7,12 +7,16 @@ import math
 
 import numpy as np
 import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace
 from numpy.typing import NDArray
 
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     noise_of,
+    quantum_of,
     resample_evenly,
+    rounding_of,
     without_spikes,
 )
 
@@ -117,3 +121,20 @@ def test_without_noise_the_digits_are_the_noise() -> None:
     t = TICK * np.arange(5000.0)
     x = 1e-9 * np.round(20.0 * np.sin(t * 60.0))
     assert resample_evenly(t, x, 2**21).noise == pytest.approx(1e-9 / math.sqrt(12.0))
+
+
+@pytest.mark.parametrize("noise", [0.0, 5e-10, 8e-9])
+def test_a_coarse_converter_is_seen_and_counts(noise: float) -> None:
+    """Steps repeat, and so does what rounding makes of them: errors were picometres."""
+    drives, sensor = (Drive(16, 113.7, pause=0.03),), Sensor(rate=1e5, noise=noise, quantum=1e-8)
+    bench = bench_trace(Axis(), drives, sensor, 0.04)
+    assert quantum_of(bench.clean) == 0.0
+    assert quantum_of(bench.x) == pytest.approx(1e-8)
+    one = 1e-8 / math.sqrt(12.0)
+    assert noise_of(bench.x) > 0.999 * one
+    shared = rounding_of(bench.x, noise_of(bench.x))
+    assert shared == pytest.approx(one, rel=0.1) if noise < 5e-9 else shared < 0.5 * one
+    (run,) = find_runs(bench.t, bench.x)
+    assert run.backstep_error >= math.sqrt(2.0) * shared
+    assert abs(run.backstep - bench.runs[0].backstep) < 2.0 * run.backstep_error
+    assert abs(run.step_size - bench.runs[0].step_size) < 2.0 * run.step_size_error
