@@ -49,7 +49,7 @@ __all__ += library.__all__
 
 # Type checkers must not see it: to them, any name would then be one of ours.
 if not TYPE_CHECKING:
-    __getattr__ = lazy_names(__name__, {"Metric": "ComparisonMetric", "StepAnalysis": "Run"})
+    __getattr__ = lazy_names(__name__)
 
 
 def __dir__() -> list[str]:

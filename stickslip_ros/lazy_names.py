@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 import sys
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -13,20 +12,14 @@ from typing import Any
 from stickslip_ros.errors import libraries_for
 
 
-def lazy_names(package: str, renamed: Mapping[str, str] | None = None) -> Callable[[str], Any]:
+def lazy_names(package: str) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a package, which loads the names of its ``__all__``.
 
-    The imports below ``if TYPE_CHECKING:`` say where from. renamed: old names with their new ones;
-    old names work with a DeprecationWarning until version 1.0.0.
+    The imports below ``if TYPE_CHECKING:`` say where from.
     """
-    old = renamed or {}
 
     def load(name: str) -> Any:
         module = sys.modules[package]
-        if name in old:
-            text = f"{package}.{name} is {old[name]} now; the old name goes with version 1.0.0"
-            warnings.warn(text, DeprecationWarning, stacklevel=2)
-            return getattr(module, old[name])
         known = [] if name.startswith("_") else module.__all__
         if name in known:
             with libraries_for(f"{package}.{name}"):

@@ -103,7 +103,6 @@ def shape_arguments(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser)
     text = "write the parameters, for --config and ROS"
     option(parser, "--out", "FILE.yaml", text, Path)
-    option(parser, "--yaml", "FILE.yaml", argparse.SUPPRESS, Path, dest="out")  # its old name
     add_outputs(parser, "the runner before and with what was found, in its third cycle from rest")
 
 

@@ -7,7 +7,6 @@ from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, RankedLaw
 from stickslip_ros.identification.free import Prior
 from stickslip_ros.identification.identify import identify
 from stickslip_ros.identification.laws import RANKED_LAWS
-from stickslip_ros.lazy_names import lazy_names
 
 __all__ = [
     "RANKED_LAWS",
@@ -22,5 +21,3 @@ __all__ = [
     "identify",
     "read_curve",
 ]
-
-__getattr__ = lazy_names(__name__, {"LAWS": "RANKED_LAWS"})

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -181,13 +180,6 @@ class Run:
             self.excitation, step, self.backstep, self.regained, left,
             self.zero_amplitude, left - self.zero_amplitude,
         )  # fmt: skip
-
-    @property
-    def analysis(self) -> Run:
-        """The run itself; the old name goes with version 1.0.0."""
-        text = "Run.analysis is the Run itself now; the old name goes with version 1.0.0"
-        warnings.warn(text, DeprecationWarning, stacklevel=2)
-        return self
 
     def __repr__(self) -> str:
         """Say the run in one line."""
