@@ -82,7 +82,7 @@ class Module:
                 self.axis.stop()
 
     def set_frequency(self, hertz: float) -> None:
-        """Set the frequency (Hz), a whole number, as the controller reports it."""
+        """Set the frequency (Hz), rounded to a whole number as the controller reports it."""
         require(LEAST_HERTZ <= hertz <= MOST_HERTZ, _RANGE)
         self.axis.command_frequency(float(round(hertz)))
 

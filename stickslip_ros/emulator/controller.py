@@ -250,17 +250,20 @@ class Channel:
         if not volts or not steps:
             axis.stop()
             return
-        # First the one that eases the drive.
-        if hertz < axis.status.frequency:
-            axis.command_frequency(hertz)
-            axis.command_amplitude(volts)
-        else:
-            axis.command_amplitude(volts)
-            axis.command_frequency(hertz)
+        self.set_drive(volts, hertz)
         if endless:
             axis.command_jog(math.copysign(hertz, steps))
         else:
             axis.command_steps(steps)
+
+    def set_drive(self, volts: float, hertz: float) -> None:
+        """Set amplitude (V) and frequency (Hz), first the one that eases the drive."""
+        if hertz < self.axis.status.frequency:
+            self.axis.command_frequency(hertz)
+            self.axis.command_amplitude(volts)
+        else:
+            self.axis.command_amplitude(volts)
+            self.axis.command_frequency(hertz)
 
     def go_to(self, x: float, hold_s: float) -> None:
         """Go to a position (m) in closed loop, hold it for a time (s)."""

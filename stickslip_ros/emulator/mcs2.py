@@ -106,10 +106,10 @@ class Mcs2Channel(Channel):
 
     def move(self, value: float) -> None:
         """Move as the move mode says: pm, levels or steps."""
+        volts, hertz = self.level * FULL_SCALE_V / _LEVELS, float(self.hertz)
         if self.mode == STEP:
-            require(abs(value) <= _MOST_STEPS, _OUT_OF_RANGE)
-            volts = self.level * FULL_SCALE_V / _LEVELS
-            self.step(int(value), volts, float(self.hertz), endless=False)
+            require(value == int(value) and abs(value) <= _MOST_STEPS, _OUT_OF_RANGE)
+            self.step(int(value), volts, hertz, endless=False)
         elif self.mode in (SCAN_ABSOLUTE, SCAN_RELATIVE):
             level = value + (self.scan_level if self.mode == SCAN_RELATIVE else 0.0)
             require(0 <= round(level) <= _LEVELS, _OUT_OF_RANGE)
@@ -117,6 +117,7 @@ class Mcs2Channel(Channel):
         else:
             start = self.target if self.mode == RELATIVE else 0.0
             hold = math.inf if self.hold_ms in _FOR_EVER else 1e-3 * self.hold_ms
+            self.set_drive(volts, hertz)
             self.go_to(start + _PM * value, hold)
 
     def switch(self, value: float) -> None:

@@ -289,8 +289,7 @@ def test_mcs2_moves_as_simulate_does(emulate: Callable[..., Any]) -> None:
         mcs2.write(":CHAN0:MMOD 0")
         mcs2.write(":CHAN0:ACC 1000000.000000")
         mcs2.write(":CHAN0:VEL 1000000.000000")
-        mcs2.write(":MOVE0 3000000.000000")
-        assert int(mcs2.ask(":CHAN0:STAT?")) & 0x3 == 0x3
+        assert int(mcs2.ask(":MOVE0 3000000.000000;:CHAN0:STAT?")) & 0x3 == 0x3
         mcs2.wait(0x3, 0x2)
         assert int(mcs2.ask(":CHAN0:POS?")) == pytest.approx(3e6, abs=1e4)
         assert mcs2.ask(":CHAN0:POS:TARG?") == "3000000"
@@ -310,6 +309,20 @@ def test_mcs2_moves_as_simulate_does(emulate: Callable[..., Any]) -> None:
         assert emulated.look(lambda: emulated.axes[1].status.step_count) == 0
 
 
+def test_mcs2_closed_loop_steps_with_the_drive_set_last(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs2", MCS)
+    with emulated.client() as client:
+        mcs2 = Mcs2Driver(client)
+        mcs2.write(":CHAN0:STEP:AMPL 32768")
+        mcs2.write(":CHAN0:STEP:FREQ 10")
+        mcs2.write(":MOVE0 5000000")
+        status = emulated.look(lambda: emulated.axes[0].status)
+        assert (status.amplitude, status.frequency) == (pytest.approx(50.0, abs=1e-3), 10.0)
+        time.sleep(0.5)
+        assert int(mcs2.ask(":CHAN0:STAT?")) & 0x3 == 0x3
+        assert emulated.look(lambda: emulated.axes[0].status.step_count) <= 10
+
+
 @pytest.mark.parametrize(
     ("line", "error"),
     [
@@ -327,6 +340,7 @@ def test_mcs2_moves_as_simulate_does(emulate: Callable[..., Any]) -> None:
         (":CHAN0:STEP:FREQ 0", -222),
         (":CHAN0:STEP:AMPL 65536", -222),
         (":CHAN0:MMOD 4;:MOVE0 100001", -222),
+        (":CHAN0:MMOD 4;:MOVE0 20.5", -222),
         (":MOVE0 1e99", -222),
         (":REF0", 259),
         ("9" * 5000, -363),
