@@ -198,8 +198,8 @@ class Device:
                 self._end_idle()
             else:
                 actuation.advance(look)
-                if end := self.supervisor.check(actuation):
-                    self.note_limit(end)
+                self.supervisor.check(actuation)
+                self._note_end_of_travel()
                 if self._enabled and not self.fault:
                     self._set_fault(self.supervisor.fault(actuation, self._task))
 
@@ -221,6 +221,7 @@ class Device:
     def _task_arrived(self, ended: bool) -> None:
         task = self._task
         if task and (ended or task.arrived(self.actuation)):
+            self._note_end_of_travel()
             self._end(task)
             self._task = None
 
@@ -244,6 +245,7 @@ class Device:
         if actuation.kind == CYCLES:
             actuation.end_cycles()
             actuation.apply_parameters()
+        self._note_end_of_travel()
         self._task, self._next, self._leaving = new, None, False
         self.supervisor.task_began(actuation)
         if new is None:
@@ -257,6 +259,10 @@ class Device:
         """End the task if it does not wait for anything."""
         if self._task and self._task.due == math.inf and self.actuation.kind == REST:
             self._task_arrived(ended=False)
+
+    def _note_end_of_travel(self) -> None:
+        if end := self.supervisor.hit(self.actuation):
+            self.note_limit(end)
 
     def _end(self, task: AxisTask) -> None:
         """Report that a task has ended."""

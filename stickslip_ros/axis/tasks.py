@@ -131,14 +131,18 @@ class Supervisor:
         """Report the next hit of an end: hits during the last task were reported already."""
         self._hits, self._reported = actuation.travel.hits, False
 
-    def check(self, actuation: Actuation) -> str:
-        """Check the present state; return the end of the travel that was hit, empty if none is new.
+    def check(self, actuation: Actuation) -> None:
+        """Take the velocity up to the present."""
+        self._number += 1
+        x = actuation.x
+        self.velocity, self._x = (x - self._x) * _RATE, x
+
+    def hit(self, actuation: Actuation) -> str:
+        """Return the end of the travel that was hit since the last call, empty if none is new.
 
         An end that is hit again and again is reported once in a task.
         """
-        self._number += 1
         x, hits = actuation.x, actuation.travel.hits
-        self.velocity, self._x = (x - self._x) * _RATE, x
         new, self._hits = hits > self._hits and not self._reported, hits
         if not new:
             return ""

@@ -141,12 +141,13 @@ def test_cycles_that_fit(room: float, cycles: int) -> None:
 
 
 def test_an_end_that_lies_at_zero_is_named_by_its_side() -> None:
-    """After a slip the runner lies below it."""
+    """After a slip the runner lies below it. It is told before the move that ends there."""
     axis = Axis({**TABLE_1, "travel_high": 0.0, **FAST})
     axis.command_steps(5)
     axis.advance(0.1)
-    (hit,) = _told(axis, "limit")
-    assert (hit.details["limit"], hit.details["position"] < 0.0) == ("travel_high", True)
+    *_, hit, end = axis.take_events()
+    assert (hit.details["limit"], axis.state.x < 0.0) == ("travel_high", True)
+    assert (end.name, end.outcome) == ("move", "finished")
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -4,6 +4,8 @@
 import io
 import math
 import sys
+import threading
+import time
 from typing import Any
 
 import pytest
@@ -191,6 +193,43 @@ def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Start) -> None:
             client.step(5)
         with pytest.raises(TimeoutError, match="does not answer the call of stop"):
             client.stop()
+
+
+class Late(AxisClient):
+    """Hears events later than the status, as may happen: they are on topics of their own."""
+
+    def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
+        def hear() -> None:
+            with self._changed:
+                AxisClient._on_events(self, message, stamp)
+
+        threading.Timer(0.1, hear).start()
+
+
+@pytest.mark.parametrize("kind", [AxisClient, Late])
+def test_a_soft_limit_is_told_each_time(
+    ros: Ros, make_axis: MakeAxis, kind: type[AxisClient]
+) -> None:
+    """One that ends a move at once has the stamp of the answer to the command."""
+    make_axis(frequency=1000.0, soft_high=5e-6)
+    client = kind(node=ros.node("user"))
+    for steps in (400, 400, -16, 400):
+        client.step(steps).wait()
+        hit = "soft_high" if steps > 0 else ""
+        assert (client.ended_by, client.limits_hit) == (hit, [hit] if hit else [])
+    client.move_to(2e-6).wait()
+    began = time.monotonic()
+    client.stop().wait()
+    client.step(0).wait()
+    assert time.monotonic() - began < 1.0, "no end is waited for where nothing moves"
+
+
+def test_the_end_of_the_travel_is_told_each_time(ros: Ros, make_axis: MakeAxis) -> None:
+    """Also by a move that ends before the supervisor looks."""
+    make_axis(frequency=4000.0, travel_high=2e-6)
+    client = AxisClient(node=ros.node("user"))
+    for steps in (100, 8, 8, 8):
+        assert client.step(steps).wait().limits_hit == ["travel_high"]
 
 
 def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:

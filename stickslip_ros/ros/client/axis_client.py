@@ -16,7 +16,7 @@ import operator
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
@@ -76,8 +76,8 @@ class AxisClient(AxisListener):
             own = Node("stickslip_client", context=self._own.context, enable_rosout=False)
             node = self._own.add(own)
         super().__init__(name, node)
-        self._answered = 0  # stamp (ns) of the answer to the last command
         self._jogs = False  # the last command of this client that moves or ends a move
+        self._moves = False  # that command moves, and its end has not been waited for
         self._publishers = {
             name: node.create_publisher(
                 message_class(command.type), f"{self.axis}/{command.interface}", command.depth
@@ -194,8 +194,9 @@ class AxisClient(AxisListener):
         since = self._forget_answers()
         self._publishers[name].publish(message)
         self._await_answer(name, value, since)
-        if name == "jog":
-            self._jogs = arguments[0] != 0.0
+        if command.moves:
+            self._moves = command.task is not None and not command.turns_off(arguments)
+            self._jogs = name == "jog" and self._moves
         return self
 
     def step(self, steps: int) -> AxisClient:
@@ -246,6 +247,7 @@ class AxisClient(AxisListener):
             publisher.publish(message)
             for axis, stamp in zip(axes, since, strict=True):
                 axis._await_answer(command.name, "", stamp)
+                axis._moves = True
         finally:
             self.node.destroy_publisher(publisher)
         return self
@@ -352,6 +354,12 @@ class AxisClient(AxisListener):
             return at_rest and self._state_stamp >= self._status_stamp
 
         self._wait(ended, timeout, lambda: f"{self.axis} is still {self.summary}")
+        if self._moves:
+            # The event of the end has a topic of its own; a closed loop that comes back to its
+            # target has none.
+            with suppress(TimeoutError):
+                self._wait(self._heard_of_end, _LAST_WORDS, str)
+            self._moves = False
         return self
 
     @property
@@ -405,7 +413,11 @@ class AxisClient(AxisListener):
     def _since_answer(self) -> list[dict[str, str]]:
         """Return the events since the answer to the last command."""
         with self._changed:
-            return [one.values for one in self._answers if one.stamp > self._answered]
+            return [one.values for one in self._answers]
+
+    def _heard_of_end(self) -> bool:
+        ends = [one.stamp for one in self._answers if one.values["outcome"] == "finished"]
+        return bool(self.ended_by) or (bool(ends) and ends[-1] >= self._state_since)
 
     def _call(self, name: str, request: Any, noted: bool = True) -> AxisClient:
         since = self._forget_answers()
@@ -445,11 +457,13 @@ class AxisClient(AxisListener):
 
         text = f"{name} {value}".strip()
         self._wait(answered, self.timeout, lambda: f"{self.axis} does not answer {text}")
-        self._answered = found[0].stamp
+        with self._changed:  # what came before it belongs to the last command
+            while self._answers.popleft() is not found[0]:
+                pass
         if found[0].values["outcome"] == "refused":
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
         if COMMANDS[name].moves:
-            self._jogs = False
+            self._jogs = self._moves = False
 
 
 def _message(name: str, *arguments: Any) -> Any:

@@ -48,6 +48,7 @@ class AxisListener:
         self._answers: deque[Answer] = deque(maxlen=_MOST_ANSWERS)
         self._status: dict[str, str] = {}
         self._status_stamp = self._state_stamp = self._report_stamp = -1
+        self._state_since = -1  # stamp of the first status with the present state
         self._position = self._velocity = self._friction_force = float("nan")
         self._report: dict[str, dict[str, str]] = {}
         self._description: dict[str, DiagnosticStatus] = {}
@@ -172,7 +173,9 @@ class AxisListener:
 
     def _on_status(self, message: DiagnosticArray, stamp: int) -> None:
         if stamp >= self._status_stamp:
-            self._status = _values(message.status[0], _OF_STATUS)
+            before, self._status = self._status, _values(message.status[0], _OF_STATUS)
+            if any(before.get(key) != self._status[key] for key in ("state", "moving")):
+                self._state_since = stamp
             self._status_stamp = stamp
 
     def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
