@@ -50,6 +50,7 @@ def warm_up() -> None:
             run_steps(values, -3)
         for metric in METRICS:
             Sweep(Parameters(), (ListedAxis("preload", (0.4,)),), (metric,), 12).evaluate(0, 1)
+        regime_now(Axis({"model": "ceim_ageing"}).simulation)
         trace_steps(_SEVERAL, 2)  # last, for few have several contacts
         for chain in ({}, {"creep": 0.01, "actuator_resonance": 8e5, "surface_spread": 0.1}):
             axis = Axis({**_SEVERAL, **chain})

@@ -399,6 +399,11 @@ def single_steps(steps: Run) -> Array:
 
 
 def zero_crossing(deflection: Array, step: Array) -> MeasuredValue:
+    """Return the deflection (m) at which a line through the steps (m) of the cycles crosses zero.
+
+    Both are (cycles,); steps that are a small part of their deflection lie on no line and are left
+    out. nan where fewer than three deflections are left.
+    """
     clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
     deflection, step = deflection[clear], step[clear]
     if len(np.unique(np.round(deflection, 10))) < _AMPLITUDES:

@@ -4,7 +4,7 @@
 from stickslip_ros.laws import LAWS
 from stickslip_ros.laws.law import Contact
 from stickslip_ros.model.contacts import GRAVITY
-from stickslip_ros.model.friction import alpha_of, friction_force, z_rate
+from stickslip_ros.model.friction import alpha_of, alpha_of_law, friction_force, z_rate
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.model.waveforms import (
     WAVEFORMS,
@@ -24,6 +24,7 @@ __all__ = [
     "DriveCycles",
     "Plant",
     "alpha_of",
+    "alpha_of_law",
     "drive_of",
     "friction_force",
     "ramp",

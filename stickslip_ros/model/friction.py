@@ -200,7 +200,10 @@ def sine_start(z: float, z_ba: float, printed: int) -> float:
 
 @compiled
 def alpha_of(z: float, w: float, contact: Contact | np.record) -> float:
-    """Return alpha of any law at deflection z (m) and differential velocity w (m/s)."""
+    """Return alpha at deflection z (m) and differential velocity w (m/s).
+
+    1 for a law with a rate of its own, see `alpha_of_law`.
+    """
     if contact.kind >= ALWAYS_PLASTIC:
         return 1.0
     z_ss = contact.z_ss
@@ -240,7 +243,7 @@ def z_rate(z: float, w: float, contact: Contact | np.record) -> float:
 
 @compiled
 def friction_force(z: float, w: float, contact: Contact | np.record) -> float:
-    """Return F (N) of Eq. 1 and 15; the runner feels -F."""
+    """Return F (N) of Eq. 1 and 15; the runner feels -F. nan where `z_rate` is."""
     return contact.sigma_0 * z + contact.sigma_1 * z_rate(z, w, contact) + contact.sigma_2 * w
 
 
@@ -284,3 +287,22 @@ def rates_of_law(z: float, second: float, w: float, c: np.record) -> tuple[float
     if kind < 6:
         return _R4(z, second, w, c, alpha) if kind == 4 else _R5(z, second, w, c, alpha)
     return _R6(z, second, w, c, alpha) if kind == 6 else _R7(z, second, w, c, alpha)
+
+
+def alpha_of_law(contact: Contact, record: Any, w: float) -> float:
+    """Return alpha of any law at differential velocity w (m/s).
+
+    Of one with a rate of its own, it is what the rate takes; 1 where it takes none. The record
+    holds ``now_z``, ``now_second`` and the constants of the law.
+    """
+    if contact.kind < FOREIGN:
+        return float(alpha_of(float(record.now_z), w, contact))
+    taken = [1.0]
+
+    def take(z: float, w: float, z_ba: float, z_ss: float, printed: int) -> float:
+        taken.append(alpha(z, w, z_ba, z_ss, printed))
+        return taken[-1]
+
+    rate = _FOREIGN[contact.kind - FOREIGN].rate or _no_law
+    rate(float(record.now_z), float(record.now_second), w, record, take)
+    return float(taken[-1])

@@ -189,8 +189,7 @@ CONTACT_RECORD = _record(
 STICKS, GRADED, PLASTIC = range(3)
 
 #: An axis's buffer: its state, the present arc, a part of a tabulated one, the plant of a runner
-#: that a stop holds, and a copy
-#: of the state for a preview
+#: that a stop holds, and a copy of the state for a preview
 KERNEL = _record(("state", STATE), ("arc", ARC), ("part", ARC), ("held", PLANT), ("preview", STATE))
 
 PLANT_SIZE, CONTACT_SIZE, KERNEL_SIZE = (d.itemsize // 8 for d in (PLANT, CONTACT_RECORD, KERNEL))

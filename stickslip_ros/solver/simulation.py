@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.model import DriveCycle, Plant, alpha_of
+from stickslip_ros.model import DriveCycle, Plant, alpha_of, alpha_of_law
 from stickslip_ros.solver.advance import (
     ENDLESS,
     PER_CYCLE,
@@ -355,6 +355,6 @@ class Simulation:
         w = float(s["now_v"]) - float(s["now_rate"])
         if self._each is None:
             return float(alpha_of(float(s["now_z"]), w, self.plant.contact))
-        each = zip(self.plant.contacts, self.deflections.tolist(), strict=True)
-        found = [(c.sigma_0, alpha_of(own, w, c)) for c, own in each]
+        each = zip(self.plant.contacts, contact_records(self._each).view(np.recarray), strict=True)
+        found = [(c.sigma_0, alpha_of_law(c, own, w)) for c, own in each]
         return float(sum(k * alpha for k, alpha in found) / sum(k for k, _ in found))

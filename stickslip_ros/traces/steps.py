@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Step size and backstep of a simulated run of steps."""
+"""Steps and backsteps of a simulated run, and the means and errors of measured ones."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from stickslip_ros.measurement.alignment import ClockSearch
 from stickslip_ros.measurement.metrics import (
     ComparisonMetric,
     deflections_of,
+    most_different,
     single_steps,
     step_metrics,
     zero_crossing,
@@ -76,6 +77,24 @@ def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() 
     found = step_metrics(MotionPair(motion, motion), motion, run, sensor, Alignment(), 3.0)
     tolerance = next(one.tolerance for one in found if one.name == "damping ratio")
     assert tolerance == pytest.approx(3.0 * 50.0 / 7e3)
+
+
+def test_a_length_by_a_wrong_gain_is_scaled_and_so_is_its_error() -> None:
+    motion = Motion("axis", T, _wave(T))
+    run, sensor = _steps(), _steps(mean_step=MeasuredValue(2e-7, 1e-9))
+    found = step_metrics(MotionPair(motion, motion), motion, run, sensor, Alignment(gain=2.0), 3.0)
+    step = next(one for one in found if one.name == "step size")
+    assert (step.measured, step.tolerance) == pytest.approx((1e-7, 3.0 * 0.5e-9))
+
+
+def test_of_two_runs_the_one_that_differs_more_is_shown() -> None:
+    near, far = (ComparisonMetric("step size", "m", 1e-7, x, 1e-9) for x in (1.02e-7, 0.9e-7))
+    for runs in ([[near], [far]], [[far], [near]]):
+        assert most_different(runs) == [far]
+    missing = ComparisonMetric.missing("step size", "m", "no step")
+    agrees = ComparisonMetric("step size", "m", 1e-7, 1e-7, 1e-9)
+    assert most_different([[agrees], [missing]]) == [missing]
+    assert most_different([[missing], [near]]) == [near]
 
 
 def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:

@@ -84,7 +84,7 @@ def test_a_hold_of_no_time_is_the_sawtooth() -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"waveform": "sine"}, r"'sine'; known: sawtooth, hold, shaped, triangle, table"),
+        ({"waveform": "sine"}, "'sine'; known: " + ", ".join(WAVEFORMS)),
         ({"waveform": "hold", "hold_before": 0.5, "hold_after": 0.6},
          r"10000 us a cycle, of which holds and latency take 11000 us.*lower hold_before"),
         ({"waveform": "shaped", "latency": 9.9999e-3}, r"take 9999\.9 us.*takes 3 us.*latency"),

@@ -94,6 +94,19 @@ def test_lugre_is_plastic_from_the_start() -> None:
     assert regime_now(simulation) == "plastic"
 
 
+def test_an_ageing_contact_goes_through_the_same_regimes() -> None:
+    """It was plastic always, at rest too, for alpha of a law with a rate of its own was 1."""
+    p = table_1(model="ceim_ageing")
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
+    assert regime_now(simulation) == "elastic"
+    simulation.start(drive_of(p), 1)
+    regimes = []
+    for t in RISE + np.linspace(1e-10, FALL, 300, endpoint=False):
+        simulation.advance(float(t))
+        regimes.append(regime_now(simulation))
+    assert [key for key, _ in itertools.groupby(regimes)][:2] == ["elastic", "mixed"]
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("cycle", [0, 1, 2])
 def test_the_points_come_in_order_and_mean_what_they_say(sign: int, cycle: int) -> None:
