@@ -45,7 +45,12 @@ CONTROLLERS = {
 
 
 def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
-    """Return a controller of axes; ParameterError for an unknown one or too many axes."""
+    """Return a controller of axes, the simulated ones themselves, not their names.
+
+    Raises ParameterError for an unknown controller, too many axes, or what is none.
+    """
+    from stickslip_ros.axis import Axis
+
     if name not in CONTROLLERS:
         raise ParameterError(
             f"no controller is called {name!r}; there are: {', '.join(CONTROLLERS)}"
@@ -55,6 +60,9 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
         raise ParameterError(
             f"{len(axes)} axes for {name}; it has {kind.most_axes} at most: name fewer"
         )
+    for axis in axes:
+        if not isinstance(axis, Axis):
+            raise ParameterError(f"{axis!r} is no axis; make one with stickslip_ros.Axis()")
     make = getattr(import_module(f"{__name__}.{kind.module}"), kind.name)
     return make(axes)
 

@@ -138,15 +138,21 @@ class OwnAxes:
         """Take axes at time 0; clock_ns: a steady clock (ns)."""
         self.axes = axes
         self._clock_ns = clock_ns
-        self._pace = Pace(axes, 0.0, 0, 0, time.thread_time)
+        self._pace: Pace | None = None
 
     def begin(self) -> None:
-        """Start the time, once everything is compiled that commands will need."""
+        """Start the time, once everything is compiled that commands will need.
+
+        The first `run` does it, too; a client that has connected before waits for the compilation.
+        """
         self.axes[0].compile_ahead()
         self._pace = Pace(self.axes, 1.0, self._clock_ns(), 0, time.thread_time)
 
     async def run(self, action: Callable[[], Any]) -> Any:
         """Advance the axes to the present, as far as the processor allows, and do an action."""
+        if not self._pace:
+            self.begin()
+        assert self._pace
         self._pace.catch_up(self._clock_ns())
         for axis in self.axes:
             axis.take_events()  # nobody reads them, and they would pile up

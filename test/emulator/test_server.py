@@ -3,6 +3,7 @@
 
 import io
 import random
+import re
 import select
 import signal
 import socket
@@ -19,10 +20,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from child import REPOSITORY, python
 from cpu_time import cpu_seconds
+from emulated import Client
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from stickslip_ros import Axis, ParameterError
+from stickslip_ros.emulator import OwnAxes, ServerThread, controller_of
 from stickslip_ros.emulator.controller import Lines
 from stickslip_ros.emulator.server import MOST_CLIENTS
 
@@ -244,3 +249,29 @@ def test_a_client_that_has_gone_is_not_written_to(
     with emulated.client() as client:
         assert client.ask("*IDN?").startswith("SmarAct")
     assert "socket.send() raised" not in caplog.text
+
+
+def test_time_begins_with_the_first_command() -> None:
+    axis = Axis({"frequency": 1000.0})
+    with ServerThread(controller_of("mcs", [axis]), OwnAxes([axis]).run) as server:
+        with Client(server.port) as client:
+            client.socket.settimeout(None)  # it may compile
+            assert client.ask(":MST0,20,4095,1000") == ":E0,0"
+            while client.ask(":GS0") != ":S0,0":
+                pass
+        assert server.call(lambda: axis.status.step_count) == 20
+
+
+def test_names_are_no_axes() -> None:
+    with pytest.raises(ParameterError, match=r"'x' is no axis; make one with stickslip_ros.Axis"):
+        controller_of("anc300", ["x", "y"])  # type: ignore[list-item]
+
+
+def test_the_example_of_the_page_passes(tmp_path: Path) -> None:
+    pytest.importorskip("pymeasure.instruments.attocube")
+    pytest.importorskip("pyvisa_py")
+    page = (REPOSITORY / "docs" / "testing.md").read_text(encoding="utf-8")
+    _, example = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    (tmp_path / "test_driver.py").write_text(example)
+    found = python("-m", "pytest", "-q", "-p", "no:cacheprovider", cwd=tmp_path)
+    assert "1 passed" in found.stdout, found.stdout

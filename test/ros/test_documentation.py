@@ -28,7 +28,7 @@ DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
 @pytest.mark.long
 def test_the_example_for_users_passes(start_module: Start, tmp_path: Path) -> None:
     page = (DOCS / "testing.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    example, _ = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     (tmp_path / "test_stage.py").write_text(example)
     run = start_module(
         "pytest",
