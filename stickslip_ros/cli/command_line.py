@@ -84,7 +84,7 @@ class Parser(argparse.ArgumentParser):
         if isinstance(value, str) and action.choices is not None and value not in action.choices:
             import difflib
 
-            near = difflib.get_close_matches(value, map(str, action.choices), 1)
+            near = difflib.get_close_matches(value.lower(), map(str, action.choices), 1)
             if near:
                 text = f"invalid choice: {value!r}; did you mean {near[0]!r}?"
                 raise argparse.ArgumentError(action, text)

@@ -12,11 +12,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import add_parameters, flag, option, parameters_from
-from stickslip_ros.emulator import CONTROLLERS
+from stickslip_ros.emulator import CONTROLLERS, kind_for
 from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.table import Table
 
     from stickslip_ros.axis import Axis
@@ -50,7 +52,8 @@ def run(args: argparse.Namespace) -> int:
     names = [name.strip() for name in given.split(",")]
     if len(set(names)) < len(names):
         raise UsageError(f"--axes is {given}; give every axis a different name")
-    port = CONTROLLERS[args.controller].port if args.port is None else args.port
+    kind = kind_for(args.controller, len(names))
+    port = kind.port if args.port is None else args.port
     if not 0 <= port < 65536:
         raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")
     from stickslip_ros.axis import Axis
@@ -62,18 +65,34 @@ def run(args: argparse.Namespace) -> int:
     controller = controller_of(args.controller, axes)
     with report_compilation():
         own.begin()
+    what = f"axes {', '.join(names)}: {_setting(args.config, axes[0])}"
     watched = axes if args.watch else []
     with contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:  # the usual end
         if args.page:
-            print(f"the axes are shown at {_show(stack, names, axes)}", flush=True)
-        asyncio.run(
-            _serve(Server(controller, own.run), args.host, port, args.controller, names, watched)
-        )
+            print(f"the axes are shown at {_show(stack, what, names, axes)}", flush=True)
+        server = Server(controller, own.run)
+        asyncio.run(_serve(server, args.host, port, args.controller, what, names, watched))
     return 0
 
 
+def _setting(config: Path | None, axis: Axis) -> str:
+    """Return where the parameters are from and those that tell most, as the axis has them."""
+    p = axis.parameters
+    return (
+        f"{config or 'Table 1 of the paper'}, {p.friction.model}, "
+        f"preload {p.friction.preload:g} N, mass {1e3 * p.runner.mass:g} g, "
+        f"amplitude {axis.status.amplitude:g} V"
+    )
+
+
 async def _serve(
-    server: Server, host: str, port: int, controller: str, names: list[str], watched: Sequence[Axis]
+    server: Server,
+    host: str,
+    port: int,
+    controller: str,
+    what: str,
+    names: list[str],
+    watched: Sequence[Axis],
 ) -> None:
     try:
         try:
@@ -87,7 +106,7 @@ async def _serve(
                 f"cannot listen on {host} port {port}: {error.strerror or error}; "
                 f"choose another {cure}"
             ) from None
-        print(f"{controller} listens on {host} port {port}, axes {', '.join(names)}", flush=True)
+        print(f"{controller} listens on {host} port {port}, {what}", flush=True)
         watching = asyncio.create_task(_watch(names, watched))
         try:
             await server.failed()
@@ -97,13 +116,16 @@ async def _serve(
         await server.close()
 
 
-def _show(stack: contextlib.ExitStack, names: Sequence[str], axes: Sequence[Axis]) -> str:
+def _show(
+    stack: contextlib.ExitStack, what: str, names: Sequence[str], axes: Sequence[Axis]
+) -> str:
     """Serve a page with the axes until the stack is closed; return its address."""
     from threading import Thread
 
     from stickslip_ros.workbench.server import AxesPanel, WorkbenchServer
 
-    server = stack.enter_context(WorkbenchServer(AxesPanel(_HEADS, lambda: _rows(names, axes))))
+    panel = AxesPanel(what, _HEADS, lambda: _rows(names, axes))
+    server = stack.enter_context(WorkbenchServer(panel))
     Thread(target=server.serve_forever, args=(_LIVE,), daemon=True).start()
     stack.callback(server.shutdown)
     return server.address

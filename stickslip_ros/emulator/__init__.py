@@ -44,6 +44,18 @@ CONTROLLERS = {
 }
 
 
+def kind_for(name: str, axes: int) -> Kind:
+    """Return a kind of controller; ParameterError for an unknown one or too many axes."""
+    if name not in CONTROLLERS:
+        raise ParameterError(
+            f"no controller is called {name!r}; there are: {', '.join(CONTROLLERS)}"
+        )
+    kind = CONTROLLERS[name]
+    if not 1 <= axes <= kind.most_axes:
+        raise ParameterError(f"{axes} axes for {name}; it has {kind.most_axes} at most: name fewer")
+    return kind
+
+
 def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
     """Return a controller of axes, the simulated ones themselves, not their names.
 
@@ -51,15 +63,7 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
     """
     from stickslip_ros.axis import Axis
 
-    if name not in CONTROLLERS:
-        raise ParameterError(
-            f"no controller is called {name!r}; there are: {', '.join(CONTROLLERS)}"
-        )
-    kind = CONTROLLERS[name]
-    if not 1 <= len(axes) <= kind.most_axes:
-        raise ParameterError(
-            f"{len(axes)} axes for {name}; it has {kind.most_axes} at most: name fewer"
-        )
+    kind = kind_for(name, len(axes))
     for axis in axes:
         if not isinstance(axis, Axis):
             raise ParameterError(f"{axis!r} is no axis; make one with stickslip_ros.Axis()")

@@ -86,14 +86,16 @@ class TwinPanel(Panel):
 class AxesPanel(Panel):
     """Where simulated axes are, anew each second."""
 
-    def __init__(self, heads: Sequence[str], rows: Callable[[], Sequence[Sequence[str]]]) -> None:
-        """Show a table with these heads, and the rows as they are when it is asked for."""
+    def __init__(
+        self, what: str, heads: Sequence[str], rows: Callable[[], Sequence[Sequence[str]]]
+    ) -> None:
+        """Say what they are; a table with these heads, and the rows as they are when asked for."""
         super().__init__({})
-        self._heads, self._rows = heads, rows
+        self._what, self._heads, self._rows = what, heads, rows
 
     def html(self) -> str:
         """Return the page."""
-        return page("axes.html", heads=self._heads, rows=self._rows())
+        return page("axes.html", what=self._what, heads=self._heads, rows=self._rows())
 
 
 class Workbench(Panel):

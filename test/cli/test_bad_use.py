@@ -144,6 +144,7 @@ ROWS = [
     ("emulate", "anc300 --port 70000", ["70000"]),
     ("emulate", "anc300 --axes x,x", ["x,x"]),
     ("emulate", "anc300 --axes a,b,c,d,e,f,g,h", ["8 axes"]),
+    ("emulate", "e871 --axes x,y", ["2 axes"]),
     ("emulate", "anc300 --axes x,,y", ["axis_name"]),
     ("emulate", "anc300 --set mass=-1", ["mass"]),
     ("emulate", "anc300 --host 203.0.113.1 --port 0", ["203.0.113.1", "choose another --host"]),

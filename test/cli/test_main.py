@@ -56,6 +56,7 @@ def test_bad_use_ends_with_2_and_one_line(capsys: pytest.CaptureFixture[str]) ->
         ("bag inof", "did you mean 'info'?"),
         ("identify-actuatr", "did you mean 'identify-actuator'?"),
         ("emulate anc350", "did you mean 'anc300'?"),
+        ("emulate ANC300", "did you mean 'anc300'?"),
         ("completion bsh", "did you mean 'bash'?"),
         ("bench --json", "bench has moved: make bench"),
         ("soak --json", "soak has moved: make soak"),

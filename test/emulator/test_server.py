@@ -221,9 +221,14 @@ def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> No
     process = start("scu", "--port", "0", "--axes", "a", "--watch", "--page", "--set", "gain=5e-9")
     assert process.stdout
     *_, address = process.stdout.readline().split()
-    port = port_of(process)
+    line = process.stdout.readline()
+    port = int(line.partition(" port ")[2].partition(",")[0])
+    what = "axes a: Table 1 of the paper, ceim, preload 0.4 N, mass 4 g, amplitude 100 V"
+    assert line.endswith(f", {what}\n")
     with urllib.request.urlopen(address, timeout=20.0) as answer:
-        assert "<td>a</td><td>stopped</td><td>0 nm</td><td>0</td>" in answer.read().decode()
+        text = answer.read().decode()
+        assert f"<p>{what}</p>" in text
+        assert "<td>a</td><td>stopped</td><td>0 nm</td><td>0</td>" in text
     assert process.stdout.readline() == "axis,state,position (m),steps\n"
     assert process.stdout.readline() == "a,stopped,0,0\n"
     with socket.create_connection(("127.0.0.1", port), 20.0) as client:
