@@ -24,6 +24,7 @@ from stickslip_ros.reporting.page import (
 from stickslip_ros.traces.analysis import Findings
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, after_slip
+from stickslip_ros.traces.steps import settled_from
 
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400
@@ -117,11 +118,11 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
         number = np.arange(first, first + run.steps, dtype=np.float64)
         shown_once = {"legendgroup": "all", "showlegend": k == 0}
         mode = "lines+markers" if run.steps <= 200 else "lines"
-        settled = _settled(run, first)
-        for values, mean, name, whole, colors, place in (
-            (run.step_sizes, run.step_size, "step", "step size", (MEASURED, SIMULATED), "y"),
+        steps, backs = _settled(run, first)
+        for values, mean, name, whole, colors, place, settled in (
+            (run.step_sizes, run.step_size, "step", "step size", (MEASURED, SIMULATED), "y", steps),
             (run.backsteps, run.backstep, "single backstep", "backstep", (ACTUATOR, RESIDUAL),
-             "y2"),
+             "y2", backs),
         ):  # fmt: skip
             if not np.isfinite(values).any():
                 continue
@@ -151,11 +152,11 @@ def settled_bands(run: Run, first: int, gain: float = 1.0) -> list[Figure]:
     first: number of its first cycle; gain: what lengths are divided by. Steps are on y, backsteps
     on y2, both in nm.
     """
-    begin, end = _settled(run, first)
+    steps, backs = _settled(run, first)
     bands = []
-    for mean, error, place in (
-        (run.step_size, run.step_size_error, "y"),
-        (run.backstep, run.backstep_error, "y2"),
+    for mean, error, place, (begin, end) in (
+        (run.step_size, run.step_size_error, "y", steps),
+        (run.backstep, run.backstep_error, "y2", backs),
     ):
         half = CONFIDENCE * error
         if math.isfinite(half):
@@ -164,9 +165,16 @@ def settled_bands(run: Run, first: int, gain: float = 1.0) -> list[Figure]:
     return bands
 
 
-def _settled(run: Run, first: int) -> Array:
-    """Return where the settled cycles of a run begin and end; one alone is seen, too."""
-    return np.array([first + run.first_cycle - 0.4, first + run.steps - 0.6])
+def _settled(run: Run, first: int) -> tuple[Array, Array]:
+    """Return where the settled steps of a run begin and end, and the backsteps without the last.
+
+    The only one counts; one alone is seen, too.
+    """
+    steps, backs = (
+        np.array([first + settled_from(count) - 0.4, first + count - 0.6])
+        for count in (run.steps, max(run.steps - 1, 1))
+    )
+    return steps, backs
 
 
 def _slips(motion: Motion, runs: Sequence[Run]) -> Figure:

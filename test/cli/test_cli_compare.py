@@ -179,6 +179,7 @@ def test_page_and_picture_are_whole(
     data = json.loads(text.split('id="data">')[1].split("</script>")[0])
     step, backstep = data["cycles"]["layout"]["shapes"]  # 95 % of the measured means, in nm
     assert (step["yref"], backstep["yref"]) == ("y", "y2")
+    assert backstep["x1"] == step["x1"] - 1.0  # without the last one
     assert step["y0"] < 134.0 < step["y1"] < step["y0"] + 20.0
     assert backstep["y0"] < 47.0 < backstep["y1"] < backstep["y0"] + 20.0
     assert png.read_bytes().startswith(b"\x89PNG")
