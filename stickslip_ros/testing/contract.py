@@ -22,8 +22,14 @@ STEPS = 40  # of a usual move
 
 @pytest.fixture
 def driver(request: pytest.FixtureRequest) -> Iterator[Driver]:
-    """Give the driver that the option names, with its usual drive, at rest."""
-    found = driver_named(request.config.getoption("--stickslip-driver"))
+    """Give the driver that the option names, with its usual drive, at rest.
+
+    Where none can be made, no test can run: the session ends.
+    """
+    try:
+        found = driver_named(request.config.getoption("--stickslip-driver"))
+    except pytest.UsageError as error:
+        pytest.exit(str(error), returncode=pytest.ExitCode.USAGE_ERROR)
     try:
         found.set_drive(found.amplitude, found.frequency)
         yield found

@@ -7,7 +7,7 @@ import importlib
 import time
 from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -107,10 +107,20 @@ class Driver:
 
 
 def driver_named(name: str) -> Driver:
-    """Make the driver of a name: of an entry point, ours, or ``module:factory``."""
+    """Make the driver of a name: of an entry point, ours, or ``module:factory``.
+
+    Raises pytest.UsageError where there is none, or the device does not answer.
+    """
+    try:
+        return _make(_factory_named(name), name)
+    except (ImportError, AttributeError, OSError) as error:
+        raise pytest.UsageError(f"--stickslip-driver {name}: {error}") from error
+
+
+def _factory_named(name: str) -> Callable[[], Driver]:
     for entry in entry_points(group=GROUP):
         if entry.name == name:
-            return _make(entry.load(), name)
+            return cast("Callable[[], Driver]", entry.load())
     module, colon, factory = _OFFLINE.get(name, name).partition(":")
     if not colon:
         known = sorted({*_OFFLINE, *(entry.name for entry in entry_points(group=GROUP))})
@@ -118,10 +128,7 @@ def driver_named(name: str) -> Driver:
             f"--stickslip-driver {name}: no driver has that name; give module:factory, or one of "
             f"{', '.join(known)}"
         )
-    try:
-        return _make(getattr(importlib.import_module(module), factory), name)
-    except (ImportError, AttributeError) as error:
-        raise pytest.UsageError(f"--stickslip-driver {name}: {error}") from error
+    return cast("Callable[[], Driver]", getattr(importlib.import_module(module), factory))
 
 
 def _make(factory: Callable[[], Driver], name: str) -> Driver:

@@ -4,6 +4,7 @@
 from pathlib import Path
 
 import pytest
+from child import python
 from faulty import FAULTS
 
 from stickslip_ros.testing import contract
@@ -82,6 +83,19 @@ def test_our_drivers_keep_it(driver: str, tmp_path: Path) -> None:
 def test_a_planted_fault_is_found(fault: type[Offline], tmp_path: Path) -> None:
     outcomes = run_contract(f"faulty:{fault.__name__}", tmp_path, FAULTS[fault])
     assert FAULTS[fault] in outcomes.were("failed")
+
+
+def test_a_dead_port_is_told_once(tmp_path: Path) -> None:
+    (tmp_path / "lab.py").write_text(
+        "import socket\n\ndef connect():\n    socket.create_connection(('127.0.0.1', 1))\n"
+    )
+    options = ("--pyargs", "-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider")
+    file = str(contract.__file__)
+    found = python(
+        "-m", "pytest", *options, file, "--stickslip-driver", "lab:connect", cwd=tmp_path
+    )
+    assert found.returncode == pytest.ExitCode.USAGE_ERROR
+    assert (found.stdout + found.stderr).count("refused") == 1, found.stdout + found.stderr
 
 
 def test_a_driver_that_is_none_is_bad_use() -> None:
