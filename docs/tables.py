@@ -9,15 +9,19 @@ A table stands between `<!-- table: NAME -->` and `<!-- end -->`. The package mu
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from stickslip_ros.axis.command import FLOAT64, INT32, STATES, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.gym import SCORES, TASKS
+from stickslip_ros.parameters import PARAMETERS, NodeParameters
+from stickslip_ros.ros.own_parameters import OF_PROCESS
 from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN
 
@@ -55,6 +59,21 @@ def _outputs(topics: Iterable[OutputTopic]) -> Iterator[Sequence[str]]:
         parts = topic.type.split("/")
         kept = f"the last {topic.kept}" if topic.kept > 1 else "the last" * topic.kept
         yield f"`{topic.name}`", f"{parts[0]}/{parts[-1]}", kept, topic.content
+
+
+def _of_process() -> Iterator[Sequence[str]]:
+    yield "parameter", "default", "changes while it runs", "meaning"
+    for own in OF_PROCESS:
+        yield f"`{own.name}`", _shown(own.default), "", own.description
+    for name in (field.name for field in fields(NodeParameters) if field.name != "axis_name"):
+        row = PARAMETERS[name]
+        unit = f"{row.unit}: " if row.unit else ""
+        yield f"`{name}`", _shown(row.default), "yes" * row.mutable, unit + row.description
+
+
+def _shown(default: object) -> str:
+    """Return a default as it is written in YAML."""
+    return "[]" if default == [""] else json.dumps(default)
 
 
 def _faults() -> Iterator[Sequence[str]]:
@@ -133,7 +152,7 @@ def _entries(tag: str, names: Iterable[str]) -> str:
 
 TABLES: dict[str, list[Callable[[], str]]] = {
     "states.md": [_table(_states)],
-    "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values()))],
+    "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values())), _table(_of_process)],
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
     "control.md": [_table(_tasks), _table(_scores)],

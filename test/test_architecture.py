@@ -30,6 +30,12 @@ def test_a_command_without_a_row_is_found(monkeypatch: pytest.MonkeyPatch) -> No
     } <= set(TABLES["findings"]())
 
 
+def test_a_changed_default_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    changed = {**PARAMETERS, "publish_rate": replace(PARAMETERS["publish_rate"], default=50.0)}
+    monkeypatch.setitem(TABLES["findings"].__globals__, "PARAMETERS", changed)
+    assert "docs/node.md: run python docs/tables.py" in TABLES["findings"]()
+
+
 def test_the_page_of_the_law_has_the_values_of_table_1() -> None:
     page = (ROOT / "docs" / "friction.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| \$[^|]+\$ \| `(\w+)` \| (\S+) ?(.*) \|$", page, re.MULTILINE)

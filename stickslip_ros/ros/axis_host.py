@@ -40,6 +40,7 @@ from stickslip_ros.ros.messages import (
     read_command,
     why_not,
 )
+from stickslip_ros.ros.own_parameters import AXES, OF_PROCESS
 from stickslip_ros.ros.process import Runnable, run
 from stickslip_ros.ros.sim_loop import SimLoop
 
@@ -84,7 +85,7 @@ class AxisHost(GuardedNode):
         super().__init__(AXIS_NODE, **options)
         given = node_parameters.of_axes(self, arguments)
         values = Parameters.of(given)
-        node_parameters.declare_own(self, node_parameters.AXES)
+        node_parameters.declare_own(self, AXES)
         sim_loop = SimLoop(self, values.node)
         self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
@@ -177,7 +178,7 @@ class AxisHost(GuardedNode):
 
 def _names(node: Node) -> list[str]:
     """Return the names that the parameter axes of a node holds; ParameterError if one is bad."""
-    names = [name for name in node_parameters.declare_own(node, node_parameters.AXES) if name]
+    names = [name for name in node_parameters.declare_own(node, AXES) if name]
     for name in names:
         PARAMETERS["axis_name"].check(name)
     if len(set(names)) < len(names) or AXIS_NODE in names:
@@ -216,7 +217,5 @@ def _usage() -> str:
         f"  {row.name:<24}{row.description} (default: {row.default} {row.unit}".rstrip() + ")"
         for row in PARAMETERS.values()
     ]
-    own = (node_parameters.AXES, node_parameters.EMULATE, node_parameters.EMULATE_PORT)
-    return "\n".join(
-        [node_parameters.usage_of("Simulates a stick-slip axis, or several.", own), *rows]
-    )
+    meaning = "Simulates a stick-slip axis, or several."
+    return "\n".join([node_parameters.usage_of(meaning, OF_PROCESS), *rows])

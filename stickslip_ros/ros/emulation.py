@@ -19,7 +19,8 @@ from rclpy.task import Future
 from stickslip_ros.emulator import CONTROLLERS, ServerThread, controller_of
 from stickslip_ros.errors import UsageError
 from stickslip_ros.ros.axis_node import AxisNode
-from stickslip_ros.ros.node_parameters import EMULATE, EMULATE_PORT, declare_own
+from stickslip_ros.ros.node_parameters import declare_own
+from stickslip_ros.ros.own_parameters import EMULATE, EMULATE_PORT
 from stickslip_ros.ros.process import Runnable
 
 _TICK_S = 0.1  # each takes a round of the executor

@@ -7,7 +7,6 @@ import difflib
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,33 +20,10 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_files import nodes_in, values_in
 from stickslip_ros.parameters.row import file_names
+from stickslip_ros.ros.own_parameters import OF_PROCESS, OwnParameter
 from stickslip_ros.ros.process import Runnable, given_parameters, run
 
-
-@dataclass(frozen=True)
-class OwnParameter:
-    """Name, default and meaning of a parameter; its type is that of the default.
-
-    An empty list has no element type in ROS: the default of a list of texts is one empty text.
-    """
-
-    name: str
-    default: Any
-    description: str
-
-    @property
-    def type(self) -> RosParameter.Type:
-        """The type in ROS."""
-        return RosParameter.Type.from_parameter_value(self.default)
-
-
-#: Parameters of the process, not of an axis. An empty name stands for no axes.
-AXES = OwnParameter("axes", [""], "names of the axes to host; none: one axis")
-EMULATE = OwnParameter("emulate", "", "controller to emulate beside the topics; empty: none")
-EMULATE_PORT = OwnParameter(
-    "emulate_port", -1, "its TCP port on loopback, -1: the controller's own"
-)
-_OF_PROCESS = [row.name for row in (AXES, EMULATE, EMULATE_PORT)]
+_OF_PROCESS = [row.name for row in OF_PROCESS]
 
 
 def declare_axis(
@@ -187,18 +163,18 @@ _WHOLE = {
 
 def declare_own(node: Node, row: OwnParameter) -> Any:
     """Declare a parameter, read-only, and return its value, as `read_own_parameters`."""
-    value = row.default
+    value, kind = row.default, RosParameter.Type.from_parameter_value(row.default)
     if node.has_parameter(row.name):
         given = node.get_parameter(row.name)
         value = given.value
-        if (row.type, given.type_) in _WHOLE:
+        if (kind, given.type_) in _WHOLE:
             value = np.asarray(given.value, dtype=np.float64).tolist()
-        elif given.type_ != row.type:
-            wanted = row.type.name.lower().replace("string_array", "list of names, as [x, 'y']")
+        elif given.type_ != kind:
+            wanted = kind.name.lower().replace("string_array", "list of names, as [x, 'y']")
             raise UsageError(f"parameter {row.name} is {given.value!r}; give a {wanted}")
         node.undeclare_parameter(row.name)
     descriptor = ParameterDescriptor(
-        name=row.name, type=row.type.value, description=row.description, read_only=True
+        name=row.name, type=kind.value, description=row.description, read_only=True
     )
     return node.declare_parameter(row.name, value, descriptor, ignore_override=True).value
 

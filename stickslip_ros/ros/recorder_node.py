@@ -27,7 +27,8 @@ from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
-from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
+from stickslip_ros.ros.node_parameters import full_name, read_own_parameters, run_node
+from stickslip_ros.ros.own_parameters import OwnParameter
 from stickslip_ros.ros.recording import Choice, Recording
 
 NODE_NAME = "stickslip_recorder"

@@ -26,7 +26,8 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.recordings import OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
-from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
+from stickslip_ros.ros.node_parameters import full_name, read_own_parameters, run_node
+from stickslip_ros.ros.own_parameters import OwnParameter
 
 Item = TypeVar("Item")
 

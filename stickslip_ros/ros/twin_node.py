@@ -43,7 +43,8 @@ from stickslip_ros.ros.messages import (
     publisher_of,
     stamp,
 )
-from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, run_node
+from stickslip_ros.ros.node_parameters import full_name, read_own_parameters, run_node
+from stickslip_ros.ros.own_parameters import OwnParameter
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Forecast, Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of, event_ns
