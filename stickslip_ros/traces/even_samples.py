@@ -96,16 +96,19 @@ def robust_std(x: Array) -> float:
 def quantum_of(x: Array) -> float:
     """Return the step (m) of a converter that samples are whole multiples of; 0 where none is seen.
 
-    It is the least difference of neighbours, if they differ by few of it, which hides the noise.
+    It is the least difference of neighbours, if they differ by few of it, which hides the noise;
+    neighbours on a straight line differ by one alone.
     """
-    apart = np.abs(np.diff(x[:_LOOKED_AT]))
-    apart = apart[apart > 0.0]
+    apart = np.diff(x[:_LOOKED_AT])
+    apart = apart[apart != 0.0]
     if not len(apart):
         return 0.0
-    steps = apart / float(apart.min())
-    few = steps[steps < _COARSE]
-    whole = np.abs(few - np.rint(few)) < _WHOLE
-    return float(apart.min()) if 2 * len(few) > len(apart) and whole.all() else 0.0
+    least = float(np.abs(apart).min())
+    steps = apart / least
+    few = steps[np.abs(steps) < _COARSE]
+    whole = np.rint(few)
+    seen = 2 * len(few) > len(apart) and len(np.unique(whole)) > 1
+    return least if seen and (np.abs(few - whole) < _WHOLE).all() else 0.0
 
 
 def rounding_of(x: Array, noise: float) -> float:

@@ -128,7 +128,7 @@ def test_a_coarse_converter_is_seen_and_counts(noise: float) -> None:
     """Steps repeat, and so does what rounding makes of them: errors were picometres."""
     drives, sensor = (Drive(16, 113.7, pause=0.03),), Sensor(rate=1e5, noise=noise, quantum=1e-8)
     bench = bench_trace(Axis(), drives, sensor, 0.04)
-    assert quantum_of(bench.clean) == 0.0
+    assert quantum_of(bench.clean) == quantum_of(1e-9 * np.arange(99.0)) == 0.0
     assert quantum_of(bench.x) == pytest.approx(1e-8)
     one = 1e-8 / math.sqrt(12.0)
     assert noise_of(bench.x) > 0.999 * one
