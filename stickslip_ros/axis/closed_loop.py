@@ -185,7 +185,8 @@ class ClosedLoop:
             self._carried = True
         elif distance < self._nearest - p.target_tolerance:
             self._nearest, self._nearer_at = distance, t
-        where = f"target {self.trajectory.goal:g} m: the runner is {error:g} m away and"
+        goal, away = 1e6 * self.trajectory.goal, 1e6 * distance
+        where = f"target {goal:g} um: the runner is {away:g} um away and"
         if distance > self._nearest + _LOST * far:
             return f"{where} steps take it farther: change the load, the preload or the frequency"
         stays = self._inside_since is not None
@@ -351,9 +352,8 @@ class ClosedLoop:
             self._go(actuation)
         elif abs(error) > p.target_tolerance:
             end = "high" if error > 0.0 else "low"
-            return (
-                f"target {self.trajectory.goal:g} m: the runner is held by the {end} end of travel"
-            )
+            goal = 1e6 * self.trajectory.goal
+            return f"target {goal:g} um: the runner is held by the {end} end of travel"
         return ""
 
     def _go(self, actuation: Actuation) -> None:

@@ -22,6 +22,8 @@ from stickslip_ros.parameters.groups import SLIDER
 
 #: Drive cycles that are kept: a command of steps does not make its cycle anew
 _MOST_DRIVE_CYCLES = 8
+#: Parameters that commands of the same name set
+_COMMANDED = ("amplitude", "frequency")
 
 
 @dataclass
@@ -53,7 +55,8 @@ class Config:
         """Return the parameters as they would be with changes; jogs are frequencies (Hz) in use."""
         for name in changes:
             if not parameter(name).mutable:
-                raise ParameterError(f"{name} can be set at the start only")
+                later = f": later send {name}, on ~/command/{name}" if name in _COMMANDED else ""
+                raise ParameterError(f"{name} can be set at the start only{later}")
         new = self.parameters.replace(**changes)
         replace(self, parameters=new).check_all(jogs)
         return new

@@ -154,7 +154,10 @@ class Supervisor:
         """Return the reason of a fault: too fast, or the closed loop lost or stuck; else empty."""
         limit = actuation.config.parameters.limits.max_velocity
         if limit is not None and abs(self.velocity) > limit:
-            return f"velocity is {self.velocity:g} m/s, the limit is {limit:g} m/s"
+            return (
+                f"velocity is {self.velocity:g} m/s, the limit is {limit:g} m/s: lower the "
+                "frequency, the amplitude or the load, or raise max_velocity"
+            )
         if not isinstance(task, ClosedLoop):
             return ""
         p, config, t = actuation.config.parameters, actuation.config, actuation.t

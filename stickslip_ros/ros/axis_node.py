@@ -32,6 +32,7 @@ from stickslip_ros.axis.faults import LATE, VANISH
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.groups import AXIS_NODE
+from stickslip_ros.reporting import format_si
 from stickslip_ros.ros import node_parameters, topics
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode, NoAnswer
@@ -126,6 +127,7 @@ class AxisNode(GuardedNode):
         if not self._sim_loop.begun or VANISH in self.axis.config.faults:
             return  # there is no time yet to stamp it with, or nobody to hear of: it is kept
         events = self.axis.take_events()
+        self._log(events)
         set_points = [event for event in events if is_set_point(event)]
         if set_points:
             # Many a second, so they have topics of their own: "start" has to stay in the events.
@@ -152,6 +154,18 @@ class AxisNode(GuardedNode):
         if VANISH in self.axis.config.faults:
             return
         self._outputs[topic.name].publish(message)
+
+    def _log(self, events: Sequence[Event]) -> None:
+        """Log what has ended a motion, or kept it from its way, without a command."""
+        for event in events:
+            if event.outcome == "fault":
+                self.get_logger().error(f"fault: {event.details['reason']}")
+            elif event.outcome == "hit":
+                place = format_si(event.details["position"], "m")
+                self.get_logger().warning(
+                    f"{event.details['limit']} was hit, at {place}",
+                    throttle_duration_sec=_WARN_PERIOD,
+                )
 
     def _publish_statuses(self, topic: OutputTopic, statuses: list[DiagnosticStatus]) -> None:
         self.publish(topic, diagnostic_array(self._sim_loop.stamp(), statuses))

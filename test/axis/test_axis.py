@@ -256,7 +256,10 @@ BAD_PARAMETERS: list[tuple[dict[str, Any], str]] = [
     ({"preload": 1.0, "mass": -1.0}, "mass is -1 kg; it has to lie between"),
     ({"preload": 1.0, "masss": 1.0}, "no parameter 'masss'; did you mean mass"),
     ({"name": 1.0, "reason": 2.0}, "no parameter 'name'"),
-    ({"preload": 1.0, "amplitude": 100.0}, "amplitude can be set at the start only"),
+    (
+        {"preload": 1.0, "amplitude": 100.0},
+        "start only: later send amplitude, on ~/command/amplitude",
+    ),
     ({"preload": 1.0, "z_ba": 5e-8, "z_ss": 4e-8}, "z_ss has to be larger"),
     ({"preload": 1.0, "model": "none"}, "model is 'none'; known: ceim"),
     ({"preload": 1.0, "max_voltage": 299.0}, "amplitude is 300 V"),

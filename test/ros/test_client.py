@@ -3,6 +3,7 @@
 
 import io
 import math
+import re
 import sys
 import threading
 import time
@@ -52,11 +53,18 @@ def test_each_command_leads_to_its_state(node: AxisNode, client: AxisClient) -> 
     assert client.enable().state == "stopped"
 
 
-def test_a_fault_is_raised_and_left_by_a_reset(client: AxisClient) -> None:
+def test_a_fault_is_raised_and_left_by_a_reset(
+    client: AxisClient, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The log of the node has it, too."""
     client.set_frequency(18_500.0)
     with pytest.raises(AxisFault, match="velocity is"):
         client.step(100_000).wait()
     assert client.state == "fault"
+    assert client.summary.startswith("fault: velocity is ")
+    assert re.search(
+        r"\[ERROR\].* fault: velocity is .* or raise max_velocity", capfd.readouterr().err
+    )
     with pytest.raises(CommandRefused, match="the axis is in fault"):
         client.step(1)
     assert client.reset().state == "stopped"
@@ -71,7 +79,7 @@ def test_refusals_are_raised_with_their_reason(node: AxisNode, client: AxisClien
             lambda: client.set_parameters(preload=-1.0),
             "parameters refused: preload is -1 N; .* 0.001 ",
         ),
-        (lambda: client.set_parameters(frequency=1.0), "frequency can be set at the start only"),
+        (lambda: client.set_parameters(frequency=1.0), "start only: later send frequency, on ~"),
     ):
         before = node.axis.status.refused
         with pytest.raises(CommandRefused, match=reason):
@@ -182,10 +190,14 @@ def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Start) -> None:
     process = start_node("axis_node")
     client = AxisClient(node=ros.node("user"), timeout=60.0)
     client.step(100_000)
-    with pytest.raises(TimeoutError, match=r"axis is still stepping, \d+ steps done, \d+ left \("):
+    with pytest.raises(
+        TimeoutError, match=r"axis is still stepping, \d+ steps done, \d+ left; it goes on \("
+    ):
         client.wait(timeout=0.1)
     client.move_to(1e-3)
-    with pytest.raises(TimeoutError, match=r"is still targeting, [\d.]+ .m from the target \("):
+    with pytest.raises(
+        TimeoutError, match=r"is still targeting, [\d.]+ .m from the target; it goes on \("
+    ):
         client.wait(timeout=0.1)
     client.timeout = 0.2
     with process.stopped():
@@ -208,7 +220,10 @@ class Late(AxisClient):
 
 @pytest.mark.parametrize("kind", [AxisClient, Late])
 def test_a_soft_limit_is_told_each_time(
-    ros: Ros, make_axis: MakeAxis, kind: type[AxisClient]
+    ros: Ros,
+    make_axis: MakeAxis,
+    kind: type[AxisClient],
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     """One that ends a move at once has the stamp of the answer to the command."""
     make_axis(frequency=1000.0, soft_high=5e-6)
@@ -217,6 +232,7 @@ def test_a_soft_limit_is_told_each_time(
         client.step(steps).wait()
         hit = "soft_high" if steps > 0 else ""
         assert (client.ended_by, client.limits_hit) == (hit, [hit] if hit else [])
+    assert re.search(r"\[WARN\].* soft_high was hit, at 49\d\d nm", capfd.readouterr().err)
     client.move_to(2e-6).wait()
     began = time.monotonic()
     client.stop().wait()
@@ -266,7 +282,7 @@ def test_a_second_axis_of_the_same_name_is_told(
     make_axis(max_velocity=1e-9)
     both = AxisClient(node=ros.node("second_user"), listeners=2)
     both.step(100_000).wait_for_state("fault")
-    with pytest.raises(AxisFault, match="the limit is 1e-09 m/s; 2 nodes publish as /stickslip_ax"):
+    with pytest.raises(AxisFault, match="raise max_velocity; 2 nodes publish as /stickslip_ax"):
         both.wait()
     with pytest.raises(TimeoutError, match="2 nodes publish as /stickslip_axis and obey: end all"):
         both.wait_for_state("holding", timeout=0.1)

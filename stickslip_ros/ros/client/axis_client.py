@@ -25,7 +25,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.axis import CommandRefused
-from stickslip_ros.axis.command import INT32_RANGE, SET_PARAMETERS, TRAJECTORY
+from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, SET_PARAMETERS, TRAJECTORY
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import STEP_OF_TIME, value_text
 from stickslip_ros.axis.faults import VANISH
@@ -76,6 +76,8 @@ class AxisClient(AxisListener):
             own = Node("stickslip_client", context=self._own.context, enable_rosout=False)
             node = self._own.add(own)
         super().__init__(name, node)
+        self._answered = -1  # stamp (ns) of the answer to the last command
+        self._commands = False  # something was sent: until then, what others send counts
         self._jogs = False  # the last command of this client that moves or ends a move
         self._moves = False  # that command moves, and its end has not been waited for
         self._publishers = {
@@ -155,7 +157,10 @@ class AxisClient(AxisListener):
     def _why_absent(self, listeners: int) -> str:
         axes = self._axes()
         if not axes:
-            return f"no axis answers at {self.axis}: is axis_node running in this domain?"
+            return (
+                f"no axis answers at {self.axis}: is axis_node running in this domain, "
+                "or is it still compiling? see its log"
+            )
         if self.axis not in axes:
             return f"no axis {self.axis}; here are {', '.join(axes)}"
         return f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}"
@@ -185,6 +190,10 @@ class AxisClient(AxisListener):
             return self.set_parameters(*arguments)
         if command.type == TRAJECTORY:
             arguments = ([self._joint], *arguments)
+        if command.type == JOINT_STATE and arguments[0] != self._joint:
+            raise CommandRefused(
+                f"{name} refused: no joint {arguments[0]!r} here; give {self._joint}"
+            )
         message = _message(name, *arguments)
         if command.is_service:
             return self._call(name, message)
@@ -353,7 +362,7 @@ class AxisClient(AxisListener):
             at_rest = not self.moving and self.state != "targeting"
             return at_rest and self._state_stamp >= self._status_stamp
 
-        self._wait(ended, timeout, lambda: f"{self.axis} is still {self.summary}")
+        self._wait(ended, timeout, lambda: f"{self.axis} is still {self.summary}; it goes on")
         if self._moves:
             # The event of the end has a topic of its own; a closed loop that comes back to its
             # target has none.
@@ -368,9 +377,9 @@ class AxisClient(AxisListener):
 
         The name of a command, of anybody, or of a soft limit, ``soft_low`` or ``soft_high``.
         """
-        for values in self._since_answer():
+        for values in (one.values for one in self._since_answer()):
             event = values["event"]
-            if values["outcome"] == "applied" and event in COMMANDS and COMMANDS[event].moves:
+            if _begins_or_ends_a_move(values):
                 return event
             if event == "limit" and values["limit"].startswith("soft"):
                 return values["limit"]
@@ -381,9 +390,9 @@ class AxisClient(AxisListener):
         """What the motion of the last command has hit, each once, the first first.
 
         They are the ends of the travel, "travel_low" and "travel_high", and the soft limits,
-        "soft_low" and "soft_high".
+        "soft_low" and "soft_high". Of a client that has sent nothing: of the last motion.
         """
-        events = self._since_answer()
+        events = [one.values for one in self._since_answer()]
         return list(dict.fromkeys(one["limit"] for one in events if one["event"] == "limit"))
 
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
@@ -410,13 +419,18 @@ class AxisClient(AxisListener):
 
     # -- inside
 
-    def _since_answer(self) -> list[dict[str, str]]:
+    def _since_answer(self) -> list[Answer]:
         """Return the events since the answer to the last command."""
-        with self._changed:
-            return [one.values for one in self._answers]
+        with self._changed:  # those of another topic, from before the connection, may come later
+            events = [one for one in self._answers if one.stamp >= self._answered]
+        if self._commands:
+            return events
+        begun = [k for k, one in enumerate(events) if _begins_or_ends_a_move(one.values)]
+        return events[begun[-1] + 1 :] if begun else events
 
     def _heard_of_end(self) -> bool:
-        ends = [one.stamp for one in self._answers if one.values["outcome"] == "finished"]
+        events = self._since_answer()
+        ends = [one.stamp for one in events if one.values["outcome"] == "finished"]
         return bool(self.ended_by) or (bool(ends) and ends[-1] >= self._state_since)
 
     def _call(self, name: str, request: Any, noted: bool = True) -> AxisClient:
@@ -439,6 +453,7 @@ class AxisClient(AxisListener):
             raise RuntimeError(f"this client of {self.axis} is closed; make a new one")
         with self._changed:
             self._answers.clear()
+            self._commands = True
             return self._state_stamp
 
     def _await_answer(self, name: str, value: str, since: int) -> None:
@@ -460,10 +475,16 @@ class AxisClient(AxisListener):
         with self._changed:  # what came before it belongs to the last command
             while self._answers.popleft() is not found[0]:
                 pass
+            self._answered = found[0].stamp
         if found[0].values["outcome"] == "refused":
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
         if COMMANDS[name].moves:
             self._jogs = self._moves = False
+
+
+def _begins_or_ends_a_move(event: Mapping[str, str]) -> bool:
+    command = COMMANDS.get(event["event"])
+    return command is not None and command.moves and event["outcome"] == "applied"
 
 
 def _message(name: str, *arguments: Any) -> Any:

@@ -47,6 +47,7 @@ class AxisListener:
         self._changed = threading.Condition()
         self._answers: deque[Answer] = deque(maxlen=_MOST_ANSWERS)
         self._status: dict[str, str] = {}
+        self._message = ""  # of the status: the reason of a fault
         self._status_stamp = self._state_stamp = self._report_stamp = -1
         self._state_since = -1  # stamp of the first status with the present state
         self._position = self._velocity = self._friction_force = float("nan")
@@ -109,17 +110,18 @@ class AxisListener:
 
     @property
     def summary(self) -> str:
-        """The state in words: what is left of a move, and what keeps the axis from its usual ways.
+        """The state in words: why a fault, what is left of a move, what is not as usual.
 
         In closed loop that is the distance: its steps are in trains, as many as it takes.
         """
         said = self._status
         away = float(said.get("following error (m)", "nan"))
-        words = [said["state"]]
+        words = [self._message if said["state"] == "fault" else said["state"]]
         if math.isfinite(away):
             words.append(f"{format_si(abs(away), 'm', 3)} from the target")
         else:
-            words += [f"{said['steps done']} steps done", f"{said['steps left']} left"]
+            steps = "step" if said["steps done"] in ("1", "-1") else "steps"
+            words += [f"{said['steps done']} {steps} done", f"{said['steps left']} left"]
         words += ["paused"] if said.get("paused") == "True" else []
         words += [f"injected: {said['injected faults']}"] if said.get("injected faults") else []
         return ", ".join(words)
@@ -176,7 +178,7 @@ class AxisListener:
             before, self._status = self._status, _values(message.status[0], _OF_STATUS)
             if any(before.get(key) != self._status[key] for key in ("state", "moving")):
                 self._state_since = stamp
-            self._status_stamp = stamp
+            self._message, self._status_stamp = message.status[0].message, stamp
 
     def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
         for status in message.status:
