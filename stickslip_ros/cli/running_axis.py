@@ -127,17 +127,25 @@ def _setting(command: Command, arguments: Sequence[Any], axis: AxisClient) -> st
     if arguments and isinstance(arguments[0], Mapping):
         found = arguments[0]
     units = {command.name: command.unit, **{name: row.unit for name, row in PARAMETERS.items()}}
-    return "".join(
-        f"{name} {format_si(one, units[name]) if isinstance(one, float) else one}, "
+    texts = {
+        name: format_si(one, units[name]) if isinstance(one, float) else one
         for name, one in found.items()
-    )
+    }
+    return "".join(f"{name} {'none' if text == '' else text}, " for name, text in texts.items())
 
 
 def _ends_met(axis: AxisClient) -> str:
-    """Return which ends of the travel hold the runner or were hit, if there are such."""
-    met = [f"travel_{axis.status['held at']}", *axis.limits_hit]
+    """Return which limits hold the runner or were hit, if there are such."""
+    met = _limits_met(axis)
     ends = [end for end in ("low", "high") if f"travel_{end}" in met]
-    return f", against the {' and the '.join(ends)} end of the travel" if ends else ""
+    words = [f"the {' and the '.join(ends)} end of the travel"] if ends else []
+    words += [limit for limit in met if limit.startswith("soft")]
+    return f", against {' and '.join(words)}" if words else ""
+
+
+def _limits_met(axis: AxisClient) -> list[str]:
+    held = axis.status["held at"]
+    return list(dict.fromkeys([*([f"travel_{held}"] if held else []), *axis.limits_hit]))
 
 
 # -- the values of a command line, by the type of the command's message
@@ -168,9 +176,7 @@ def _points(_: str, first: str, *others: str) -> tuple[Any, ...]:
 
 
 def _set_point(_: str, joint: str, interface: str, value: str) -> tuple[Any, ...]:
-    if interface not in ("position", "velocity"):
-        raise ValueError
-    return joint, interface, float(value)
+    return joint, interface, read_quantity(value, {"position": "m", "velocity": "m/s"}[interface])
 
 
 def _assignments(_: str, first: str, *others: str) -> tuple[Any, ...]:
@@ -257,12 +263,12 @@ def _ticks(args: argparse.Namespace) -> Iterator[float]:
 
 def _print(axis: AxisClient, args: argparse.Namespace) -> None:
     rows = csv.writer(sys.stdout, lineterminator="\n")
-    rows.writerow(["time", "state", "position", "velocity", *_STATUS_COLUMNS])
+    rows.writerow(["time", "state", "position", "velocity", *_STATUS_COLUMNS, "against"])
     for now in _ticks(args):
         status = axis.status
         moves = f"{axis.position - zero_of(axis):.9g}", f"{axis.velocity:.6g}"
         said = [status.get(key, "") for key in _STATUS_COLUMNS.values()]
-        rows.writerow([f"{now:.3f}", axis.state, *moves, *said])
+        rows.writerow([f"{now:.3f}", axis.state, *moves, *said, " ".join(_limits_met(axis))])
         sys.stdout.flush()
 
 
@@ -308,7 +314,7 @@ def _table(axis: AxisClient, positions: Sequence[float], news: Sequence[str], ba
     status = axis.status
     table = Table(title=axis.axis, box=box.SIMPLE, show_header=False)
     rows = [
-        ("state", axis.summary),
+        ("state", f"{axis.summary}{_ends_met(axis)}"),
         ("position", place_of(axis)),
         ("", sparkline(positions, bars)),
         ("velocity", f"{1e6 * axis.velocity:.3f} µm/s"),

@@ -69,6 +69,7 @@ def test_an_axis_that_is_not_there_is_said_to_be_missing(
     said = capsys.readouterr().err
     assert said.startswith(f"{first}stickslip ")
     assert "no axis answers at /stickslip_axis" in said
+    assert "or is it still compiling? see its log" in said
 
 
 @pytest.mark.usefixtures("axis")
@@ -107,7 +108,9 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
     assert reached
     assert read_quantity(reached[1], "m") == pytest.approx(2e-6, abs=1e-8)
     assert "holding" in send("trajectory", "0.1:500nm", "0.2s:0", "--wait")
-    assert "holding" in send("joint_command", "axis_slider", "position", "0.4e-6", "--wait")
+    assert "holding" in send("joint_command", "axis_slider", "position", "0.4um", "--wait")
+    assert main(["send", "joint_command", "x", "velocity", "1um/s"]) == 1
+    assert "no joint 'x' here; give axis_slider" in capsys.readouterr().err
     assert "disabled" in send("enable", "off")
     assert main(["send", "steps", "3"]) == 1
     assert "steps refused" in capsys.readouterr().err
@@ -115,7 +118,7 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
     assert main(["send", "amplitude", "900"]) == 1
     assert "amplitude refused: amplitude is 900 V" in capsys.readouterr().err
     assert ", injected: sensor_drift, at " in send("parameters", "fault=sensor_drift")
-    assert "injected" not in send("parameters", 'fault=""')
+    assert send("parameters", 'fault=""').startswith("fault none, stopped, ")
     send("jog", "500")
     assert ", paused, at " in send("pause", "on")
     assert re.search(r"^jogging, .* paused, at .*, it ends with its cycle$", send("stop"), re.M)
@@ -149,8 +152,17 @@ def test_a_move_that_a_soft_limit_ends_is_no_success(
     client = ["--timeout", f"{PATIENCE}"]
     here = axis.axis.status.position
     assert main(["send", "parameters", f"soft_high={here + 1e-6}", *client]) == 0
-    assert main(["send", "steps", "100", "--wait", *client]) == 1
-    assert "steps was ended by a limit: soft_high" in capsys.readouterr().err
+    for _ in range(2):
+        assert main(["send", "steps", "100", "--wait", *client]) == 1
+        said = capsys.readouterr()
+        assert said.out.endswith(", against soft_high\n")
+        assert "steps was ended by a limit: soft_high" in said.err
+    for steps, against in (("1", "soft_high"), ("-1", "")):
+        main(["send", "steps", steps, *client])
+        capsys.readouterr()
+        assert main(["watch", "--for", "0.6", *client]) == 0
+        *_, row = csv.DictReader(capsys.readouterr().out.splitlines())
+        assert row["against"] == against
     assert main(["send", "parameters", "soft_high=1.0", *client]) == 0
 
 
