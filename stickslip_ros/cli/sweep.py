@@ -67,14 +67,13 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
     from stickslip_ros.library.sweep_plan import GridAxis, Sweep
     from stickslip_ros.library.sweep_result import SweepResult
-    from stickslip_ros.traces.steps import TRIAL_STEPS
 
     ensemble = ensemble_of(args)
     sweep = Sweep(
         parameters_from(args),
         tuple(GridAxis.parse(text) for text in args.vary),
         tuple(args.metric or ["step_size"]),
-        TRIAL_STEPS if args.steps is None else args.steps,
+        args.steps,
         ensemble,
         args.draws,
     )

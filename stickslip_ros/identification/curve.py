@@ -154,7 +154,7 @@ class CurveFit:
     def model(self, parameters: Parameters, clock: Array) -> BinnedModel:
         """Return the metrics of the model, nan at points without one. ParameterError."""
         columns = parameters.replace(**self.curve.varied)
-        points = Points(columns, self._points, DESCENT.curve_steps)
+        points = Points(columns, self._points, None)
         found = []
         for name in self.curve.metrics:
             if name == RINGING:

@@ -112,7 +112,6 @@ class DescentSettings:
     better_optimum: float = 0.5  #: deviance below the optimum that makes a better one
     unknown: float = 0.7  #: standard deviation (logarithm) of a direction that is not known
     share_named: float = 0.25  #: share of a parameter in a direction from which on it is named
-    curve_steps: int = 12  #: from rest, to judge a point by
     curve_deviation: float = 0.02  #: part of the median, where the table states none, to begin with
     no_value: float = 100.0  #: standard deviations that a point without a value counts
     curve_difference: float = (

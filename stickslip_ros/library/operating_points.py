@@ -12,6 +12,7 @@ becomes a set for each point: laws, plant and drive are evaluated for whole colu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -28,11 +29,14 @@ from stickslip_ros.model.surface import Surface
 from stickslip_ros.model.waveforms import command_of, drives_of, largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.solver.batch import Batch
-from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS, settled_mean
+from stickslip_ros.traces.steps import MEASURABLE, SETTLING, TRIAL_STEPS, settled_mean
 
 #: (values to try, at which points) -> at which points the value is high enough
 Trial = Callable[[Array, NDArray[np.bool_]], NDArray[np.bool_]]
 
+#: Ringing has ended once it has decayed by e to this power, or after so many cycles; steps settle
+#: earlier where it changes them by less than this, m.
+_DECAY, _MOST_CYCLES, _SETTLED = 7.0, 500.0, 1e-11
 #: Search for the blocking preload: where it begins, the factor between its preloads, and the
 #: accuracy of the result, N.
 _LOWEST, _FACTOR, _RESOLUTION = 0.01, 1.5, 1e-4
@@ -89,20 +93,70 @@ def why_impossible(p: Parameters) -> str | None:
     return None
 
 
+def decay_of(plant: Plant, period: float) -> tuple[float, float]:
+    """Return by which power of e ringing decays in a period (s), and how many cycles it lasts.
+
+    Of the slower part of the motion on an elastic contact, where it is damped too much to ring.
+    """
+    damping = 0.5 * (plant.contact.sigma_1 + plant.contact.sigma_2) / plant.mass
+    square = (plant.contact.sigma_0 + plant.spring) / plant.mass
+    if damping * damping > square:
+        damping = square / (damping + math.sqrt(damping * damping - square))
+    decay = max(damping * period, 1e-9)
+    return decay, min(_DECAY / decay, _MOST_CYCLES)
+
+
 def steps_of(
-    p: Parameters, points: int, steps: int, where: NDArray[np.bool_] | None = None
+    p: Parameters, points: int, steps: int | None, where: NDArray[np.bool_] | None = None
 ) -> tuple[Array, Array]:
     """Return step size and backstep (m) of columns, each (points,), as `run_steps` does.
 
-    steps: how many from rest, sign: direction. nan at impossible points and, if given, where
-    ``where`` is false.
+    steps: how many from rest, sign: direction; None: forward, and as many as settle. nan at
+    impossible points and, if given, where ``where`` is false.
     """
-    batch, possible = batch_of(p, points, 1 if steps >= 0 else -1)
-    position, backstep = batch.run(abs(steps), possible if where is None else possible & where)
+    batch, possible = batch_of(p, points, _sign(steps))
+    if where is not None:
+        possible = possible & where
+    if steps is None:
+        return _settled_steps(batch, possible)
+    position, backstep = batch.run(abs(steps), possible)
     return (
         settled_mean(np.diff(position, prepend=0.0, axis=-1)),
         settled_mean(backstep),
     )
+
+
+def _sign(steps: int | None) -> int:
+    return -1 if steps is not None and steps < 0 else 1
+
+
+def _settled_steps(batch: Batch, where: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return step size and backstep (m) once ringing no longer changes them, each (points,).
+
+    Runs double from `TRIAL_STEPS` on and are judged by their second half. A point is done where the
+    first half outlasts the ringing, or where steps of the second scatter so little that, at the
+    rate at which ringing decays, less than `_SETTLED` of it is left in them.
+    """
+    points = len(batch.plants)
+    step_size, backstep = np.full(points, math.nan), np.full(points, math.nan)
+    scatter, lasting = np.zeros(points), np.zeros(points)
+    for k in np.flatnonzero(where).tolist():
+        decay, lasting[k] = decay_of(batch.plants[k], batch.drive_cycles.row(k).period)
+        scatter[k] = -_SETTLED * math.expm1(-decay)
+    count = TRIAL_STEPS
+    while where.any():
+        position, backsteps = batch.run(count, where)
+        first = (count - TRIAL_STEPS) // 2
+        steps = np.diff(position, prepend=0.0, axis=-1)[:, first:]
+        step_size = np.where(where, settled_mean(steps), step_size)
+        backstep = np.where(where, settled_mean(backsteps[:, first:]), backstep)
+        where = (
+            where
+            & (lasting > first + SETTLING)
+            & ~(np.ptp(steps[:, SETTLING:], axis=-1) <= scatter)
+        )
+        count *= 2
+    return step_size, backstep
 
 
 def bisect(
@@ -128,13 +182,13 @@ def bisect(
         low = np.where(active & ~enough, middle, low)
 
 
-def blocking_preloads(p: Parameters, points: int, steps: int) -> Array:
+def blocking_preloads(p: Parameters, points: int, steps: int | None) -> Array:
     """Return the blocking preload (N) of columns, (points,).
 
-    The preload goes up from 0.01 N in factors until the step falls below `MEASURABLE`, judged by a
-    run of steps from rest, and bisection from there finds the limit: the first one from below, as
-    on a bench. The preload in p plays no part; preloads that the law is not defined for are passed
-    over. nan where no preload steps, or every one does up to the end of the table's range.
+    The preload goes up from 0.01 N in factors until the step falls below `MEASURABLE`, judged as in
+    `steps_of`, and bisection from there finds the limit: the first one from below, as on a bench.
+    The preload in p plays no part; preloads that the law is not defined for are passed over. nan
+    where no preload steps, or every one does up to the end of the table's range.
     """
 
     def blocks(preload: Array, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -158,7 +212,7 @@ def blocking_preloads(p: Parameters, points: int, steps: int) -> Array:
     return bisect(blocks, low, high, stepped & np.isfinite(high), _RESOLUTION)
 
 
-def generated_forces(p: Parameters, points: int, steps: int) -> Array:
+def generated_forces(p: Parameters, points: int, steps: int | None) -> Array:
     """Return the generated force (N) of columns, (points,): spring times final position (Fig. 15).
 
     The runner pushes a spring, that of p or `SPRING`, until slip and stick cost as much as they
@@ -167,7 +221,7 @@ def generated_forces(p: Parameters, points: int, steps: int) -> Array:
     cycles before, 0.01 nm a cycle. nan where it still rises after 100 000 cycles.
     """
     spring = value_or(p.runner.spring, SPRING)
-    batch, possible = batch_of(p.replace(spring=spring), points, 1 if steps >= 0 else -1)
+    batch, possible = batch_of(p.replace(spring=spring), points, _sign(steps))
     return spring * batch.run_until_still(_BLOCK, MEASURABLE, _LIMIT, possible)
 
 
@@ -177,7 +231,7 @@ def zero_amplitude(p: Parameters | Mapping[str, Any]) -> float | None:
     None if it does not exist; `why_no_zero_amplitude` gives the reason. Raises ParameterError.
     """
     p = Parameters.of(p)
-    found = float(zero_amplitudes(p, 1, TRIAL_STEPS)[0])
+    found = float(zero_amplitudes(p, 1, None)[0])
     if np.isfinite(found):
         return found
     lowest = PARAMETERS["amplitude"].low
@@ -187,7 +241,7 @@ def zero_amplitude(p: Parameters | Mapping[str, Any]) -> float | None:
     return None
 
 
-def why_no_zero_amplitude(p: Parameters, steps: int = TRIAL_STEPS) -> str:
+def why_no_zero_amplitude(p: Parameters, steps: int | None = None) -> str:
     """Return why the parameters of one point, which are possible, have no 0-amplitude."""
     return LOAD_MOVES if _moves_undriven(p, 1, steps)[0] else NEVER_STEPS
 
@@ -197,12 +251,12 @@ def largest_amplitude(p: Parameters) -> Array:
     return np.minimum(p.actuator.max_voltage, _SLIP_SHARE * largest_slip(p.drive))
 
 
-def zero_amplitudes(p: Parameters, points: int, steps: int) -> Array:
+def zero_amplitudes(p: Parameters, points: int, steps: int | None) -> Array:
     """Return the 0-amplitude (m) of columns, (points,), by the direct method.
 
     Bisection between zero and `largest_amplitude` for the largest amplitude whose step stays below
-    `MEASURABLE`, judged by a run of steps from rest. The amplitude in p plays no part. nan where
-    the axis does not step even at the largest amplitude, and where the load alone moves the runner.
+    `MEASURABLE`, judged as in `steps_of`. The amplitude in p plays no part. nan where the axis does
+    not step even at the largest amplitude, and where the load alone moves the runner.
     """
     high = np.broadcast_to(largest_amplitude(p), (points,))
 
@@ -216,19 +270,19 @@ def zero_amplitudes(p: Parameters, points: int, steps: int) -> Array:
     return np.asarray(strokes(p, volts))
 
 
-def _moves_undriven(p: Parameters, points: int, steps: int) -> NDArray[np.bool_]:
+def _moves_undriven(p: Parameters, points: int, steps: int | None) -> NDArray[np.bool_]:
     """Return where the runner moves at a vanishing amplitude already, (points,)."""
     return _measurable(p.replace(amplitude=PARAMETERS["amplitude"].low), points, steps)
 
 
 def _measurable(
-    p: Parameters, points: int, steps: int, where: NDArray[np.bool_] | None = None
+    p: Parameters, points: int, steps: int | None, where: NDArray[np.bool_] | None = None
 ) -> NDArray[np.bool_]:
     step_size, _ = steps_of(p, points, steps, where)
     return np.abs(step_size) >= MEASURABLE
 
 
-def intersections(p: Parameters, points: int, steps: int) -> Array:
+def intersections(p: Parameters, points: int, steps: int | None) -> Array:
     """Return the 0-amplitude (m) of columns, (points,), by the intersection method.
 
     Least squares through the steps at `INTERSECTION_SHARES` of the `largest_amplitude`, those left
@@ -238,8 +292,7 @@ def intersections(p: Parameters, points: int, steps: int) -> Array:
     deflection = np.stack([strokes(p, share * largest) for share in INTERSECTION_SHARES])
     step = np.stack(
         [
-            np.copysign(1.0, steps)
-            * steps_of(p.replace(amplitude=share * largest), points, steps)[0]
+            _sign(steps) * steps_of(p.replace(amplitude=share * largest), points, steps)[0]
             for share in INTERSECTION_SHARES
         ]
     )

@@ -22,11 +22,14 @@ _POINTS = f"{__package__}.operating_points"
 
 @dataclass(frozen=True)
 class Points:
-    """Operating points as columns, and the steps (sign: direction) to judge each by."""
+    """Operating points as columns, and the steps to judge each by (sign: direction).
+
+    None: as many as settle, forward.
+    """
 
     p: Parameters
     count: int
-    steps: int
+    steps: int | None
     _runs: list[tuple[Array, Array]] = field(default_factory=list)
 
     @property
@@ -52,14 +55,14 @@ class SweepMetric:
     unit: str
     evaluate: Callable[[Points], Array]  #: returns (points,), nan for no value
     runs: int  #: runs of steps that a point takes, about
-    empty: str | Callable[[Parameters, int], str]  #: why a possible point may have no value
+    empty: str | Callable[[Parameters, int | None], str]  #: why a possible point may have no value
 
-    def why_empty(self, p: Parameters, steps: int) -> str:
+    def why_empty(self, p: Parameters, steps: int | None) -> str:
         """Return why a possible point has no value, judged by that many steps."""
         return self.empty if isinstance(self.empty, str) else self.empty(p, steps)
 
 
-def _why_no_zero_amplitude(p: Parameters, steps: int) -> str:
+def _why_no_zero_amplitude(p: Parameters, steps: int | None) -> str:
     return import_module(_POINTS).why_no_zero_amplitude(p, steps)
 
 

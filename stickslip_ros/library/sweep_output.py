@@ -80,7 +80,7 @@ def definition(sweep: Sweep) -> list[str]:
         f"{_TITLE}{__version__}",
         *(f"# vary {axis}" for axis in sweep.axes),
         *(f"# metric {name}" for name in sweep.metrics),
-        f"# steps {sweep.steps}",
+        f"# steps {sweep.steps or 'until they settle'}",
         *([f"# {sweep.draws} draws of {sweep.ensemble.comment()}"] if sweep.ensemble else []),
         *(
             f"# set {name}={value}"

@@ -25,6 +25,7 @@ from stickslip_ros.library.ensemble import Ensemble, ends
 from stickslip_ros.library.operating_points import batch_of, why_impossible
 from stickslip_ros.library.sweep_metrics import METRICS, Points
 from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.traces.steps import TRIAL_STEPS
 
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
 _CYCLES = 24_000
@@ -149,7 +150,7 @@ class Sweep:
     base: Parameters  #: full set of parameters; the axes replace some
     axes: tuple[SweepAxis, ...]  #: one or two
     metrics: tuple[str, ...]
-    steps: int  #: from rest, to judge a point by; sign: direction
+    steps: int | None  #: from rest, to judge a point by; sign: direction; None: as many as settle
     ensemble: Ensemble | None = None  #: parameters that are drawn: each metric gets a band
     draws: int = 200  #: of the ensemble
 
@@ -244,7 +245,7 @@ class Sweep:
 
     def refuse_if_impossible(self) -> None:
         """Raise SweepError if not one of the points is possible."""
-        direction = 1 if self.steps > 0 else -1
+        direction = 1 if self.steps is None or self.steps > 0 else -1
         for first in range(0, self.points, _GLANCE):
             stop = min(first + _GLANCE, self.points)
             if batch_of(self.columns(first, stop), stop - first, direction)[1].any():
@@ -282,7 +283,7 @@ def results(
 
 def part_size(sweep: Sweep, workers: int, points: int) -> int:
     """Return how many points go into a part: a moment's work, and some parts for each worker."""
-    cycles = abs(sweep.steps) * sum(METRICS[name].runs for name in sweep.metrics)
+    cycles = abs(sweep.steps or TRIAL_STEPS) * sum(METRICS[name].runs for name in sweep.metrics)
     cycles *= 1 + (sweep.draws if sweep.ensemble else 0)
     return max(1, min(_CYCLES // cycles, -(-points // (4 * workers))))
 

@@ -35,7 +35,7 @@ def sweep(
     /,
     *,
     metric: str | Sequence[str] = "step_size",
-    steps: int = TRIAL_STEPS,
+    steps: int | None = None,
     **values: Any,
 ) -> SweepResult:
     """Compute metrics at every value of one parameter, or of two.
@@ -46,8 +46,9 @@ def sweep(
         As in `simulate`.
     metric : str or sequence of str
         Names of metrics; `stickslip sweep --help` lists them.
-    steps : int
-        How many steps from rest judge a point; the sign is the direction.
+    steps : int, optional
+        How many steps from rest judge a point; the sign is the direction. Default: as many as
+        it takes a point to settle, forward.
     **values
         Parameters by name. One or two are sequences of numbers: these vary, in the order given.
 
@@ -94,7 +95,7 @@ def sweep(
 
 def _evaluate(plan: Sweep) -> Array:
     """Return the metrics of all points, (points, metrics)."""
-    if plan.points * abs(plan.steps) <= _FEW_CYCLES:
+    if plan.points * abs(plan.steps or TRIAL_STEPS) <= _FEW_CYCLES:
         with plain_until_compiled():
             return plan.evaluate(0, plan.points)
     with report_compilation():

@@ -23,7 +23,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.library.left_out import OF_ONE_CONTACT, left_out
-from stickslip_ros.library.operating_points import batch_of
+from stickslip_ros.library.operating_points import batch_of, decay_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import format_si
@@ -32,9 +32,6 @@ from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Ringing periods over which ringing is measured, and samples in each.
 _WINDOW, _SAMPLES = 3, 80
-#: A cycle is looked at once the ringing of earlier ones has decayed by e to this power, or after so
-#: many cycles.
-_DECAY, _MOST_CYCLES = 7.0, 500
 #: The step size is the mean of this many steps at the end.
 _MEAN_STEPS = 10
 #: First search: shares of the first part, and latencies in ringing periods.
@@ -175,8 +172,7 @@ def ringing_and_step(p: Parameters) -> tuple[float, float]:
     after the slip, but not longer than to the next one.
     """
     plant, drive_cycle = Plant.of(p), drive_of(p)
-    decay = 0.5 * (plant.contact.sigma_1 + plant.contact.sigma_2) / plant.mass * drive_cycle.period
-    settling = int(min(TRIAL_STEPS + _DECAY / max(decay, 1e-9), _MOST_CYCLES))
+    settling = int(TRIAL_STEPS + decay_of(plant, drive_cycle.period)[1])
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(drive_cycle, settling + 2)
     position = simulation.run_cycles(settling).position

@@ -140,7 +140,7 @@ def test_what_is_done_at_ctrl_c_is_kept_and_gone_on_with(
     assert main([*arguments, "--resume"]) == 0  # there is nothing left to do
     assert csv.read_text() == whole
     assert main([*arguments, "--resume", "--steps", "13"]) == 2
-    assert "'# steps 12'" in capsys.readouterr().err
+    assert "'# steps until they settle'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("out", "cure"), [("a.png", "a.png"), (None, "--out FILE.csv")])

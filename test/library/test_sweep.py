@@ -4,6 +4,7 @@
 import math
 import threading
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -195,18 +196,46 @@ def test_backward_steps_are_mirrored() -> None:
 
 
 def test_zero_amplitude_is_that_of_a_single_axis() -> None:
-    sweep = sweep_of("preload=0.4:2:4", metrics=("zero_amplitude",))
+    sweep = replace(sweep_of("preload=0.4:2:4", metrics=("zero_amplitude",)), steps=None)
     wanted = [zero_amplitude(sweep.point(k)) for k in range(4)]
     np.testing.assert_array_equal(sweep.evaluate(0, 4)[:, 0], np.array(wanted, dtype=float))
 
 
-def test_zero_amplitude_lies_where_steps_become_measurable() -> None:
-    p = table_1(frequency=1000.0)
+HEAVY = {"mass": 0.012, "preload": 0.8}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"frequency": 1000.0}, *({**HEAVY, "frequency": f} for f in (500.0, 1100.0, 3500.0, 5100.0))],
+)
+def test_zero_amplitude_lies_where_settled_steps_become_measurable(
+    values: dict[str, float],
+) -> None:
+    """Also where ringing outlasts twelve cycles and moves a purely elastic contact meanwhile."""
+    p = table_1(**values)
     found = zero_amplitude(p)
     assert found is not None
-    above = run_steps(p.replace(amplitude=found / p.actuator.gain), 12)
-    below = run_steps(p.replace(amplitude=(found - 2e-11) / p.actuator.gain), 12)
-    assert below.step_size < MEASURABLE <= above.step_size
+    for deflection, steps in ((found - 2e-11, False), (found, True)):
+        position = run_steps(p.replace(amplitude=deflection / p.actuator.gain), 800).position
+        assert bool(abs(position[-1] - position[399]) / 400 >= MEASURABLE) is steps
+
+
+def test_points_run_until_they_have_settled() -> None:
+    """As many steps as ringing lasts; where it dies within a cycle, twelve and the same bits."""
+    p = table_1().replace(
+        preload=np.array([4.447, 3.97, 2.27]),
+        frequency=np.array([2508.0, 6833.0, 4874.0]),
+        amplitude=np.array([300.0, 34.0, 85.0]),
+        mass=np.array([0.004, 0.0022, 0.0278]),
+    )
+    step_size, _ = steps_of(p, 3, None)
+    batch, possible = batch_of(p, 3, 1)
+    position, _ = batch.run(2000, possible)
+    wanted = (position[:, -1] - position[:, 999]) / 1000
+    np.testing.assert_allclose(step_size, wanted, rtol=0.0, atol=1e-11)
+    assert (np.abs(steps_of(p, 3, 12)[0] - wanted) > 1e-10).all()
+    p = table_1(frequency=100.0).replace(preload=np.linspace(0.1, 6.0, 15))
+    np.testing.assert_array_equal(steps_of(p, 15, None), steps_of(p, 15, 12))
 
 
 def test_the_zero_amplitude_is_a_seventh_above_z_ba() -> None:
