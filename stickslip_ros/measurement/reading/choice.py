@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -245,6 +245,14 @@ def choose(table: Table, quantities: Sequence[Quantity], given: Reading) -> dict
     if questions:
         raise _asked(table, questions)
     return chosen
+
+
+def contradictions(chosen: Mapping[str, Column], given: Reading) -> Iterator[str]:
+    """Say which units given are not those that the file states for the columns chosen."""
+    for key, column in chosen.items():
+        stated, used = Unit.of(column.unit), Unit.of(given.units.get(key))
+        if stated and used and stated != used and not column.stamped:
+            yield f"the header says {column.unit}; --units {key}={given.units[key]} is used"
 
 
 def _named(table: Table, wanted: str) -> Column:

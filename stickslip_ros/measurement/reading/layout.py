@@ -32,6 +32,7 @@ _STAMP = re.compile(
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2}(?:[.,:]\d+)?)\s*"
     r"(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?"
 )
+_DAY = 86400.0  #: s
 #: Values from here on mean that nothing was measured: 9.9e37 is what instruments send then.
 LARGEST = 1e30
 
@@ -64,10 +65,14 @@ def value_of(cell: str, decimal: str, grouped: bool) -> float:
 
 
 class Stamps:
-    """Reads dates and times as seconds after the first day that it meets."""
+    """Reads dates and times as seconds after the first day that it meets.
+
+    Times of day without a date are less than half a day apart, so that they may pass midnight.
+    """
 
     def __init__(self) -> None:
         self._day: str | None = None
+        self._last: float | None = None  # time of day without a date, s
 
     def seconds(self, cell: str) -> float:
         """Return seconds (s), nan for a gap. Raises ValueError."""
@@ -82,7 +87,12 @@ class Stamps:
         second = float(re.sub("[,:]", ".", found["second"]))
         self._day = self._day or day
         days = _ordinal(day) - _ordinal(self._day) if day and day != self._day else 0
-        return 86400.0 * days + 3600.0 * hour + 60.0 * int(found["minute"]) + second
+        seconds = 3600.0 * hour + 60.0 * int(found["minute"]) + second
+        if day is None:
+            last = seconds if self._last is None else self._last
+            days = round((last - seconds) / _DAY)
+            self._last = _DAY * days + seconds
+        return _DAY * days + seconds
 
 
 def _ordinal(text: str) -> int:

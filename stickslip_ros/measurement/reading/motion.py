@@ -18,7 +18,15 @@ from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.reading import arrays, instruments
-from stickslip_ros.measurement.reading.choice import LOOP, MOTION, TIME, Quantity, Reading, choose
+from stickslip_ros.measurement.reading.choice import (
+    LOOP,
+    MOTION,
+    TIME,
+    Quantity,
+    Reading,
+    choose,
+    contradictions,
+)
 from stickslip_ros.measurement.reading.layout import LARGEST
 from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, numbers_of, read_text_table
@@ -205,7 +213,7 @@ def _read(
             "the columns are not of one length: "
             + ", ".join(f"{chosen[key]} has {len(v)}" for key, v in values.items())
         )
-    notes = [*table.notes, *loaded.notes]
+    notes = [*table.notes, *loaded.notes, *contradictions(chosen, how)]
     places = np.arange(lengths.pop())
     if clock is not None:
         numbers = values["t"] if "t" in values else _numbers(clock, loaded, len(places), how)
@@ -240,7 +248,8 @@ def _read(
     for key in values.keys() & chosen.keys():
         if chosen[key].factor != 1.0:
             values[key] = chosen[key].factor * values[key]
-    if "t" in values and abs(values["t"][0]) > _DATES:
+    stamped = "t" in chosen and chosen["t"].stamped
+    if "t" in values and (stamped or abs(values["t"][0]) > _DATES):
         notes.append(f"times count from the first row, {values['t'][0]:.17g} s")
         values["t"] = values["t"] - values["t"][0]
     return values, tuple(notes)

@@ -156,6 +156,15 @@ DIALECTS: list[tuple[str, str, Reading | None]] = [
         ),
         None,
     ),
+    (
+        "a clock on the wall, the date beside it",
+        "Datum;Uhrzeit;Position (nm)\n" + "".join(
+            ("31.05.2024;23:59:59" if t < -1e-9 else "01.06.2024;00:00:00")
+            + f",{round(1e6 * t) % 1_000_000:06d};{50 * v:.4f}\n".replace(".", ",")
+            for t, v in zip(T.tolist(), VOLTS.tolist(), strict=True)
+        ),
+        None,
+    ),
     ("since 1970", "t (s),x (nm)\n" + rows("1700000000.{k:03d},{nm:.4f}"), None),
     (
         "a long preamble",
@@ -174,7 +183,7 @@ def test_a_dialect_is_understood(text: str, how: Reading | None, tmp_path: Path)
     found = read_measurement(path, how=how)
     t = T
     if "23:59:59" in text:
-        t = 86400.0 - T[0] + T[0] + T  # counts from the first midnight that it meets
+        t = T - T[0]  # counts from the first row
     elif "1700000000." in text:
         t = 1e-3 * np.arange(COUNT)
     near = 3e-7 if "1700000000." in text else 1e-10  # as many digits as the number of the date has
@@ -217,6 +226,15 @@ def test_what_a_dialect_leaves_open_is_asked(tmp_path: Path) -> None:
             read_measurement(path, how=how)
         for word in [str(path), *words]:
             assert word in str(error.value)
+
+
+def test_a_unit_that_contradicts_the_file_is_used_with_a_note(tmp_path: Path) -> None:
+    path = tmp_path / "axis.csv"
+    path.write_text("Zeit in us;x (nm)\n" + rows("{us:.3f};{nm:.4f}"))
+    assert read_measurement(path, how=Reading(units="t=us,x=nanometers")).notes == ()
+    found = read_measurement(path, how=Reading(units="t=ms,x=nm"))
+    assert found.t == pytest.approx(1e3 * T)
+    assert found.notes == ("the header says us; --units t=ms is used",)
 
 
 def test_samples_are_placed_by_their_number(tmp_path: Path) -> None:
