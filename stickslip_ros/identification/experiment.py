@@ -23,7 +23,7 @@ from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import format_si
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.traces.analysis import find_runs
+from stickslip_ros.traces.analysis import determined_part, find_runs
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.traces.motion import Motion, through_bandwidth
@@ -55,7 +55,7 @@ class Experiment:
     before: bool = False  #: the axis stepped before the measurement began
     doubtful: bool = False  #: starts and numbers of steps may be wrong by one
     beyond: bool = False  #: the axis stepped on after the last visible slip
-    repeats: str = ""  #: which samples repeat others and were left out, in words
+    left_out: tuple[str, ...] = ()  #: samples that repeat others, and runs, in words
 
     @classmethod
     def of(cls, parameters: Parameters, motion: Motion) -> Experiment:
@@ -68,14 +68,22 @@ class Experiment:
                 f"{motion.source} shows no steps at {frequency:g} Hz; correct the frequency in the "
                 "parameters, or cut the measurement"
             )
-        _refuse_changes(motion, found)
-        doubtful = not all(_clear(one, frequency) for one in found)
-        main = max(found, key=lambda one: one.steps)
+        motion, kept = determined_part(motion, found)
+        left_out = [
+            f"{motion.source}: the {one.steps} steps from {one.span} are left out: "
+            + ("; ".join(one.doubts) or "they lie beyond a run that is not determined")
+            for one in found
+            if not any(one is other for other in kept)
+        ]
+        _refuse_changes(motion, kept)
+        doubtful = not all(_clear(one, frequency) for one in kept)
+        main = max(kept, key=lambda one: one.steps)
         ringing = main.ringing
         if not main.decay > 0.0 or _is_no_ringing(main.ringing_frequency, frequency):
             ringing = None
-        runs = tuple(_stepping(one, frequency) for one in found)
-        return cls(parameters, motion, runs, ringing, doubtful=doubtful, repeats=repeats)
+        runs = tuple(_stepping(one, frequency) for one in kept)
+        said = (*repeats, *left_out)
+        return cls(parameters, motion, runs, ringing, doubtful=doubtful, left_out=said)
 
     @cached_property
     def slip(self) -> tuple[float, float]:
@@ -149,7 +157,7 @@ class Experiment:
         return behind.x, v if behind.v is None else behind.v
 
 
-def without_repeats(motion: Motion) -> tuple[Motion, str]:
+def without_repeats(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
     """Return a motion without values that a recorder repeats, which are no data; and how many.
 
     A new sample repeats the last one by chance, more seldom the finer the record is beside its
@@ -161,14 +169,14 @@ def without_repeats(motion: Motion) -> tuple[Motion, str]:
     stand = np.diff(begins, append=len(x))
     noise, step = noise_of(x[begins]), float(np.min(jumps[jumps > 0.0], initial=math.inf))
     if not noise > RECORD.least_noise or not step < math.inf:
-        return motion, ""
+        return motion, ()
     # Differences of noise have 2 sqrt(pi) times its deviation as the inverse of their density at 0.
     chance = step / (2.0 * math.sqrt(math.pi) * noise)
     if noise < 2.0 * step:
         chance = 0.01 ** (1.0 / float(np.quantile(stand, 0.99)))
     longest = 1.0 + math.log(RECORD.repeated / len(x)) / math.log(chance)
     if stand.max() <= longest:
-        return motion, ""
+        return motion, ()
     again = np.repeat(stand > longest, stand)
     again[begins] = False
     first = float(motion.t[begins[np.argmax(stand)]])
@@ -177,7 +185,7 @@ def without_repeats(motion: Motion) -> tuple[Motion, str]:
         f"before, longest for {format_si(motion.spacing * float(stand.max()), 's', 3)} from "
         f"{first:.4g} s on; they are no data and left out"
     )
-    return Motion(motion.source, motion.t[~again], x[~again]), text
+    return Motion(motion.source, motion.t[~again], x[~again]), (text,)
 
 
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
@@ -207,13 +215,14 @@ def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
 def _found(motion: Motion, frequency: float) -> list[Run]:
     """Return the runs of a measurement; where they are not clear, those without its hum."""
     found = find_runs(motion.t, motion.x, 1.0 / frequency)
-    if found and all(_clear(one, frequency) for one in found):
+    if found and all(_clear(one, frequency) for one in determined_part(motion, found)[1]):
         return found
     t = motion.t - motion.t[0]
     columns = np.column_stack([np.ones_like(t), t / t[-1], *hum_columns(t, MAINS)])
     hum = columns[:, 2:] @ np.linalg.lstsq(columns, motion.x, rcond=None)[0][2:]
     without = find_runs(motion.t, motion.x - hum, 1.0 / frequency)
-    return without if without and all(_clear(one, frequency) for one in without) else found
+    kept = determined_part(motion, without)[1]
+    return without if kept and all(_clear(one, frequency) for one in kept) else found
 
 
 def _clear(run: Run, frequency: float) -> bool:
@@ -241,8 +250,7 @@ def _stepping(run: Run, frequency: float) -> Stepping:
 def check_record(experiment: Experiment) -> Iterator[str]:
     """Yield messages about a record before it is fitted, one line each."""
     p, motion = experiment.parameters, experiment.motion
-    if experiment.repeats:
-        yield experiment.repeats
+    yield from experiment.left_out
     ringing = experiment.ringing.frequency if experiment.ringing else Plant.of(p).ringing_frequency
     rate, stroke = 1.0 / motion.spacing, p.drive.amplitude * p.actuator.gain_in_force
     if rate < RECORD.samples_a_swing * ringing:

@@ -18,6 +18,7 @@ from stickslip_ros.measurement.metrics import (
     match_slips,
     most_different,
     pair_runs,
+    with_left_out,
 )
 from stickslip_ros.measurement.motion_pair import (
     ORDER,
@@ -30,7 +31,7 @@ from stickslip_ros.measurement.motion_pair import (
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import Cell, frame
 from stickslip_ros.reporting.terminal import format_rows, style_text
-from stickslip_ros.traces.analysis import runs_of
+from stickslip_ros.traces.analysis import determined_part, runs_of
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
@@ -58,7 +59,7 @@ class Comparison:
 
     run: Motion
     measurement: Motion
-    pairs: list[RunPair]  #: each run of steps in both, one at least
+    pairs: list[RunPair]  #: each run of steps of the measurement, one at least
     fits: Fits
     cutoff: float | None  #: of the low-pass filter, Hz
     alignment: Alignment
@@ -83,8 +84,8 @@ class Comparison:
 
     @property
     def metrics(self) -> list[ComparisonMetric]:
-        """Each metric of the run of steps in which it is worst."""
-        return most_different([one.metrics for one in self.pairs])
+        """Each metric of the run of steps in which it is worst, of those that are compared."""
+        return most_different([one.metrics for one in self.pairs if not one.left_out])
 
     @property
     def differing(self) -> list[str]:
@@ -257,8 +258,9 @@ def compare(
     runs are those of the measurement, if they were looked for; period (s) is that of the parameters
     where the run was simulated at the frequency that the measurement shows.
     """
+    found_runs = runs_of(measurement, runs)
+    measurement, shown_runs = determined_part(measurement, found_runs)
     fits, motions = fits or Fits(), MotionPair(run, measurement, period)
-    shown_runs = runs_of(measurement, runs)
     alignment = align_runs(motions, fits, shown_runs)
     pairs = motions.at(alignment)
     run_pairs = pair_runs(motions, shown_runs, alignment, pairs)
@@ -284,7 +286,7 @@ def compare(
     return Comparison(
         run=run,
         measurement=measurement,
-        pairs=run_pairs,
+        pairs=with_left_out(run_pairs, found_runs, shown_runs),
         fits=fits,
         cutoff=cutoff,
         alignment=alignment,

@@ -35,7 +35,7 @@ from stickslip_ros.recordings.cdr import (
     fields_of,
     stamp_of,
 )
-from stickslip_ros.traces.analysis import runs_of
+from stickslip_ros.traces.analysis import determined_part, runs_of
 from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
@@ -139,12 +139,13 @@ def simulate_as_measured(
 ) -> Motion:
     """Simulate the runs found in a measurement, its rests included and a period more on each side.
 
-    A measurement that begins or ends within a cycle is simulated so, too. Without runs, those that
+    Runs that are not determined are left out as in `determined_part`. A measurement that begins or
+    ends within a cycle is simulated so, too. Without runs, those that
     its actuator shows are simulated. A run at the drive's frequency but for a small error has
     exactly that of the parameters. Raises MeasurementError if nothing shows steps, and as
     `simulate_motion` does.
     """
-    runs = runs or runs_of(measurement, [])
+    measurement, runs = determined_part(measurement, runs or runs_of(measurement, []))
     if not runs:
         raise MeasurementError(
             f"no steps are found in {measurement.source}; give a measurement that shows some, or "

@@ -125,6 +125,7 @@ class RunPair:
     measured: Run | None
     metrics: Sequence[ComparisonMetric]  #: of this run alone
     why_missing: str = ""
+    left_out: bool = False  #: whether it is in no part that is compared
 
     @property
     def name(self) -> str:
@@ -209,6 +210,24 @@ def pair_runs(
             metrics = step_metrics(motions, seen, own, one, alignment, limit)
             found.append(RunPair(own, one, [*metrics, count]))
     return found
+
+
+def with_left_out(
+    pairs: Sequence[RunPair], measured: Sequence[Run], compared: Sequence[Run]
+) -> list[RunPair]:
+    """Return a pair for each measured run: those compared have theirs, the others are left out."""
+    if not measured:
+        return list(pairs)
+    their = iter(pairs)
+    return [
+        next(their) if any(one is other for other in compared) else _left_out(one)
+        for one in measured
+    ]
+
+
+def _left_out(measured: Run) -> RunPair:
+    why = "; ".join(measured.doubts) or "it lies beyond a run that is not determined"
+    return RunPair(None, measured, missing_metrics(why), f"left out: {why}", left_out=True)
 
 
 def _count(run: int, measured: int, why: str) -> ComparisonMetric:

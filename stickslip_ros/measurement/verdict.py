@@ -13,6 +13,7 @@ from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.comparison import Comparison
+    from stickslip_ros.measurement.metrics import ComparisonMetric, RunPair
 
 
 class Limit(NamedTuple):
@@ -70,11 +71,23 @@ def judge(comparison: Comparison, allowed: Mapping[str, float]) -> list[Judgemen
             continue
         why = ""
         if isinstance(of, str):
-            same = [one for run in comparison.pairs for one in run.metrics if one.name == of]
-            missing = [one for one in same if math.isnan(one.difference)]
-            found = math.nan if missing else max(abs(one.difference) for one in same)
-            why = missing[0].why_missing if missing else ""
+            same = [(run, one) for run in comparison.pairs for one in run.metrics if one.name == of]
+            found = max(abs(one.difference) for _, one in same)
+            unknown = [why for run, one in same if (why := _unknown(run, one, allowed[name]))]
+            if unknown:
+                found, why = math.nan, unknown[0]
         else:
             found = of(comparison)
         judgements.append(Judgement(what, unit, found, allowed[name], why))
     return judgements
+
+
+def _unknown(run: RunPair, metric: ComparisonMetric, allowed: float) -> str:
+    """Return why it cannot be said whether a metric of a run keeps a limit; empty if it can."""
+    if math.isnan(metric.difference):
+        return metric.verdict
+    if run.measured is not None and run.measured.doubts:
+        return f"{run.name}, is not determined: {'; '.join(run.measured.doubts)}"
+    if not metric.tolerance <= allowed and not abs(metric.difference) > allowed:
+        return f"its tolerance is {format_si(metric.tolerance, metric.unit, 3)}"
+    return ""

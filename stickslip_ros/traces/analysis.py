@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
+from itertools import compress, pairwise
 from typing import TypeGuard
 
 import numpy as np
@@ -134,6 +134,22 @@ def runs_of(motion: Motion, runs: Sequence[Run] | None = None) -> list[Run]:
         except TraceError:  # it steps both ways, or shows no whole cycle: its position may
             pass
     return find_runs(motion.t, motion.x) if runs is None else list(runs)
+
+
+def determined_part(motion: Motion, runs: Sequence[Run]) -> tuple[Motion, list[Run]]:
+    """Return the part of a motion without its runs that are not determined, and its other runs.
+
+    Of several such parts, that with most steps; all of the motion where no run is determined.
+    """
+    if all(one.determined for one in runs) or not any(one.determined for one in runs):
+        return motion, list(runs)
+    edges = [-1, *(k for k, one in enumerate(runs) if not one.determined), len(runs)]
+    before, after = max(
+        pairwise(edges), key=lambda edge: sum(one.steps for one in runs[edge[0] + 1 : edge[1]])
+    )
+    begin = runs[before].end if before >= 0 else -math.inf
+    end = runs[after].start if after < len(runs) else math.inf
+    return motion.between(begin, end), list(runs[before + 1 : after])
 
 
 def _analyse(

@@ -56,7 +56,7 @@ def test_the_model_is_compared_with_a_measurement(
     """As many steps are simulated as are measured; the trace of the same run says the same."""
     results = []
     for run, limit in ((CONFIG, "5e-9"), (folder / "run.csv", "1e-6")):
-        limits = ["--max-rmse", limit, "--max-step-error", "1e-9"]
+        limits = ["--max-rmse", limit, "--max-step-rmse", "1e-9"]
         assert main(["compare", str(run), str(folder / "axis.csv"), "--json", *limits]) == 0
         results.append(json.loads(capsys.readouterr().out, parse_constant=pytest.fail))
     simulated, traced = results
@@ -96,15 +96,18 @@ def test_the_metrics_go_into_a_table(folder: Path, capsys: pytest.CaptureFixture
 
 def test_limits_decide_the_exit_code(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["compare", str(folder / "run.csv"), str(folder / "axis.csv")]
-    assert main([*arguments, "--max-rmse", "1e-10", "--max-step-error", "1e-9"]) == 1
+    limits = ["--max-rmse", "1e-10", "--max-step-rmse", "1e-9", "--max-step-error", "1e-6"]
+    assert main([*arguments, *limits]) == 1
     output = capsys.readouterr()
     assert "EXCEEDED: root mean square difference" in output.out
     assert "kept: " in output.out
-    doubt, exceeded = output.err.splitlines()
+    doubt, exceeded, unknown = output.err.splitlines()
     assert doubt.endswith(
         "not determined: no rest beside the run, so step and drift cannot be told apart"
     )
     assert exceeded.startswith("stickslip compare: root mean square difference is ")
+    assert "step size cannot be determined (run at" in unknown
+    assert "is not determined: no rest beside the run" in unknown
 
 
 def write_bag(

@@ -55,6 +55,22 @@ def test_one_line_says_what_does_not_fit(changed: dict[str, object], words: str 
     assert re.search(words, line)
 
 
+def test_a_run_that_is_not_determined_is_left_out() -> None:
+    """Two cycles beside a run, seen in the hum of its rest, were fitted as steps of the drive."""
+    _, (known, motion) = small()
+    since = motion.t - motion.t[0]
+    steps = np.floor(np.clip(known.drive.frequency * (since - 0.4 * since[-1]), 0.0, 2.0))
+    rest = motion.x[-1] - 1e-7 * steps + np.resize(NOISE, len(since))
+    t = np.append(motion.t, motion.t[-1] + motion.spacing + since)
+    found = Experiment.of(known, Motion("lab", t, np.append(motion.x, rest)))
+    assert [one.steps for one in found.runs] == [10]
+    assert found.motion.t[-1] < motion.t[-1] + 0.5 * since[-1]
+    said = next(check_record(found))
+    assert said.startswith("lab: the 2 steps from ")
+    assert "left out: " in said
+    assert "2 cycles; 3 are needed" in said
+
+
 def _held(x: np.ndarray) -> np.ndarray:
     return np.append(x[:2000], np.full(1000, x[2000]))
 
@@ -84,7 +100,7 @@ def test_values_that_repeat_are_no_data(
     else:
         assert len(kept.t) == pytest.approx(left, abs=8)  # before a stretch, too, by chance
     assert bool(said) == (len(kept.t) < 3000)
-    assert not said or "repeat the value before" in said
+    assert not said or "repeat the value before" in said[0]
     assert (np.diff(kept.t) > 0.0).all()
 
 

@@ -27,6 +27,7 @@ from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.steps import estimate_settled_mean
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
@@ -286,6 +287,45 @@ def test_each_run_of_steps_is_compared_with_its_own() -> None:
     assert "cannot be determined" in str(judge(stopped, {"step-error": 1.0})[0])
 
 
+def test_a_run_that_is_not_determined_is_left_out_beside_one_that_is() -> None:
+    """A phantom of two cycles in the hum of a rest set the clock, and was simulated, too."""
+    t = np.arange(to_and_fro().t[0], to_and_fro().t[-1], 2e-5)
+    x = to_and_fro().position_at(t) + np.random.default_rng(4).normal(0.0, NOISE, len(t))
+    sensor = Motion("sensor", t, x)
+    runs = find_runs(t, x, PERIOD)
+    for k, steps in ((0, -8), (1, 10)):
+        some = list(runs)
+        some[k] = replace(some[k], doubts=("2 cycles",))
+        simulated = simulate_as_measured(table_1(), sensor, some, "run")
+        found = compare(simulated, sensor, runs=some, period=PERIOD)
+        assert found.differing == []
+        assert found.rmse < 2.0 * NOISE
+        assert [one.left_out for one in found.pairs] == [k == 0, k == 1]
+        assert found.run_steps is not None
+        assert found.run_steps.direction * found.run_steps.steps == steps
+        assert any("left out: 2 cycles" in note for note in found.notes())
+        (said,) = judge(found, {"step-error": 1.0})
+        assert not said.kept
+        assert "2 cycles" in str(said)
+
+
+def test_a_limit_is_kept_by_what_can_be_known_alone() -> None:
+    """A difference of 1.4 nm kept a limit of 2 nm, its tolerance 97 nm, its run doubted."""
+    whole = measured(run())
+    runs = without_doubts(whole)
+    found = compare(run(), whole, runs=runs)
+    step = metric(found, "step size")
+    assert abs(step.difference) < 0.9 * step.tolerance
+    (kept,) = judge(found, {"step-error": 1.1 * step.tolerance})
+    (coarse,) = judge(found, {"step-error": 0.9 * step.tolerance})
+    assert (kept.kept, coarse.kept) == (True, False)
+    assert "cannot be determined (its tolerance is " in str(coarse)
+    runs = [replace(one, doubts=("it was cut off",)) for one in runs]
+    (doubted,) = judge(compare(run(), whole, runs=runs), {"step-error": 1.0})
+    assert not doubted.kept
+    assert "is not determined: it was cut off" in str(doubted)
+
+
 def test_another_period_than_that_of_the_parameters_differs_in_every_run() -> None:
     """The run was simulated at the measured frequency, so a wrong one agreed."""
     t = np.arange(to_and_fro().t[0], to_and_fro().t[-1], 2e-5)
@@ -479,8 +519,14 @@ def test_zero_amplitude_is_told_where_amplitudes_vary() -> None:
     assert metric(blind, "0-amplitude").why_missing == "run and measurement have other periods"
 
 
+def without_doubts(motion: Motion) -> list[Run]:
+    """The runs of a motion, as if it showed the rests beside them."""
+    return [replace(one, doubts=()) for one in find_runs(motion.t, motion.x, PERIOD)]
+
+
 def test_limits_are_kept_or_not() -> None:
-    found = compared(sigma_1=10.0)
+    softer = measured(run(sigma_1=10.0))
+    found = compare(run(), softer, runs=without_doubts(softer))
     zero = metric(found, "0-amplitude")
     assert (zero.differs, zero.why_missing) == (None, "the amplitude does not vary")
     names = ("rmse", "damping-error", "zero-amplitude-error")
