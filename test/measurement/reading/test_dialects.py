@@ -231,8 +231,8 @@ def test_what_a_dialect_leaves_open_is_asked(tmp_path: Path) -> None:
 def test_a_unit_that_contradicts_the_file_is_used_with_a_note(tmp_path: Path) -> None:
     path = tmp_path / "axis.csv"
     path.write_text("Zeit in us;x (nm)\n" + rows("{us:.3f};{nm:.4f}"))
-    assert read_measurement(path, how=Reading(units="t=us,x=nanometers")).notes == ()
-    found = read_measurement(path, how=Reading(units="t=ms,x=nm"))
+    assert read_measurement(path, how=Reading(units={"t": "us", "x": "nanometers"})).notes == ()
+    found = read_measurement(path, how=Reading(units={"t": "ms", "x": "nm"}))
     assert found.t == pytest.approx(1e3 * T)
     assert found.notes == ("the header says us; --units t=ms is used",)
 
