@@ -191,8 +191,11 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
     estimates: list[DiagnosticArray] = []
     user.create_subscription(DiagnosticArray, own[1], estimates.append, 10)
     ros.wait_until(
-        lambda: all(one.get_subscription_count() > 1 for one in (events, measured)),
-        "twin and recorder hear",
+        lambda: (
+            all(one.get_subscription_count() > 1 for one in (events, measured))
+            and [user.count_subscribers(topic) for topic in own] == [2, 2, 1, 1]
+        ),
+        "twin and recorder hear, the recorder the twin as well",
     )
     random, told = np.random.default_rng(3), 0
     for k in range(300):
