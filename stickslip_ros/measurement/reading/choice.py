@@ -58,6 +58,12 @@ class Reading:
                     object.__setattr__(self, name, read(given))
                 except ValueError as error:
                     raise MeasurementError(f"{name}: {error}") from None
+        for name in ("columns", "units", "scale"):
+            given = getattr(self, name)
+            if not isinstance(given, Mapping):
+                raise MeasurementError(
+                    f'{name} is {given!r}; give a value for each key, such as {{"x": ...}}'
+                )
         if self.rate is not None and not 0.0 < self.rate < math.inf:
             raise MeasurementError(f"rate is {self.rate:g} Hz; it has to be above 0")
         shortest, longest = _LIGHT
