@@ -23,7 +23,7 @@ from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import format_si
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.traces.analysis import determined_part, find_runs
+from stickslip_ros.traces.analysis import determined_part, find_runs, why_left_out
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.traces.motion import Motion, through_bandwidth
@@ -70,10 +70,9 @@ class Experiment:
             )
         motion, kept = determined_part(motion, found)
         left_out = [
-            f"{motion.source}: the {one.steps} steps from {one.span} are left out: "
-            + ("; ".join(one.doubts) or "they lie beyond a run that is not determined")
-            for one in found
-            if not any(one is other for other in kept)
+            f"{motion.source}: the {one.steps} steps from {one.span} are left out: {why}"
+            for one, why in zip(found, why_left_out(found, kept), strict=True)
+            if why
         ]
         _refuse_changes(motion, kept)
         doubtful = not all(_clear(one, frequency) for one in kept)

@@ -30,7 +30,7 @@ from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.measurement.step_count import nearest_run, step_counts
 from stickslip_ros.reporting import format_si
-from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of
+from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of, why_left_out
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
 from stickslip_ros.traces.even_samples import SlipGrid, noise_of, resample_evenly
 from stickslip_ros.traces.joint_fit import fit_steps
@@ -205,7 +205,7 @@ def pair_runs(
                 own = analyse_cycles(part.t, part.x, None, cycles, noise=noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
-            found.append(RunPair(None, one, [*missing_metrics(missing)[:-1], count], missing))
+            found.append(RunPair(None, one, missing_metrics(missing, count), missing))
         else:
             metrics = step_metrics(motions, seen, own, one, alignment, limit)
             found.append(RunPair(own, one, [*metrics, count]))
@@ -220,14 +220,11 @@ def with_left_out(
         return list(pairs)
     their = iter(pairs)
     return [
-        next(their) if any(one is other for other in compared) else _left_out(one)
-        for one in measured
+        RunPair(None, one, missing_metrics(why), f"left out: {why}", left_out=True)
+        if why
+        else next(their)
+        for one, why in zip(measured, why_left_out(measured, compared), strict=True)
     ]
-
-
-def _left_out(measured: Run) -> RunPair:
-    why = "; ".join(measured.doubts) or "it lies beyond a run that is not determined"
-    return RunPair(None, measured, missing_metrics(why), f"left out: {why}", left_out=True)
 
 
 def _count(run: int, measured: int, why: str) -> ComparisonMetric:
@@ -291,10 +288,13 @@ def significant(comparisons: int) -> float:
     return float(-scipy.special.ndtri(-0.5 * math.expm1(math.log1p(-chance) / comparisons)))
 
 
-def missing_metrics(why: str) -> list[ComparisonMetric]:
-    """Return the metrics, without values, of a run that one of both motions does not show."""
+def missing_metrics(why: str, count: ComparisonMetric | None = None) -> list[ComparisonMetric]:
+    """Return the metrics of a run that one of both motions does not show, without values.
+
+    count is that of the steps, where it is known.
+    """
     metrics = [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
-    return [*metrics, _count(0, 0, why)]
+    return [*metrics, count or _count(0, 0, why)]
 
 
 @dataclass(frozen=True)

@@ -152,6 +152,16 @@ def determined_part(motion: Motion, runs: Sequence[Run]) -> tuple[Motion, list[R
     return motion.between(begin, end), list(runs[before + 1 : after])
 
 
+def why_left_out(runs: Sequence[Run], kept: Sequence[Run]) -> list[str]:
+    """Return of each run why it is in no part that is determined; "" for those kept."""
+    return [
+        ""
+        if any(one is other for other in kept)
+        else "; ".join(one.doubts) or "beyond a run that is not determined"
+        for one in runs
+    ]
+
+
 def _analyse(
     t: Array, x: Array, u: Array | None, frequency: float | None, start: float | None
 ) -> Run:
