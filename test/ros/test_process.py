@@ -41,14 +41,12 @@ class CountingFuture(Future):
         super().add_done_callback(callback)
 
 
-class Ticking(Node):
-    """Ends after 200 rounds of the executor."""
+class Alone(Node):
+    """What a process runs, of one node."""
 
     def __init__(self) -> None:
-        super().__init__("ticking")
+        super().__init__("alone")
         self.finished = CountingFuture()
-        self.ticks = 0
-        self.create_timer(1e-3, self._tick)
 
     @property
     def nodes(self) -> list[Node]:
@@ -57,6 +55,27 @@ class Ticking(Node):
     def close(self) -> None:
         pass
 
+
+def ended(kind: type[Alone], many: bool = False) -> Any:
+    """Run a node until it ends, well; return it."""
+    made: list[Alone] = []
+
+    def make() -> Alone:
+        made.append(kind())
+        return made[0]
+
+    assert run("alone", ["alone"], make, many=many) == DONE
+    return made[0]
+
+
+class Ticking(Alone):
+    """Ends after 200 rounds of the executor."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ticks = 0
+        self.create_timer(1e-3, self._tick)
+
     def _tick(self) -> None:
         self.ticks += 1
         if self.ticks == 200:
@@ -64,34 +83,21 @@ class Ticking(Node):
 
 
 def test_rounds_of_the_executor_leave_nothing_behind(ros_domain: int) -> None:
-    made: list[Any] = []
-
-    def make() -> Ticking:
-        made.append(Ticking())
-        return made[0]
-
-    assert run("ticking", ["ticking"], make) == DONE
-    assert made[0].ticks == 200
-    assert made[0].finished.waiting <= 2
+    node = ended(Ticking)
+    assert node.ticks == 200
+    assert node.finished.waiting <= 2
 
 
 def test_a_signal_is_heard_behind_a_flood(ros_domain: int) -> None:
     """Where it was a timer that looked, its turn came after all that waited before it."""
 
-    class Flooded(Ticking):
+    class Stopped(Ticking):
         def _tick(self) -> None:
             self.ticks += 1
             if self.ticks == 5:
                 os.kill(os.getpid(), signal.SIGTERM)
 
-    made: list[Any] = []
-
-    def make() -> Ticking:
-        made.append(Flooded())
-        return made[0]
-
-    assert run("flooded", ["flooded"], make) == DONE
-    assert made[0].ticks <= 6
+    assert ended(Stopped).ticks <= 6
 
 
 @pytest.mark.parametrize("many", [False, True])
@@ -114,31 +120,23 @@ def test_a_signal_ends_the_wait_for_something_to_do(
 
     timer = threading.Timer(1.0, interrupt)
     timer.start()
-    assert run("idle", ["idle"], Idle, many=many) == DONE
+    ended(Idle, many)
     assert time.monotonic() - sent[0] < 10.0
 
 
-class Flooded(Node):
+class Flooded(Alone):
     """Hears more than it has the time for, while a timer ticks, and then one message more."""
 
     FLOOD, LAST, TAKES = 2.0, -1, 3e-3  # s, number of the last message, s for each
 
     def __init__(self) -> None:
-        super().__init__("flooded")
-        self.finished = Future()
+        super().__init__()
         self.ticks, self.executors = list[float](), set[Any]()
         self.create_subscription(Int32, "~/numbers", self._hear, 10)
         self._publisher = self.create_publisher(Int32, "~/numbers", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(0.01, lambda: self.ticks.append(time.monotonic()), clock=steady)
         threading.Thread(target=self._flood, daemon=True).start()
-
-    @property
-    def nodes(self) -> list[Node]:
-        return [self]
-
-    def close(self) -> None:
-        pass
 
     def _flood(self) -> None:
         end = time.monotonic() + self.FLOOD
@@ -158,18 +156,11 @@ class Flooded(Node):
 
 def test_a_flood_keeps_no_timer_from_its_turn(ros_domain: int) -> None:
     """Its turn came behind all that had ever come: after 1.7 s of a flood of 2 s."""
-    made: list[Any] = []
-
-    def make() -> Flooded:
-        made.append(Flooded())
-        return made[0]
-
-    assert run("flooded", ["flooded"], make, many=True) == DONE
-    ticks = made[0].ticks
-    assert max(later - tick for tick, later in pairwise(ticks)) < 0.5
+    node = ended(Flooded, many=True)
+    assert max(later - tick for tick, later in pairwise(node.ticks)) < 0.5
     # The usual executor has taken over, and has handed back.
-    assert len(made[0].executors) == 2
-    assert not isinstance(made[0].last_executor, SingleThreadedExecutor)
+    assert len(node.executors) == 2
+    assert not isinstance(node.last_executor, SingleThreadedExecutor)
 
 
 @pytest.mark.slow
