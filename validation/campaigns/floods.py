@@ -1,20 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hostile bytes on every topic and service of two axes of one name.
 
-    python -m validation.campaigns.floods [--minutes 10] [--rate 5000] [--seed 1]
+    python -m validation.campaigns.floods [--minutes 10] [--rate 5000] [--seed 1] [--clock LIBRARY]
 
 A peer sends so many messages a second: whole ones with hostile values and bytes that are none, on
 all that the axes and a recorder hear, and requests to all their services (whole ones: SECURITY.md
 says why). What orders silence is left out: ``stop`` of the recorder; ``pause``, ``enable`` and
 ``real_time_factor`` of the axes. Nobody may die, raise or grow, and no axis may be silent for
 longer than 0.2 s, less the time for which it and the one who hears it waited for nothing but a
-processor.
+processor. With libfaketime as LIBRARY, the clock of the nodes is set by a day, on and back, every
+five seconds; the steady clock goes on.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import os
 import random
 import subprocess
@@ -22,6 +24,7 @@ import sys
 import tempfile
 import threading
 import time
+import unittest.mock
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -49,6 +52,7 @@ REQUESTS, LONG = 25, 100  #: of so many messages, one is a request, and one is l
 SHORT = 2000  # bytes
 EXAMPLES = 60  # of each topic and service, whole ones and damaged ones
 LOOK_EVERY, PATIENCE = 5.0, 60.0  # s
+JUMPS = ("+1d", "-1d", "+0d")  #: of the clock, in turn
 ORDERS_SILENCE = {f"/{RECORDER}/stop", f"/{AXIS}/pause", f"/{AXIS}/enable"}
 
 
@@ -130,7 +134,7 @@ class Listener:
             self.count[name] += 1
 
 
-def study(minutes: float, rate: float, number: int) -> list[str]:
+def study(minutes: float, rate: float, number: int, library: str) -> list[str]:
     """Flood for so long; print what was seen and return what was wrong."""
     choose_domain()
     warm_up()
@@ -144,8 +148,13 @@ def study(minutes: float, rate: float, number: int) -> list[str]:
             words = [one for given in parameters for one in ("-p", given)]
             return nodes.enter_context(child_node(name, place, *words))
 
-        axes = {name: start("axis_node", f"axis_name:={name}") for name in "ab"}
-        recorder = start("recorder_node", f"output:={folder / 'bag'}")
+        clock = folder / "clock"
+        clock.write_text("+0d\n")
+        faked = {"LD_PRELOAD": library, "FAKETIME_TIMESTAMP_FILE": str(clock)}
+        faked |= {"FAKETIME_NO_CACHE": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
+        with unittest.mock.patch.dict(os.environ, faked if library else {}):
+            axes = {name: start("axis_node", f"axis_name:={name}") for name in "ab"}
+            recorder = start("recorder_node", f"output:={folder / 'bag'}")
         for child in axes.values():
             child.wait_for("ready")
         recorder.wait_for("first message of /joint_states")
@@ -158,8 +167,10 @@ def study(minutes: float, rate: float, number: int) -> list[str]:
         assert sender.stdout
         print(sender.stdout.readline(), end="", flush=True)  # from now on it floods
         until = time.monotonic() + 60.0 * minutes  # the nodes end while the flood goes on
+        jumps = itertools.cycle(JUMPS)
         while time.monotonic() < until and sender.poll() is None and not faults:
             time.sleep(LOOK_EVERY)
+            clock.write_text(f"{next(jumps)}\n")
             for name, child in everybody.items():
                 try:
                     child.check_running()
@@ -198,12 +209,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--rate", type=float, default=5000.0)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--clock", default="", metavar="LIBRARY", help="libfaketimeMT.so.1")
     parser.add_argument("--only-send", action="store_true", help="be the peer, at nodes that run")
     args = parser.parse_args(argv)
     if args.only_send:
         flood(args.rate, args.seed, 60.0 * args.minutes)
         return 0
-    faults = study(args.minutes, args.rate, args.seed)
+    faults = study(args.minutes, args.rate, args.seed, args.clock)
     print(*faults or ["nothing was wrong"], sep="\n")
     return int(bool(faults))
 
