@@ -3,6 +3,7 @@
 
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
+    GetParameterTypes,
+    ListParameters,
     SetParameters,
     SetParametersAtomically,
 )
@@ -204,13 +207,17 @@ def test_thousands_of_parameters_are_refused_and_not_read_at_once(
         assert not any(result.successful for result in results)
     assert time.process_time() - started < 3.0
     names = list(PARAMETERS)
-    for kind, service in ((GetParameters, "get"), (DescribeParameters, "describe")):
-        name = f"{client.axis}/{service}_parameters"
+    asked: tuple[tuple[Any, str, str, Callable[[Any], Any]], ...] = (
+        (GetParameters, "get_parameters", "names", lambda answer: answer.values),
+        (GetParameterTypes, "get_parameter_types", "names", lambda answer: answer.types),
+        (DescribeParameters, "describe_parameters", "names", lambda answer: answer.descriptors),
+        (ListParameters, "list_parameters", "prefixes", lambda answer: answer.result.names),
+    )
+    for kind, name, what, found in asked:
         for count, answers in ((len(names), len(names)), (3000, 0)):
-            request = kind.Request(names=(names * 3000)[:count])
-            response = ros.call(client.node, kind, name, request)
-            found = response.values if kind is GetParameters else response.descriptors
-            assert len(found) == answers
+            request = kind.Request(**{what: (names * 3000)[:count]})
+            response = ros.call(client.node, kind, f"{client.axis}/{name}", request)
+            assert len(found(response)) == answers, name
     assert client.step(1).wait().steps_done == 1
 
 

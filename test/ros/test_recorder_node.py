@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
-from stickslip_ros.ros.recorded_topic import LossCount, request_qos
+from stickslip_ros.ros.recorded_topic import LossCount, RecordedTopic, request_qos
 from stickslip_ros.ros.recorder_node import SERVICE_QOS, main
 from stickslip_ros.ros.recording import axis_topics
 
@@ -240,6 +241,34 @@ def test_the_request_is_what_all_publishers_meet() -> None:
     assert request_qos([reliable, latched]).durability == DurabilityPolicy.VOLATILE
     assert request_qos([latched, latched]).durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert request_qos([reliable]).depth >= 10_000  # a machine that is busy for seconds at 1 kHz
+
+
+def test_several_publishers_are_not_looked_for_with_each_message(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That took most of a recorder's time where two axes had one name, or a bag was played."""
+    node = ros.node()
+    publishers = [node.create_publisher(Int32, "/numbers", 10) for _ in range(2)]
+    topic = RecordedTopic(node, "/numbers", "std_msgs/msg/Int32", lambda *_: None)
+    ros.wait_until(lambda: node.count_publishers("/numbers") == 2)
+    looks: list[str] = []
+    genuine = node.get_publishers_info_by_topic
+
+    def look(name: str) -> list[TopicEndpointInfo]:
+        looks.append(name)
+        return genuine(name)
+
+    monkeypatch.setattr(node, "get_publishers_info_by_topic", look)
+    topic.follow_publishers()
+    for number in range(0, 200, 2):
+        topic.note_number(number)
+    assert (len(looks), topic.losses.lost) == (1, 0)
+    node.destroy_publisher(publishers.pop())
+    ros.wait_until(lambda: node.count_publishers("/numbers") == 1)
+    for number in (200, 210):  # of the other one, from here on
+        topic.follow_publishers()
+        topic.note_number(number)
+    assert topic.losses.lost == 9
 
 
 def test_gaps_in_the_numbers_of_one_publisher_are_losses() -> None:
