@@ -13,6 +13,8 @@ from stickslip_ros.parameters.bounded_files import load_texts
 
 _INFINITE_NS = 2**63 - 1  # no limit; rosbag2 shows it as 9223372036 s 854775807 ns
 _NS_PER_S = 1_000_000_000
+# As Python, it took most of the time in which a recorder ends; that in C is not in every PyYAML.
+_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 #: Words for the policies, which bags up to Iron hold as numbers of the enumerations of rmw.
 _WORDS = {
     name: ("system_default", *words.split())
@@ -117,7 +119,12 @@ class OfferedQos:
 
 def qos_yaml(profiles: Sequence[OfferedQos]) -> str:
     """Return the YAML list that goes into the metadata of an MCAP channel."""
-    return str(yaml.safe_dump([profile.as_json() for profile in profiles], sort_keys=False))
+    return yaml_text([profile.as_json() for profile in profiles])
+
+
+def yaml_text(value: Any) -> str:
+    """Return plain values as YAML."""
+    return str(yaml.dump(value, Dumper=_DUMPER, sort_keys=False))
 
 
 def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:

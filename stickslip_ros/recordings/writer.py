@@ -12,7 +12,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
 
-import yaml
 from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
@@ -26,7 +25,7 @@ from stickslip_ros.recordings.metadata import (
     TopicDescription,
     bag_metadata,
 )
-from stickslip_ros.recordings.qos import qos_yaml
+from stickslip_ros.recordings.qos import qos_yaml, yaml_text
 from stickslip_ros.version import __version__
 
 # The writer closes a chunk with the first message that passes this size, so it lies below the
@@ -227,7 +226,7 @@ class BagWriter:
                 metadata = self._metadata()
                 if file is not None:
                     self._finish(file, metadata)
-                text = yaml.safe_dump({OUTER_KEY: metadata}, sort_keys=False)
+                text = yaml_text({OUTER_KEY: metadata})
                 write_text(self.folder / METADATA_FILE, text)
         finally:
             self._file = None
@@ -383,9 +382,7 @@ class _McapWriter:
             self._stream.close()
 
     def _add_metadata(self, metadata: dict[str, Any]) -> None:
-        self._writer.add_metadata(
-            "rosbag2", {"serialized_metadata": yaml.safe_dump(metadata, sort_keys=False)}
-        )
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
 
 
 class _ChunkIndexes:
