@@ -4,10 +4,10 @@
     python -m validation.campaigns.endings [--moments 300] [--seed 1]
 
 A recorder takes a topic of 500 messages a second, an axis jogs; after up to three seconds it is
-killed, gets a signal or two, or loses its disk or its folder. Exit codes have to be those of
-docs/node.md, one line says what went wrong, no process is left, and the bag (recovered where it
-has no end) holds all that had been published half a second before. The time for which the recorder
-waited for nothing but a processor is taken off.
+killed, gets a signal or two, loses its folder, or its disk is full (of 4 MB, where one may be
+mounted). Exit codes have to be those of docs/node.md, one line says what went wrong, no process is
+left, and the bag (recovered where it has no end) holds all that had been published half a second
+before. The time for which the recorder waited for nothing but a processor is taken off.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from rclpy.node import Node
@@ -42,12 +43,14 @@ LOST = 0.5  #: s of messages at most that an end without a warning costs
 #: s between a message and the recorder: the middleware, and the round of an executor
 LATENCY = 0.1
 PERIOD = 2e-3  # s between messages
+BAG = Path("disk", "bag")  # in the folder of a recorder
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "HUP": signal.SIGHUP}
 #: What ends a recorder, and its exit code then
 RECORDER = {
     **dict.fromkeys([*SIGNALS, "INT twice"], 0),
     "KILL": -signal.SIGKILL,
-    "full": 1,
+    "full": 1,  # the size of its files has a limit
+    "disk full": 1,
     "gone": 1,
 }
 AXIS = {**dict.fromkeys([*SIGNALS, "INT twice"], 0), "KILL": -signal.SIGKILL}
@@ -87,11 +90,15 @@ def _started(folder: Path, *words: str) -> subprocess.Popen[bytes]:
 
 def _end(process: subprocess.Popen[bytes], how: str, lot: random.Random, folder: Path) -> None:
     """Do to a process what ends it."""
-    if how == "full":
-        size = sum(file.stat().st_size for file in (folder / "bag").iterdir()) + 1000
+    if how == "disk full":
+        with (folder / "disk" / "other").open("wb", buffering=0) as other, suppress(OSError):
+            while True:
+                other.write(bytes(1000))
+    elif how == "full":
+        size = sum(file.stat().st_size for file in (folder / BAG).iterdir()) + 1000
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (size, size))
     elif how == "gone":
-        shutil.rmtree(folder / "bag")
+        shutil.rmtree(folder / BAG)
     elif how == "KILL":
         process.kill()
     else:
@@ -119,7 +126,7 @@ def _faults_of_end(process: subprocess.Popen[bytes], how: str, codes: dict[str, 
 def a_recorder(how: str, lot: random.Random, folder: Path, numbers: Numbers) -> list[str]:
     """Let a recorder end; return what was wrong."""
     process = _started(
-        folder, "recorder_node", "--ros-args", "-p", "output:=bag", "-p", "topics:=[/numbers]"
+        folder, "recorder_node", "--ros-args", "-p", f"output:={BAG}", "-p", "topics:=[/numbers]"
     )
     deadline = time.monotonic() + PATIENCE
     while "first message of /numbers" not in (folder / "log").read_text():
@@ -138,6 +145,7 @@ def a_recorder(how: str, lot: random.Random, folder: Path, numbers: Numbers) -> 
         found.append(f"it said {said[-500:]}")
     if how == "gone":
         return found
+    (folder / "disk" / "other").unlink(missing_ok=True)  # room to recover it
     allowed = LATENCY + idle + (LOST if RECORDER[how] else 0.0)
     kept = _last_kept(folder)
     if last - kept > allowed:
@@ -148,9 +156,9 @@ def a_recorder(how: str, lot: random.Random, folder: Path, numbers: Numbers) -> 
 def _last_kept(folder: Path) -> float:
     """Return when the last message in the bag was published, s; the bag may lack its end."""
     try:
-        bag = open_bag(folder / "bag")
+        bag = open_bag(folder / BAG)
     except BagError:
-        bag = open_bag(recover(folder / "bag").folder)
+        bag = open_bag(recover(folder / BAG).folder)
     with bag:
         decode = decoder_for(bag.topics["/numbers"])
         return max((float(decode(one.data).data) for one in bag.messages()), default=0.0)
@@ -171,20 +179,49 @@ def an_axis(how: str, lot: random.Random, folder: Path) -> list[str]:
     return [*found, said[-500:]] if "Traceback" in said else found
 
 
+@contextmanager
+def _disk(folder: Path, how: str) -> Iterator[Path]:
+    """Make the disk of a recorder in a folder: where it gets full, one of 4 MB."""
+    disk = folder / BAG.parent
+    disk.mkdir()
+    if how == "disk full":
+        subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=4m", "tmpfs", disk],
+            check=True,
+            stderr=subprocess.DEVNULL,
+        )
+    try:
+        yield folder
+    finally:
+        if how == "disk full":
+            subprocess.run(["umount", disk], check=True)
+
+
+def _may_mount() -> bool:
+    try:
+        with tempfile.TemporaryDirectory() as made, _disk(Path(made), "disk full"):
+            return True
+    except (OSError, subprocess.CalledProcessError):
+        return False
+
+
 def study(moments: int, seed: int) -> int:
     """Try so many ends; print those that were bad and return how many there were."""
     choose_domain()
     compile_axis()
     lot, bad, tried = random.Random(seed), 0, Counter[str]()
+    recorder_kinds = sorted(RECORDER)
+    if not _may_mount():
+        print("no disk can be mounted here, so none gets full")
+        recorder_kinds.remove("disk full")
     numbers = Numbers()
     try:
         for number in range(moments):
             of_axis = number % 3 == 2
-            kinds = sorted(AXIS if of_axis else RECORDER)
+            kinds = sorted(AXIS) if of_axis else recorder_kinds
             how = kinds[(number // 3 if of_axis else number - number // 3) % len(kinds)]
             name = f"{'axis' if of_axis else 'recorder'}, {how}"
-            with tempfile.TemporaryDirectory() as made:
-                folder = Path(made)
+            with tempfile.TemporaryDirectory() as made, _disk(Path(made), how) as folder:
                 found = (
                     an_axis(how, lot, folder) if of_axis else a_recorder(how, lot, folder, numbers)
                 )
