@@ -1,13 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
 """The door for files: what is no file is refused at once, and unpacking has an end."""
 
+import ast
 import os
 import socket
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+import stickslip_ros
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.library.ensemble import read_ensemble
 from stickslip_ros.opening import ALWAYS_ALLOWED, UNPACK_FACTOR, Allowance, ReadError, open_regular
+from stickslip_ros.paper.report import CONTENTS, refuse_foreign
+from stickslip_ros.parameters.bounded_files import nodes_in
+from stickslip_ros.traces import read_csv
+
+PACKAGE = Path(stickslip_ros.__file__).parent
+#: Who reads without the door, and what: nothing that a user names, or what came in by it before
+WITHOUT = {
+    "background_compile.py": "notes of the process that compiles",
+    "compiled.py": "sources of the package",
+    "numba_internals.py": "sources of the package",
+    "library/sweep_output.py": "the table again that was opened before",
+    "measurement/reading/arrays.py": "members of an archive, and the answer of our own program",
+    "measurement/reading/instruments.py": "a file again whose kind was found out by its head",
+    "paper/claim.py": "claims and charts of the package",
+    "paper/report.py": "claims of the package",
+    "recordings/reader.py": "bags whose files were opened before",
+    "reporting/page.py": "templates of the package",
+    "ros/child_process.py": "the log of our own process",
+    "ros/messages.py": "definitions of installed messages",
+    "workbench/server.py": "scripts of the package",
+}
 
 
 def test_a_file_is_opened_and_what_is_none_is_refused_at_once(tmp_path: Path) -> None:
@@ -33,6 +59,49 @@ def test_a_file_is_opened_and_what_is_none_is_refused_at_once(tmp_path: Path) ->
         with pytest.raises(OSError, match="No such device"):
             open_regular(tmp_path / "socket")
     assert len(os.listdir("/proc/self/fd")) == descriptors
+
+
+def _reads(tree: ast.AST) -> Iterator[str]:
+    """Yield the calls that open or read a path by themselves."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call):
+            function = node.func
+            if isinstance(function, ast.Attribute) and function.attr in ("read_text", "read_bytes"):
+                yield function.attr
+            named = getattr(function, "attr", getattr(function, "id", ""))
+            arguments = [*node.args, *(one.value for one in node.keywords if one.arg == "mode")]
+            modes = [one.value for one in arguments[:2] if isinstance(one, ast.Constant)]
+            writes = any(str(mode)[:1] in ("w", "a", "x") for mode in modes)
+            owner = getattr(getattr(function, "value", None), "id", "")
+            if named == "open" and not writes and owner not in ("os", "webbrowser", "workbench"):
+                yield named
+
+
+def test_all_who_read_come_in_by_the_door() -> None:
+    """Parameter files, ensembles and tables of sweeps had a way of their own, and waited there."""
+    found = {
+        str(file.relative_to(PACKAGE))
+        for file in PACKAGE.rglob("*.py")
+        if any(_reads(ast.parse(file.read_text(encoding="utf-8"))))
+    }
+    assert found == WITHOUT.keys()
+
+
+@pytest.mark.parametrize(
+    ("read", "complaint"),
+    [
+        (nodes_in, "it is not a regular file"),
+        (read_ensemble, "it is not a regular file"),
+        (read_csv, "is not a file but a pipe"),
+        (lambda path: refuse_foreign(path.parent), f"holds {CONTENTS}"),
+    ],
+)
+def test_nobody_waits_for_a_pipe(
+    tmp_path: Path, read: Callable[[Path], object], complaint: str
+) -> None:
+    os.mkfifo(tmp_path / CONTENTS)
+    with pytest.raises(StickslipError, match=complaint):
+        read(tmp_path / CONTENTS)
 
 
 def test_what_a_file_unpacks_to_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
+from stickslip_ros.parameters.bounded_files import read_small_text
 from stickslip_ros.reporting import CONFIDENCE, format_si
 from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.traces.steps import settled_mean
@@ -68,9 +69,9 @@ class Ensemble:
 def read_ensemble(path: Path) -> Ensemble:
     """Return the ensemble in a fitted file. Raises EnsembleError."""
     try:
-        found = _LINE.search(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise EnsembleError(f"cannot read {path}: {error}") from None
+        found = _LINE.search(read_small_text(path))
+    except ValueError as error:
+        raise EnsembleError(f"{path}: {error}") from None
     if not found:
         raise EnsembleError(
             f"{path} holds no ensemble; write it with stickslip identify --out, uninterrupted"
@@ -81,8 +82,8 @@ def read_ensemble(path: Path) -> Ensemble:
 def find_ensemble(path: Path) -> Ensemble | None:
     """Return the ensemble in a parameter file, None if it holds none; EnsembleError if damaged."""
     try:
-        found = _LINE.search(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError):  # a file of the package is known by its name alone
+        found = _LINE.search(read_small_text(path))
+    except ValueError:  # a file of the package is known by its name alone
         return None
     return _parse(found[1], path) if found else None
 

@@ -18,6 +18,7 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.files import writing
 from stickslip_ros.library.sweep_plan import Sweep, SweepError
+from stickslip_ros.opening import open_regular
 from stickslip_ros.reporting import format_si
 from stickslip_ros.version import __version__
 
@@ -139,7 +140,7 @@ class SweepTable:
     def _kept_rows(self, resume: bool) -> tuple[int, int]:
         """Return points and bytes of the file that can stay."""
         try:
-            with self.path.open("rb") as file:
+            with open_regular(self.path) as file:
                 found = [file.readline() for _ in range(len(definition(self._sweep)) + 1)]
                 points = end = 0
                 ours = self._complaint(found)

@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import whole_folder, writing
+from stickslip_ros.opening import ReadError, open_regular
 from stickslip_ros.paper import influences, materials, response, step_curves, stiffness
 from stickslip_ros.paper.claim import Claim, ClaimVerdict, Result, read_charts, read_checks
 from stickslip_ros.reporting.page import page
@@ -131,8 +132,9 @@ def refuse_foreign(folder: Path) -> None:
         raise FolderError(f"{folder} is not a folder; choose another --out")
     present = {path.name for path in folder.iterdir()}
     try:
-        lines = (folder / CONTENTS).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError):
+        with open_regular(folder / CONTENTS) as file:
+            lines = file.read().decode("utf-8").splitlines()
+    except (OSError, ReadError, UnicodeDecodeError):
         lines = []
     known = {CONTENTS, *lines[1:]} if lines[:1] == [_FIRST_LINE] else set()
     foreign = sorted(present - known)

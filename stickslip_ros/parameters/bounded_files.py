@@ -288,9 +288,9 @@ def parameter_file_text(values: Mapping[str, Any]) -> str:
 
 def _content(path: Path) -> Any:
     try:
-        return load_values(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
+        return load_values(read_small_text(path))
+    except ParameterError:
+        raise
     except ValueError as error:
         found = "it is not text" if isinstance(error, UnicodeDecodeError) else error
         raise ParameterError(f"{path} is not a YAML file: {found}") from None

@@ -7,6 +7,7 @@ import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from io import TextIOWrapper
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TextIO
@@ -18,6 +19,7 @@ from stickslip_ros.files import whole_file
 from stickslip_ros.model import Contact, DriveCycle, Plant
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.opening import open_regular
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import format_si
 from stickslip_ros.solver import Simulation
@@ -266,10 +268,10 @@ def _names_of_contacts(count: int) -> tuple[str, ...]:
 
 
 def read_csv(path: Path) -> Trace:
-    """Read a trace that `save_csv` wrote; ValueError if path holds none, OSError if not read."""
+    """Read a trace that `save_csv` wrote; ValueError if path holds none; as `open_regular` else."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.reader(file)
+        with open_regular(path) as file:
+            reader = csv.reader(TextIOWrapper(file, encoding="utf-8", newline=""))
             names = tuple(next(reader, ()))
             each = _names_of_contacts(len(names) - len(HEADER))
             if names not in (HEADER + each, HEADER[:-1]):  # earlier versions knew no work

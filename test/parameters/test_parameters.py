@@ -257,7 +257,7 @@ def test_a_bad_file_is_refused_by_its_name(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match=r"cannot read .*none.yaml: No such file"):
         read_yaml(tmp_path / "none.yaml")
-    with pytest.raises(ParameterError, match=r"cannot read .*: Is a directory"):
+    with pytest.raises(ParameterError, match=r"cannot read .*: it is not a regular file"):
         read_yaml(tmp_path)
     (tmp_path / "latin").write_bytes(b"a: \xe9\n")
     with pytest.raises(ParameterError, match="is not a YAML file"):

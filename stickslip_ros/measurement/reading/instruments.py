@@ -187,6 +187,8 @@ def read_waveform(path: Path) -> Table:
         path = described
     with open_regular(path) as file:
         head = file.read(_HEAD)
+    if (samples := path.with_suffix(".Wfm.bin")).exists():  # the library opens it by itself
+        open_regular(samples).close()
     found: list[Column] = []
     with asking("waveform"):
         along, value, segments = _axes(path, head)
