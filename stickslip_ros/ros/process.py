@@ -245,6 +245,7 @@ class _Rounds:
     def __init__(self, nodes: Sequence[Node], many: bool) -> None:
         """Take the nodes; many: there may be so many that the executor of events is needed."""
         self._nodes = nodes
+        self._timers = [timer for node in nodes for timer in node.timers]  # made with their nodes
         self._fair = SingleThreadedExecutor()
         self._quick = (_events_executor() if many else None) or self._fair
         self._had_turn = set[Timer]()  # since the last message
@@ -254,7 +255,7 @@ class _Rounds:
         """Execute one callback and the timers that are due, or none if there is nothing to do."""
         if self._now is not self._fair:
             self._now.spin_once(_ROUND)  # without a limit, it never returns
-            if any(_lateness(timer) > _LATE for timer in self._all_timers()):
+            if any(_lateness(timer) > _LATE for timer in self._timers):
                 self._quick.shutdown()  # forgets its events; the messages are still there
                 self._hand_to(self._fair)
             return
@@ -265,7 +266,7 @@ class _Rounds:
             handler.result()  # raises what it raised
             if not isinstance(entity, Timer):
                 self._had_turn.clear()
-                for timer in self._all_timers():
+                for timer in self._timers:
                     if timer.is_ready():
                         timer.handle.call_timer()
                         timer.callback()
@@ -288,9 +289,6 @@ class _Rounds:
         self._had_turn.clear()
         for node in self._nodes:
             executor.add_node(node)
-
-    def _all_timers(self) -> Iterator[Timer]:
-        return (timer for node in self._nodes for timer in node.timers)
 
 
 def _lateness(timer: Timer) -> int:

@@ -349,6 +349,10 @@ def test_a_pipe_beside_a_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "scope.csv")
     with pytest.raises(MeasurementError, match="states no unit"):
         read_measurement(tmp_path / "scope.Wfm.csv")
+    (tmp_path / "scope.bin").write_text("<?xml version='1.0'?><Database/>\n")
+    os.mkfifo(tmp_path / "scope.Wfm.bin")
+    with pytest.raises(MeasurementError, match=r"scope\.Wfm\.bin is not a file but a pipe"):
+        read_measurement(tmp_path / "scope.bin")
 
 
 @pytest.mark.slow
