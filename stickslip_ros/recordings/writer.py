@@ -309,7 +309,7 @@ class _McapWriter:
         self._channels: dict[str, int] = {}
         try:
             self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
-            self._add_metadata(metadata)
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
             self._stream.flush()  # so that from here on it is a file that can be recovered
             synchronize(path.parent)
         except BaseException:
@@ -368,7 +368,7 @@ class _McapWriter:
     def finish(self, metadata: dict[str, Any]) -> None:
         """Write the final metadata and the index, bring it to the disk; :meth:`abandon` closes."""
         self._writer.flush()
-        self._add_metadata(metadata)
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
         self._writer.finish()
         self._stream.flush()
         self.wait_for_disk()
@@ -380,9 +380,6 @@ class _McapWriter:
             self.wait_for_disk()
         with contextlib.suppress(OSError):
             self._stream.close()
-
-    def _add_metadata(self, metadata: dict[str, Any]) -> None:
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
 
 
 class _ChunkIndexes:

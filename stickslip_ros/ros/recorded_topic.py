@@ -99,7 +99,7 @@ class RecordedTopic:
         self._class = message_class(type_name)
         self._schema = schema_text(type_name, message_definition)
         self._on_messages = on_messages
-        self._publishers = frozenset[bytes]()  # their ids at the last look
+        self._ids = frozenset[bytes]()  # of publishers, at the last look
         self._offers = self._offered_now()
         self._qos = request_qos(self._offers, expect_latched)
         self._subscription: Subscription | None = None
@@ -136,9 +136,14 @@ class RecordedTopic:
             self._qos = wanted
             self._subscribe()
 
-    def note_number(self, number: int | None) -> None:
-        """Take the publisher's number of a message for the count of lost ones."""
-        self.losses.note(number, self._publishers_now)
+    def publishers(self) -> frozenset[bytes]:
+        """Return the ids of those who publish; of several, which count nothing, as looked up last.
+
+        To look with each message would take most of our time; `follow_publishers` does it soon.
+        """
+        if len(self._ids) < 2:
+            self._offered_now()
+        return self._ids
 
     def description(self) -> TopicDescription:
         """Return the description of the topic for a bag, with the QoS that publishers offer now."""
@@ -178,15 +183,8 @@ class RecordedTopic:
 
     def _offered_now(self) -> tuple[QoSProfile, ...]:
         infos = self._node.get_publishers_info_by_topic(self.name)
-        self._publishers = frozenset(bytes(info.endpoint_gid) for info in infos)
+        self._ids = frozenset(bytes(info.endpoint_gid) for info in infos)
         return tuple(info.qos_profile for info in infos)
-
-    def _publishers_now(self) -> frozenset[bytes]:
-        # Of several nothing is counted: to look for them with each message would take most of our
-        # time, and `follow_publishers` does it soon.
-        if len(self._publishers) < 2:
-            self._offered_now()
-        return self._publishers
 
 
 def _offered(qos: QoSProfile) -> OfferedQos:

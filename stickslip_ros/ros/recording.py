@@ -202,7 +202,7 @@ class Recording:
                 self.bag.add_topic(topic.description())
                 self._node.get_logger().info(f"first message of {topic.name}")
             number = info["publication_sequence_number"]
-            topic.note_number(number)
+            topic.losses.note(number, topic.publishers)
             before = self._clock.set_by
             received = info["received_timestamp"] or Clock().now().nanoseconds
             received = self._clock.time_of(received)

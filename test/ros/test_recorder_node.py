@@ -261,13 +261,13 @@ def test_several_publishers_are_not_looked_for_with_each_message(
     monkeypatch.setattr(node, "get_publishers_info_by_topic", look)
     topic.follow_publishers()
     for number in range(0, 200, 2):
-        topic.note_number(number)
+        topic.losses.note(number, topic.publishers)
     assert (len(looks), topic.losses.lost) == (1, 0)
     node.destroy_publisher(publishers.pop())
     ros.wait_until(lambda: node.count_publishers("/numbers") == 1)
     for number in (200, 210):  # of the other one, from here on
         topic.follow_publishers()
-        topic.note_number(number)
+        topic.losses.note(number, topic.publishers)
     assert topic.losses.lost == 9
 
 
