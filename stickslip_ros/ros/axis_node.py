@@ -53,6 +53,7 @@ from stickslip_ros.ros.topics import OUTPUTS, OutputTopic
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
+_PATIENCE = 1.0  # s, with slow results before the time begins
 _STATUS_PERIOD = 0.2  # s, of the status while the axis moves
 
 
@@ -87,7 +88,7 @@ class AxisNode(GuardedNode):
         self._sim_loop = sim_loop or SimLoop(self, values.node)
         with report_compilation():
             self.axis.compile_ahead()
-            self._diagnostics.prepare(self.axis)
+            self._diagnostics.prepare(self.axis, _PATIENCE)
 
         self._outputs = {
             topic.name: publisher_of(self, topic, values.node.publish_rate)

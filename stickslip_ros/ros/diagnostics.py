@@ -6,7 +6,10 @@ Its description (parameters, ranges of commands, joints, version) is published o
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
+import threading
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -14,8 +17,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.pace import PaceReport, costly_settings
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.operating_points import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
-from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
 from stickslip_ros.ros.messages import diagnostic_status
 from stickslip_ros.ros.sim_loop import SimLoop
@@ -23,6 +27,7 @@ from stickslip_ros.traces import phase_now, regime_now
 from stickslip_ros.version import __version__
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+LATER, _PATIENCE = "the 0-amplitude is being computed", 0.02  # s that a report waits for it
 
 
 class Diagnostics:
@@ -35,12 +40,14 @@ class Diagnostics:
         self._hits = 0
         self._nan = 0
         self._missed = 0
-        self._zero: tuple[float | None, str] = (None, "")
+        self._zero: tuple[float | None, str] = (None, LATER)
         self._zero_of: object = None
+        self._computing = threading.Thread()
 
-    def prepare(self, axis: Axis) -> None:
-        """Compute slow results before the time begins."""
-        self._friction(axis, axis.status)
+    def prepare(self, axis: Axis, patience: float | None = None) -> None:
+        """Compute slow results before the time begins; wait for them so long at most, s."""
+        self._zero_amplitude(axis)
+        self._computing.join(patience)
 
     def statuses(
         self, axis: Axis, sim_loop: SimLoop, nan_set_points: int
@@ -103,6 +110,8 @@ class Diagnostics:
         level, message = OK, "steps"
         if why_none == LOAD_MOVES:
             level, message = WARN, LOAD_MOVES
+        elif why_none == LATER:
+            message = why_none
         elif zero is None or status.stroke <= zero:
             level, message = WARN, "the amplitude is not above the 0-amplitude: no steps"
         values: dict[str, object] = {
@@ -146,14 +155,25 @@ class Diagnostics:
     def _zero_amplitude(self, axis: Axis) -> tuple[float | None, str]:
         """Return the 0-amplitude, or None and the reason.
 
-        It is computed anew only when a parameter that it depends on has changed.
+        It is computed anew only when a parameter that it depends on has changed, and in a thread:
+        where ringing lasts it takes a minute, in which nobody would be heard.
         """
-        p = axis.operating_point
-        if self._zero_of != p:
+        p = axis.operating_point.replace(amplitude=PARAMETERS["amplitude"].low)  # plays no part
+        if self._zero_of != p and not self._computing.is_alive():
+            self._zero, self._zero_of = (None, LATER), p
+            self._computing = threading.Thread(target=self._compute_zero, args=(p,), daemon=True)
+            self._computing.start()
+            self._computing.join(_PATIENCE)
+        return self._zero if self._zero_of == p else (None, LATER)
+
+    def _compute_zero(self, p: Parameters) -> None:
+        with contextlib.suppress(OSError, AttributeError):  # without the priority of the axis
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        try:
             zero = zero_amplitude(p)
             self._zero = (zero, why_no_zero_amplitude(p) if zero is None else "")
-            self._zero_of = p
-        return self._zero
+        except StickslipError as error:
+            self._zero = (None, str(error))
 
 
 def overload(axis: Axis, report: PaceReport) -> str:

@@ -2,6 +2,8 @@
 """The axis node over DDS: commands, state, events, diagnostics, parameters, ends."""
 
 import math
+import re
+import threading
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ from table_1 import table_1
 from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.recordings.runs import contact_joints
+from stickslip_ros.ros import diagnostics
 from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.messages import fill_joints
@@ -129,6 +132,7 @@ def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) ->
     last_step = run.position[-1] - run.position[-2]
     assert float(friction["last step size (m)"]) == pytest.approx(last_step, abs=1e-18)
     assert float(values(found["timing"])["real-time factor"]) == pytest.approx(1.0, abs=0.2)
+    assert re.match(r"on time$|\d+ deadlines missed$|real-time factor ", found["timing"].message)
     assert found["axis"].level == found["friction"].level == DiagnosticStatus.OK
 
     client.set_amplitude(20.0)  # below the 0-amplitude: true, but worth a warning
@@ -162,6 +166,23 @@ def test_an_axis_that_makes_no_steps_is_a_warning(
     zero = float(values(friction)["0-amplitude (m)"])
     volts, gain = axis.status.amplitude, axis.parameters.actuator.gain
     assert math.isnan(zero) if "force" in parameters else axis.status.stroke < zero < volts * gain
+
+
+def test_a_0_amplitude_that_takes_long_keeps_nobody_waiting(
+    ros: Ros, make_axis: MakeAxis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where ringing lasted for hundreds of cycles, an axis was deaf for a minute."""
+    go_on = threading.Event()
+    monkeypatch.setattr(diagnostics, "zero_amplitude", lambda p: go_on.wait(60.0) and 1e-8)
+    make_axis()
+    client, heard = connect(ros)
+    assert client.step(1).wait().steps_done == 1
+    friction = heard.next_report()["friction"]
+    assert (friction.level, friction.message) == (DiagnosticStatus.OK, diagnostics.LATER)
+    assert math.isnan(float(values(friction)["0-amplitude (m)"]))
+    go_on.set()
+    heard.next_report()  # may be on its way
+    assert values(heard.next_report()["friction"])["0-amplitude (m)"] == "1e-08"
 
 
 def test_axes_in_one_context_are_told_apart_by_their_namespaces(
