@@ -30,12 +30,14 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.trajectory import MOST_POINTS
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros import topics
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.guarded_node import MOST_PARAMETERS, GuardedNode
+from stickslip_ros.ros.messages import read_command
 from stickslip_ros.ros.recorder_node import RecorderNode
 
 #: What a client hears of an axis
@@ -68,6 +70,14 @@ def _trajectory(points: int, **stamp: int) -> JointTrajectory:
     for name, value in stamp.items():
         setattr(message.header.stamp, name, value)
     return message
+
+
+def test_a_trajectory_waits_for_its_stamp() -> None:
+    for stamp, wait in (({}, 0.0), ({"sec": 3}, 0.0), ({"sec": 5, "nanosec": 500_000_000}, 2.5)):
+        read = read_command(
+            COMMANDS["trajectory"], _trajectory(2, **stamp), 3 * 10**9, "axis_slider"
+        )
+        assert read and read[2] == pytest.approx(wait)
 
 
 def _send(ros: Ros, client: AxisClient, message: Any, topic: str = "joint_trajectory") -> None:
