@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles, without_ringing
-from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, robust_std
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
@@ -43,6 +44,11 @@ class RunSearchSettings:
     rings_from: tuple[float, float] = (0.1, 1.1)  #: periods after the last slip: ringing, or a rise
     late: float = 3e-4  #: s, from so late at most: slow drives have long periods
     near: float = 0.02  #: periods within which a slip is sought that is known to a phase or two
+    #: The same where no ringing confirms the clock; slips, and falls about each, that are tried;
+    #: standard deviations by which they fall together where that is no chance.
+    around: float = 0.05
+    tried: tuple[int, int] = (12, 5)
+    clear: float = 8.0
     rings_for: float = 5e-3  #: s, in which ringing dies away
     slow_slips: int = 8  #: last slips of a slow drive, after each of which the ringing dies away
     samples: int = 16  #: that ringing is fitted to, at least
@@ -85,6 +91,9 @@ def search_runs(
             continue
         report("cycles")
         ringing = fit_ringing_down(even, seen)
+        if ringing is None:
+            seen = [place_on_falls(even, one) for one in seen]
+            ringing = fit_ringing_down(even, seen)
         fits = [] if ringing is None else _count_all(even, seen, ringing, period)
         chosen = choose_apart(fits, [])
         if fits and len(chosen) == len(seen) and do_explain_all(even, chosen):
@@ -186,6 +195,41 @@ def find_fall(even: EvenSamples, grid: SlipGrid, slip: float) -> float:
         return slip
     fall = np.convolve(grid.direction * (x - x[0]), edge_kernel(width)[::-1], mode="valid")
     return slip - reach + even.tick * (int(np.argmax(fall)) + width)
+
+
+def place_on_falls(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
+    """Return a run with the even times at which it falls farthest, to a sample.
+
+    The mean cycle of a slow drive has far fewer phases than samples, and hum that nearly repeats
+    with it pulls its clock. Unchanged where the falls do not stand out of the motion about them.
+    """
+    reach, width = (round(s / even.tick) for s in (SETTINGS.around * grid.period, SETTINGS.late))
+    slips, most = SETTINGS.tried
+    number = np.unique(np.linspace(0, grid.count - 1, slips).astype(int))
+    middle = np.rint((grid.slips[number] - even.begin) / even.tick).astype(int)
+    inside = (middle >= reach + width) & (middle <= len(even.x) - reach - width)
+    number, middle = number[inside], middle[inside]
+    if width < 2 or reach < 4 * width or len(number) < 3:
+        return grid
+    beside, kernel = np.arange(-reach - width, reach + width), edge_kernel(width)[::-1]
+    parts = grid.direction * (even.x[middle[:, None] + beside] - even.x[middle][:, None])
+    fall = np.array([np.convolve(part, kernel, mode="valid") for part in parts])
+    fall /= robust_std(fall) + 1e-30
+    peaks = [scipy.signal.find_peaks(row, distance=width)[0] for row in fall]
+    peaks = [one[np.argsort(-row[one])[:most]] for one, row in zip(peaks, fall, strict=True)]
+    of = np.repeat(np.arange(len(peaks)), [len(one) for one in peaks])
+    place, height = np.concatenate(peaks), fall[of, np.concatenate(peaks)]
+    place, turn = place + middle[of] - reach, number[of]
+    # Of lines through any two falls, the one that most others lie on, by how far they fall.
+    a, b = np.nonzero(turn - turn[:, None] > 0.5 * (number[-1] - number[0]))
+    slope = (place[b] - place[a]) / (turn[b] - turn[a])
+    along = np.abs((place[a] - slope * turn[a])[:, None] + slope[:, None] * turn - place) <= 1.5
+    total = along @ height
+    if not np.max(total, initial=0.0) > SETTINGS.clear * math.sqrt(len(number)):
+        return grid
+    chosen = along[int(np.argmax(total))]
+    apart, first = even.tick * np.polyfit(turn[chosen], place[chosen], 1)
+    return replace(grid, first=even.begin + float(first), period=float(apart))
 
 
 def _count_all(
