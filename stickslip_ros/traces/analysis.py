@@ -43,7 +43,7 @@ from stickslip_ros.traces.run_search import (
 )
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
-from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, settled_from, wander_of
+from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, settled_from
 
 #: Reports of a search for steps.
 STAGES = REPORTS + 1
@@ -272,21 +272,24 @@ def _search(
 ) -> tuple[list[SlipGrid], list[float | None]]:
     """Return the runs, and the shorter periods (s) at which they would repeat better.
 
-    They are searched for again at such a period, if that then shows them; and without the given
-    one, if no run of it explains the motion, which does not repeat at it either.
+    They are searched for again at such a period, if that then shows them. Where no run of a given
+    one explains the motion, what is found without it counts if that is of this period, or if the
+    motion does not repeat at it.
     """
     seen = search_runs(even, period, report)
-    if period is not None and not _explain(even, seen):
-        without = search_runs(even, None, report)
-        apart = [abs(math.remainder(period / one.period, 1.0)) for one in without if one.explained]
-        if apart and min(apart) > AS_GIVEN:
-            seen = without
     shorter = [_shorter(even, one) for one in seen]
     better = next((one for one in shorter if one is not None), None)
     if period is None and better is not None:
         again = search_runs(even, better, report)
         if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again):
-            seen, shorter = again, [_shorter(even, one) for one in again]
+            return again, [_shorter(even, one) for one in again]
+    if period is not None and (better is not None or not _explain(even, seen)):
+        without, others = _search(even, None, report)
+        apart = [period / one.period for one in without if one.explained]
+        if any(abs(turns - 1.0) < AS_GIVEN for turns in apart) or (
+            apart and all(abs(math.remainder(turns, 1.0)) > AS_GIVEN for turns in apart)
+        ):
+            return without, others
     return seen, shorter
 
 
@@ -340,7 +343,7 @@ def analyse_grid(t: Array, x: Array, grid: SlipGrid, estimate: MeasuredValue) ->
     # Slips without visible ringing are known to a sample, and so is the time that all steps take.
     late = 0.0 if run.ringing is not None else float(np.median(np.diff(t)))
     clock = abs(step.value) * late / (grid.count * grid.period) if step.error > 0.0 else 0.0
-    error = math.hypot(step.error, _change_of(run.step_sizes), wander_of(run.step_sizes), clock)
+    error = math.hypot(step.error, _change_of(run.step_sizes), clock)
     return replace(run, mean_step=replace(step, error=error), explained=grid.explained)
 
 

@@ -155,7 +155,7 @@ def too_few(cycles: int, frequency: float, rate: float) -> tuple[str, ...]:
     found = []
     if cycles < SETTINGS.cycles:
         found.append(f"{cycles} cycles; {SETTINGS.cycles} are needed")
-    if rate / frequency < SETTINGS.samples:
+    if round(rate / frequency, 1) < SETTINGS.samples:  # as it is printed
         found.append(
             f"{rate:.4g} samples a second are {rate / frequency:.1f} a cycle at {frequency:.6g} "
             f"Hz; {SETTINGS.samples:g} are needed: {FASTER}"

@@ -31,8 +31,8 @@ HIDDEN = [
 ]  # fmt: skip
 #: Traces that are found and take seconds.
 LONG = [
-    ("no rest after", 51), ("two amplitudes", 51), ("slow", 51), ("both ways", 62),
-    ("random walk", 62), ("700 cycles", 62),
+    ("no rest after", 51), ("two amplitudes", 51), ("slow", 51), ("slow", 47000),
+    ("both ways", 62), ("random walk", 62), ("random walk", 8104), ("700 cycles", 62),
 ]  # fmt: skip
 
 
@@ -47,7 +47,10 @@ def test_a_trace_is_read_right_or_doubted(kind: str, seed: int) -> None:
     assert set(study.verdicts[kind]) <= ({DOUBTFUL, NONE} if hidden else {RIGHT}), study
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("no rest before", 51), ("hum", 62), ("plain", 63)])
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [("no rest before", 51), ("hum", 62), ("plain", 63), ("10 to 14 samples a cycle", 47200)],
+)
 def test_a_trace_of_a_known_frequency_is_read_right(kind: str, seed: int) -> None:
     study = Study(told=True)
     study.add(lab_trace(kind, seed))
