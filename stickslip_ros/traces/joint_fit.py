@@ -11,8 +11,8 @@ measurement hardly determines drift and hum. So both have normal priors with a m
 regression), as wide as usual on a bench, and the standard errors include what remains unknown.
 Outliers are left out by their median deviation. Residuals of neighbouring samples are correlated,
 so a standard error counts only the independent ones. The result is averaged over the cases with and
-without hum of each mains, and with a straight or a bent drift, weighted by probability (J. Hoeting
-et al., Statistical Science 14 (1999) 382).
+without hum of each mains, and with a straight drift, a bent one, or a random walk of each of some
+sizes, weighted by probability (J. Hoeting et al., Statistical Science 14 (1999) 382).
 """
 
 from __future__ import annotations
@@ -51,6 +51,11 @@ class JointFitSettings:
     hum_odds: float = 0.01  #: how probable hum of either mains is beforehand
     bent_odds: float = 0.01  #: the same of a drift that is not straight
     bends: int = 5  #: highest order of such a drift: what is slower than a run, and a bit beyond
+    bent: tuple[float, ...] = (1.0, 10.0)  #: times the usual drift by which one that bends is tried
+    walk_odds: float = 0.2  #: the same of noise that adds up to a random walk, as pink noise does
+    #: How far (m) such a walk gets over the record, by which all its sizes are tried.
+    walks: tuple[float, ...] = (3e-10, 1e-9, 3e-9, 1e-8, 3e-8, 1e-7)
+    waves: int = 24  #: of the series of a walk: what is faster is noise
     harmonics: int = 5  #: of the mains
     far: float = 5.0  #: standard deviations beyond which samples are left out
     rounds: int = 3  #: of leaving out
@@ -70,10 +75,18 @@ class JointFitSettings:
 
 
 SETTINGS = JointFitSettings()
-#: What is compared: hum of which mains (Hz), and whether the drift bends.
-CASES = tuple((mains, bent) for bent in (False, True) for mains in (None, *MAINS))
-#: Kinds of columns beside the hum of mains (Hz): those of every case, and those of a bent drift.
-_DRIFT, _BENDS = 0.0, -1.0
+#: Kinds of columns beside the hum of mains (Hz): of one run, the drift, its bends, a random walk.
+_OWN, _DRIFT, _BENDS, _WALK = 0.0, -1.0, -2.0, -3.0
+#: Scales of drift, bends and walk, and how probable they are beforehand.
+_SLOW = (
+    ((1.0, 0.0, 0.0), 1.0 - SETTINGS.bent_odds - SETTINGS.walk_odds),
+    *(((one, one, 0.0), SETTINGS.bent_odds / len(SETTINGS.bent)) for one in SETTINGS.bent),
+    *(((1.0, 0.0, far), SETTINGS.walk_odds / len(SETTINGS.walks)) for far in SETTINGS.walks),
+)
+#: The same for hum of which mains (Hz).
+_HUM = ((None, 1.0 - len(MAINS) * SETTINGS.hum_odds), *((one, SETTINGS.hum_odds) for one in MAINS))
+#: What is compared: hum and scales.
+CASES = tuple((mains, scales) for scales, _ in _SLOW for mains, _ in _HUM)
 
 
 @dataclass(frozen=True)
@@ -163,16 +176,15 @@ def fit_steps(
     common = [one.weight * one.without(_common(one.t, even)) for one in blocks]
     disturbed, kind = _common_widths(even.end - even.begin)
     widths = np.concatenate((*(one.widths for one in blocks), disturbed))
-    kinds = np.concatenate((np.full(own.shape[1], _DRIFT), kind))
-    rows = Rows(np.hstack((own, np.concatenate(common))) * widths, y, kinds == _DRIFT)
+    kinds = np.concatenate((np.full(own.shape[1], _OWN), kind))
+    plain = np.isin(kinds, [_OWN, _DRIFT])
+    rows = Rows(np.hstack((own, np.concatenate(common))) * widths, y, plain)
     fits = []
-    for mains, bent in CASES:
-        wanted = [_DRIFT, *([mains] if mains else []), *([_BENDS] if bent else [])]
-        fits.append(RidgeFit(rows, widths, np.isin(kinds, wanted)))
+    for mains, (drift, bends, walk) in CASES:
+        scale = {_OWN: 1.0, _DRIFT: drift, _BENDS: bends, _WALK: walk, mains: 1.0}
+        fits.append(RidgeFit(rows, widths, np.array([scale.get(one, 0.0) for one in kinds])))
     chance = min(fit.chance for fit in fits)
-    none, bends = 1.0 - len(MAINS) * SETTINGS.hum_odds, SETTINGS.bent_odds
-    hum = np.array([none, *(SETTINGS.hum_odds for _ in MAINS)])
-    odds = np.log(np.concatenate(((1.0 - bends) * hum, bends * hum)))
+    odds = np.log([slow * hum for _, slow in _SLOW for _, hum in _HUM])
     likely = scipy.special.log_softmax(odds + [fit.evidence(chance) for fit in fits])
     steps, found = average_fits(runs, fits, likely, chance, own.shape[1])
     return steps, replace(found, duration=even.end - even.begin)
@@ -183,11 +195,9 @@ def average_fits(
 ) -> tuple[list[MeasuredValue], Disturbances]:
     """Return steps and disturbances, averaged over the fits of `CASES`.
 
-    likely is the logarithm of how probable each is. Noise that wanders passes for a bent drift, so
-    half of what bends change is added to the errors of the steps.
+    likely is the logarithm of how probable each is.
     """
     share = np.exp(likely)
-    straight = np.exp(scipy.special.log_softmax(likely[: len(CASES) // 2]))
 
     def mean(column: int) -> tuple[float, float]:
         found = [fit.value(column, chance) for fit in fits]
@@ -205,10 +215,7 @@ def average_fits(
         size, error = mean(column)
         left = [mean(column + k)[0] for k in range(2, block.own.shape[1])]
         swing = block.unsettled + 0.5 * math.hypot(*left) / block.settled
-        unbent = sum(
-            p * one.value(column, chance)[0] for p, one in zip(straight, fits, strict=False)
-        )
-        steps.append(MeasuredValue(size, math.hypot(error, swing, 0.5 * (size - unbent))))
+        steps.append(MeasuredValue(size, math.hypot(error, swing)))
         column += block.own.shape[1]
     drift, drift_error = mean(own)
     best = int(np.argmax(share))
@@ -248,11 +255,12 @@ class Rows:
 class RidgeFit:
     """Ridge regression with columns in units of their standard deviations beforehand."""
 
-    def __init__(self, rows: Rows, widths: Array, of: NDArray[np.bool_]) -> None:
-        """Fit some of the columns of rows; widths are those of all."""
-        self._widths = widths[of]
+    def __init__(self, rows: Rows, widths: Array, scales: Array) -> None:
+        """Fit columns of rows times scales, those of 0 not at all; widths are those of all."""
+        of = scales > 0.0
+        self._widths = (widths * scales)[of]
         # By singular values: squared first, columns that are nearly alike leave only rounding.
-        across, sizes, along = np.linalg.svd(rows.triangle[:, :-1][:, of])
+        across, sizes, along = np.linalg.svd(rows.triangle[:, :-1][:, of] * scales[of])
         sizes = np.append(sizes, np.zeros(len(along) - len(sizes)))
         self._axes, self.squares = along.T, sizes**2
         self._seen = across.T @ rows.triangle[:, -1]
@@ -260,6 +268,7 @@ class RidgeFit:
         told = sizes > 1e-6 * sizes[0]
         found = np.zeros(len(of))
         found[of] = self._axes[:, told] @ (self._product[told] / self.squares[told])
+        found[of] *= scales[of]
         left = rows.y - rows.columns @ found
         free = max(len(left) - len(sizes), 1)
         #: Variance (m^2) that a row has in effect, what it shares with its neighbours included.
@@ -373,21 +382,24 @@ def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> FitR
 
 
 def _common(t: Array, even: EvenSamples) -> Array:
-    """Return columns of drift, hum of either mains and bends of the drift at times (s)."""
+    """Return columns of drift, hum of either mains, a bent drift and a random walk at times (s)."""
     columns = [t, *(wave for one in MAINS for wave in hum_columns(t, (one,), SETTINGS.harmonics))]
-    place = (2.0 * t - even.begin - even.end) / (even.end - even.begin)
-    columns += list(np.polynomial.legendre.legvander(place, SETTINGS.bends).T[2:])
+    place = (t - even.begin) / (even.end - even.begin)
+    columns += list(np.polynomial.legendre.legvander(2.0 * place - 1.0, SETTINGS.bends).T[2:])
+    # The series of Karhunen and Loeve.
+    columns += [np.sin(math.pi * (k + 0.5) * place) for k in range(SETTINGS.waves)]
     return np.stack(columns, axis=1)
 
 
 def _common_widths(duration: float) -> tuple[Array, Array]:
-    """Return the standard deviations beforehand of these columns, and the kind of each."""
-    waves = USUAL / np.repeat(np.arange(1.0, SETTINGS.harmonics + 1.0), 2)
-    bends = np.ones(SETTINGS.bends - 1)
-    widths = (
-        np.array([SETTINGS.drift]),
-        *(waves for _ in MAINS),
-        0.5 * duration * SETTINGS.drift * bends,
-    )
-    kinds = (np.array([_DRIFT]), *(np.full(len(waves), one) for one in MAINS), _BENDS * bends)
-    return np.concatenate(widths), np.concatenate(kinds)
+    """Return the standard deviations beforehand of these columns, and the kind of each.
+
+    Those of a walk that gets 1 m far.
+    """
+    hum = USUAL / np.repeat(np.arange(1.0, SETTINGS.harmonics + 1.0), 2)
+    bends = np.full(SETTINGS.bends - 1, 0.5 * duration * SETTINGS.drift)
+    walk = math.sqrt(2.0) / (math.pi * (np.arange(SETTINGS.waves) + 0.5))
+    parts = [(_DRIFT, np.array([SETTINGS.drift])), *((one, hum) for one in MAINS)]
+    parts += [(_BENDS, bends), (_WALK, walk)]
+    kinds = np.repeat([kind for kind, _ in parts], [len(widths) for _, widths in parts])
+    return np.concatenate([widths for _, widths in parts]), kinds

@@ -32,9 +32,6 @@ COVERAGE = 3.0
 #: So many settled values show their scatter by themselves. Of fewer, all but the first cycles of a
 #: run do, which differ most.
 _SHOW_SCATTER, _FIRST = 8, 3
-#: Variances of a step of a random walk, over that of the noise, that are tried; 0: no walk. Part of
-#: the measurements in which the runner walks, as with pink noise.
-_WALKS, _WALKING = np.append(0.0, np.geomspace(0.1, 1e3, 41)), 0.2
 
 
 @dataclass(frozen=True)
@@ -100,27 +97,6 @@ def estimate_settled_mean(values: NDArray[np.float64], exact: bool) -> MeasuredV
         tail = scipy.special.ndtr(COVERAGE)
         error *= float(scipy.special.stdtrit(len(among) - 1, tail)) / COVERAGE
     return MeasuredValue(float(np.mean(kept)), error)
-
-
-def wander_of(steps: NDArray[np.float64]) -> float:
-    """Return the error (m) of the mean of the settled steps, (steps,), as the runner wanders.
-
-    Noise of the positions moves neighbouring steps back and forth; a random walk moves all.
-    Whittle's likelihood of their spectrum (Arkiv för matematik 2 (1953) 423) tells how probable a
-    walk of each size is; few steps hardly tell it, and so keep a part of what is so beforehand.
-    """
-    kept = steps[settled_from(len(steps)) :]
-    power = np.abs(np.fft.rfft(kept)[1:]) ** 2 / max(len(kept), 1)
-    if not power.any():
-        return 0.0
-    to_and_fro = 2.0 - 2.0 * np.cos(2.0 * np.pi * np.arange(1, len(power) + 1) / len(kept))
-    shapes = _WALKS[:, None] + to_and_fro
-    levels = np.mean(power / shapes, axis=1)
-    likely = -np.sum(np.log(shapes), axis=1) - len(power) * np.log(levels)
-    likely = np.exp(likely - likely.max()) * _WALKING / (len(_WALKS) - 1)
-    likely[0] *= (1.0 - _WALKING) / _WALKING * (len(_WALKS) - 1)
-    unknown = len(power) / max(len(power) - 1, 0.5)  # the level of few values may be higher
-    return math.sqrt(float(likely @ (_WALKS * levels) / likely.sum()) * unknown / len(kept))
 
 
 def run_steps(

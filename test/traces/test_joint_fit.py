@@ -45,8 +45,8 @@ def fitted(bench: Bench) -> tuple[list[MeasuredValue], Disturbances]:
 
 def ridge_fit(columns: Array, y: Array, widths: Array) -> joint_fit.RidgeFit:
     """The fit of all columns."""
-    every = np.ones(len(widths), dtype=bool)
-    return joint_fit.RidgeFit(joint_fit.Rows(columns, y, every), widths, every)
+    every = np.ones(len(widths))
+    return joint_fit.RidgeFit(joint_fit.Rows(columns, y, every > 0.0), widths, every)
 
 
 @pytest.mark.parametrize("seed", range(3000, 3010))
@@ -94,6 +94,25 @@ def test_what_is_not_there_is_not_told() -> None:
     assert len(found.runs) == 1
     assert not found.disturbances.drifts
     assert not found.disturbances.hums
+
+
+def test_a_walk_widens_the_error_and_a_bent_drift_hardly_does() -> None:
+    """Both move the runner by some 20 nm; 20 walks, and one drift that bends as fast as creep."""
+    sensor = Sensor(rate=50e3, noise=1e-9)
+    bench = bench_trace(Axis(), (Drive(20, 400.0, pause=0.01),), sensor, rest=0.01)
+    random, size, held, errors = np.random.default_rng(3), bench.runs[0].step_size, [], []
+    for _ in range(20):
+        walk = np.cumsum(random.standard_normal(len(bench.x))) / math.sqrt(len(bench.x))
+        ((step,), found) = fitted(replace(bench, x=bench.x + 2e-8 * walk))
+        held.append(abs(step.value - size) < 2.0 * step.error)
+        errors.append(step.error)
+    assert np.mean(held) >= 0.9
+    ((alone,), _) = fitted(bench)
+    assert alone.error < 0.2 * np.median(errors)
+    bend = 2e-8 * np.polynomial.chebyshev.chebval(2.0 * bench.t / bench.t[-1] - 1.0, [0, 1, 1, 1])
+    ((step,), found) = fitted(replace(bench, x=bench.x + bend))
+    assert abs(step.value - size) < 3.0 * step.error < 0.5e-9
+    assert found.mains is None
 
 
 @pytest.mark.parametrize("part", [0.2, 0.5, 0.8])

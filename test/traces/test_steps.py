@@ -20,7 +20,6 @@ from stickslip_ros.traces.steps import (
     SETTLING,
     settled_from,
     settled_mean,
-    wander_of,
 )
 
 
@@ -33,24 +32,6 @@ def test_the_settled_mean_leaves_out_the_start_and_what_is_missing() -> None:
     assert math.isnan(settled_mean(np.array([math.nan])))
     kept = [steps - settled_from(steps) for steps in range(1, 16)]
     assert kept == [1, 1, 2, 2, 3, 3, 4, 4, 4, 4, 4, 5, 6, 7, 8]  # eight kept one, seven kept four
-
-
-@pytest.mark.parametrize(("settled", "least"), [(6, 0.6), (20, 0.8), (50, 0.85)])
-def test_a_walk_widens_the_error_of_steps_and_noise_hardly_does(settled: int, least: float) -> None:
-    """Places with noise, and with a walk three times as large in each step; 100 runs of each."""
-    random = np.random.default_rng(1)
-    noise = random.standard_normal((100, SETTLING + settled + 1))
-    walk = 3.0 * np.cumsum(random.standard_normal(noise.shape), axis=1)
-    number = np.arange(settled + 1) - settled / 2
-    line = number / (number @ number)
-    alone = math.sqrt(line @ line)  # error of the mean step with noise alone
-    held = [
-        abs(place[SETTLING:] @ line) < 2.0 * math.hypot(alone, wander_of(np.diff(place)))
-        for place in noise + walk
-    ]
-    assert np.mean(held) > least
-    assert np.median([wander_of(np.diff(place)) for place in noise]) < 1.5 * alone
-    assert wander_of(np.ones(SETTLING + settled)) == 0.0
 
 
 def test_positions_and_steps_belong_together() -> None:
