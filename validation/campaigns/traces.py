@@ -79,7 +79,7 @@ class Study:
             self.hold("step", run.step_size, run.step_size_error, true.step_size)
             self.hold("backstep", run.backstep, run.backstep_error, true.backstep)
             ringing, decay = trace.axis.ringing
-            if run.ringing is not None:
+            if run.ringing is not None and not run.ringing.folded:  # or it is not determined
                 self.hold("ringing", run.ringing.frequency, run.ringing.frequency_error, ringing)
                 self.hold("decay", run.ringing.decay, run.ringing.decay_error, decay)
             if abs(run.frequency / true.frequency - 1.0) > PART and trace.kind != "sweep":
