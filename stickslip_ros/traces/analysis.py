@@ -272,9 +272,9 @@ def _search(
 ) -> tuple[list[SlipGrid], list[float | None]]:
     """Return the runs, and the shorter periods (s) at which they would repeat better.
 
-    They are searched for again at such a period, if that then shows them. Where no run of a given
-    one explains the motion, what is found without it counts if that is of this period, or if the
-    motion does not repeat at it.
+    They are searched for again at such a period, if that then shows them. Where a run of a given
+    one does not explain the motion, or a shorter one does, what is found without it counts if that
+    is of the period given; and if nothing explains the motion at it, or at whole parts of it.
     """
     seen = search_runs(even, period, report)
     shorter = [_shorter(even, one) for one in seen]
@@ -283,12 +283,12 @@ def _search(
         again = search_runs(even, better, report)
         if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again):
             return again, [_shorter(even, one) for one in again]
-    if period is not None and (better is not None or not _explain(even, seen)):
+    explained = period is None or _explain(even, seen)
+    if period is not None and not (explained and better is None):
         without, others = _search(even, None, report)
-        apart = [period / one.period for one in without if one.explained]
-        if any(abs(turns - 1.0) < AS_GIVEN for turns in apart) or (
-            apart and all(abs(math.remainder(turns, 1.0)) > AS_GIVEN for turns in apart)
-        ):
+        turns = np.array([period / one.period for one in without if one.explained])
+        other = len(turns) and (np.abs(turns - np.rint(turns)) > AS_GIVEN).all()
+        if (np.abs(turns - 1.0) < AS_GIVEN).any() or (other and not explained):
             return without, others
     return seen, shorter
 
