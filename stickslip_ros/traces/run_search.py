@@ -44,9 +44,9 @@ class RunSearchSettings:
     rings_from: tuple[float, float] = (0.1, 1.1)  #: periods after the last slip: ringing, or a rise
     late: float = 3e-4  #: s, from so late at most: slow drives have long periods
     near: float = 0.02  #: periods within which a slip is sought that is known to a phase or two
-    #: The same where no ringing confirms the clock; slips, and falls about each, that are tried;
+    #: The same before ringing confirms the clock; slips, and falls about each, that are tried;
     #: standard deviations by which they fall together where that is no chance.
-    around: float = 0.05
+    around: float = 0.1
     tried: tuple[int, int] = (12, 5)
     clear: float = 8.0
     rings_for: float = 5e-3  #: s, in which ringing dies away
@@ -91,9 +91,6 @@ def search_runs(
             continue
         report("cycles")
         ringing = fit_ringing_down(even, seen)
-        if ringing is None:
-            seen = [place_on_falls(even, one) for one in seen]
-            ringing = fit_ringing_down(even, seen)
         fits = [] if ringing is None else _count_all(even, seen, ringing, period)
         chosen = choose_apart(fits, [])
         if fits and len(chosen) == len(seen) and do_explain_all(even, chosen):
@@ -308,7 +305,7 @@ def _search(
         )
 
     kept = [one for one in found if one.step > SETTINGS.smallest * largest and not only_rings(one)]
-    return sorted(kept, key=lambda one: one.first)
+    return sorted((place_on_falls(even, one) for one in kept), key=lambda one: one.first)
 
 
 def _find_all(
