@@ -43,9 +43,8 @@ class RunSearchSettings:
     smallest: float = 0.1  #: least step as part of the largest of all runs
     rings_from: tuple[float, float] = (0.1, 1.1)  #: periods after the last slip: ringing, or a rise
     late: float = 3e-4  #: s, from so late at most: slow drives have long periods
-    near: float = 0.02  #: periods within which a slip is sought that is known to a phase or two
-    #: The same before ringing confirms the clock; slips, and falls about each, that are tried;
-    #: standard deviations by which they fall together where that is no chance.
+    #: Periods within which the slips of slow drives are sought; slips, and falls about each, that
+    #: are tried; standard deviations by which they fall together where that is no chance.
     around: float = 0.1
     tried: tuple[int, int] = (12, 5)
     clear: float = 8.0
@@ -166,13 +165,11 @@ def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None
     found: list[Ringing] = []
     for grid in grids:
         rest = min([even.end, *(one.begin for one in grids if one.first > grid.end)])
-        last = find_fall(even, grid, grid.end)
         for late in SETTINGS.rings_from:
-            begin = last + min(late * grid.period, SETTINGS.late)
+            begin = grid.end + min(late * grid.period, SETTINGS.late)
             add([even.between(begin, min(begin + SETTINGS.rings_for, rest))])
         if grid.period > SETTINGS.rings_for:
-            slips = grid.slips[-SETTINGS.slow_slips - 1 : -1]
-            begins = [find_fall(even, grid, one) + SETTINGS.late for one in slips]
+            begins = grid.slips[-SETTINGS.slow_slips - 1 : -1] + SETTINGS.late
             add([even.between(one, one + 0.9 * SETTINGS.rings_for) for one in begins])
     for grid in grids if not found else ():  # the record ends with the last slip, say
         period = grid.period
@@ -182,16 +179,6 @@ def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None
         for one in found
     ]
     return found[int(np.argmax(alike))] if found else None
-
-
-def find_fall(even: EvenSamples, grid: SlipGrid, slip: float) -> float:
-    """Return where (s) the runner falls about a slip (s), which is known to a part of a period."""
-    reach, width = SETTINGS.near * grid.period, round(SETTINGS.late / even.tick)
-    _, x = even.between(slip - reach, slip + reach)
-    if reach < SETTINGS.late or width < 2 or len(x) < 4 * width:
-        return slip
-    fall = np.convolve(grid.direction * (x - x[0]), edge_kernel(width)[::-1], mode="valid")
-    return slip - reach + even.tick * (int(np.argmax(fall)) + width)
 
 
 def place_on_falls(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
