@@ -151,7 +151,8 @@ def study(minutes: float, rate: float, number: int, library: str) -> list[str]:
         clock = folder / "clock"
         clock.write_text("+0d\n")
         faked = {"LD_PRELOAD": library, "FAKETIME_TIMESTAMP_FILE": str(clock)}
-        faked |= {"FAKETIME_NO_CACHE": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
+        faked |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
+        faked["NO_FAKE_STAT"] = "1"  # files keep their times; to fake them makes the start slow
         with unittest.mock.patch.dict(os.environ, faked if library else {}):
             axes = {name: start("axis_node", f"axis_name:={name}") for name in "ab"}
             recorder = start("recorder_node", f"output:={folder / 'bag'}")
