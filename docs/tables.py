@@ -20,6 +20,7 @@ from stickslip_ros.axis.command import FLOAT64, INT32, STATES, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.gym import SCORES, TASKS
+from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.parameters import PARAMETERS, NodeParameters
 from stickslip_ros.ros.own_parameters import OF_PROCESS
 from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
@@ -103,6 +104,13 @@ def _scores() -> Iterator[Sequence[str]]:
         yield name, unit, what
 
 
+def _metrics() -> Iterator[Sequence[str]]:
+    yield "metric", "limit", "tolerance at least", "what it is"
+    for row in METRICS:
+        floor = f"{1e9 * row.floor:g} nm" if row.unit == "m" else f"{100.0 * row.floor:.2g} %"
+        yield row.name, f"`--max-{row.limit}`" if row.limit else "", floor, row.meaning
+
+
 def _meaning(command: Command) -> str:
     field = f"`{command.field}`, " if command.field != "data" else ""
     unit = f"{command.unit}: " if command.unit else ""
@@ -155,6 +163,7 @@ TABLES: dict[str, list[Callable[[], str]]] = {
     "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values())), _table(_of_process)],
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
+    "compare.md": [_table(_metrics)],
     "control.md": [_table(_tasks), _table(_scores)],
     # What an axis offers, publishes and hears; what a recorder hears; what a commander may ask;
     # what a twin publishes, and hears of other programs.

@@ -234,7 +234,9 @@ class Comparison:
             "gain": self.alignment.gain,
             "metrics": {metric.name: metric.as_json() for metric in self.metrics},
             "by_run": by_run,
-            "steps": sum(run.steps for run in self.runs),
+            "steps": sum(
+                one.measured.steps for one in self.pairs if one.measured and not one.left_out
+            ),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
             "cycles": None

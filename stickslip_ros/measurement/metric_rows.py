@@ -17,7 +17,8 @@ class MetricRow(NamedTuple):
     unit: str  #: SI
     limit: str  #: its option of `compare`, after ``--max-``; "": none
     estimate: Callable[[Any], MeasuredValue | str]  #: of `ComparedSteps`, or why there is none
-    floor: Callable[[float], float]  #: least tolerance, from the run's value
+    floor: float  #: least tolerance: of a length in m, else as a part of the run's value
+    meaning: str
     scaled: bool = False  #: whether the gain of the sensor counts
     missing: str = ""  #: why the value may be nan
 
@@ -25,20 +26,24 @@ class MetricRow(NamedTuple):
 #: All metrics. A tenth of a nanometre is ten times what the model is solved to; the period has its
 #: last digits from floating-point times.
 METRICS = (
-    MetricRow("period", "s", "", lambda of: of.period, lambda run: 1e-9 * run),
     MetricRow(
-        "step size", "m", "step-error", lambda of: of.steps.mean_step, lambda run: 1e-10,
-        scaled=True, missing="too few cycles"),
+        "period", "s", "", lambda of: of.period, 1e-9,
+        "time from slip to slip; of a run that is simulated, that of its parameters"),
     MetricRow(
-        "backstep", "m", "backstep-error", lambda of: of.backstep, lambda run: 1e-10,
-        scaled=True, missing="too few samples after the slips"),
+        "step size", "m", "step-error", lambda of: of.steps.mean_step, 1e-10,
+        "way from slip to slip", scaled=True, missing="too few cycles"),
     MetricRow(
-        "ringing frequency", "Hz", "frequency-error", lambda of: of.ringing_frequency,
-        lambda run: 5e-3 * abs(run), missing="no ringing seen"),
+        "backstep", "m", "backstep-error", lambda of: of.backstep, 1e-10,
+        "back to the deepest point after the slip", scaled=True,
+        missing="too few samples after the slips"),
     MetricRow(
-        "damping ratio", "", "damping-error", lambda of: of.damping_ratio,
-        lambda run: 2e-2 * abs(run), missing="no ringing seen"),
+        "ringing frequency", "Hz", "frequency-error", lambda of: of.ringing_frequency, 5e-3,
+        "of the ringing after the slips", missing="no ringing seen"),
     MetricRow(
-        "0-amplitude", "m", "zero-amplitude-error", lambda of: of.zero_amplitude,
-        lambda run: 1e-10),
+        "damping ratio", "", "damping-error", lambda of: of.damping_ratio, 2e-2,
+        "of the same", missing="no ringing seen"),
+    MetricRow(
+        "0-amplitude", "m", "zero-amplitude-error", lambda of: of.zero_amplitude, 1e-10,
+        "where a line through the steps over the actuator's deflection crosses zero; only if the "
+        "run contains the deflection and it varies by 10 % or more"),
 )  # fmt: skip

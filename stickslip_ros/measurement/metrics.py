@@ -372,7 +372,8 @@ def step_metrics(
             continue
         scale = 1.0 / alignment.gain if row.scaled else 1.0
         error = math.hypot(first.error, scale * second.error)
-        tolerance = max(limit * error, row.floor(first.value))
+        floor = row.floor * (1.0 if row.unit == "m" else abs(first.value))
+        tolerance = max(limit * error, floor)
         why = row.missing if not math.isfinite(first.value + second.value) else ""
         if not why and not math.isfinite(error):
             why = "too few cycles to tell its uncertainty"

@@ -303,6 +303,7 @@ def test_a_run_that_is_not_determined_is_left_out_beside_one_that_is() -> None:
         assert [one.left_out for one in found.pairs] == [k == 0, k == 1]
         assert found.run_steps is not None
         assert found.run_steps.direction * found.run_steps.steps == steps
+        assert found.as_json()["steps"] == abs(steps)
         assert any("left out: 2 cycles" in note for note in found.notes())
         (said,) = judge(found, {"step-error": 1.0})
         assert not said.kept
