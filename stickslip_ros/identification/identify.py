@@ -161,10 +161,13 @@ class _Estimation:
         found = self._estimate_all(self.best, profiler, profiles, complete)
         if profiler is None or not (suggest_next and complete):
             return found
-        self._report("next", 0.0, self.best.unknowns)
+        at = self.best.unknowns
         sensor = CandidateSensor.of(self.traces, [run.noise for run in found.runs])
         base = self.problem.fits[0].parameters
-        return replace(found, next=suggest(profiler, base, found.parameters, sensor))
+        told = suggest(
+            profiler, base, found.parameters, sensor, lambda part: self._report("next", part, at)
+        )
+        return replace(found, next=told)
 
     def rank(
         self,

@@ -9,8 +9,9 @@ smallest, whichever parameter it belongs to).
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,11 +56,16 @@ class CandidateSensor:
 
 
 def suggest(
-    profiler: Profiler, base: Parameters, estimates: Mapping[str, Estimate], sensor: CandidateSensor
+    profiler: Profiler,
+    base: Parameters,
+    estimates: Mapping[str, Estimate],
+    sensor: CandidateSensor,
+    progress: Callable[[float], None] = lambda part: None,
 ) -> Suggestion | None:
     """Return the run that narrows the widest interval most; None if no candidate can be run.
 
-    ``base`` are the parameters of the first experiment; its drive's limits are kept.
+    ``base`` are the parameters of the first experiment; its drive's limits are kept. progress is
+    called with the part of the candidates that were simulated.
     """
     free = profiler.problem.free
     known = profiler.information()
@@ -68,20 +74,24 @@ def suggest(
     wanted = [one for one in estimates.values() if one.name != LAG]
     k = _widest(known, wanted)
 
-    def best(candidates: Iterator[tuple[Parameters, float]]) -> _Candidate | None:
+    drives = [(p, sensor.rate) for p in _drives(base, free, theta)]
+    heavier = [base.replace(payload=base.runner.payload + part * base.runner.mass)
+               for part in NEXT.payloads]  # fmt: skip
+    carrying = [(p, sensor.rate) for one in heavier
+                for p in _drives(one, free, theta, NEXT.amplitudes[::2])]  # fmt: skip
+    looked = itertools.count(1)
+
+    def best(candidates: Iterable[tuple[Parameters, float]]) -> _Candidate | None:
         found = []
         for p, rate in candidates:
+            progress(min(next(looked) / len(drives + carrying), 1.0))
             one = candidate_of(p, free, theta, sensor, rate)
             if one is not None:
                 deviations = _deviations(known + one.information)[: len(wanted)]
                 found.append(replace(one, deviation=deviations[k], widest=float(deviations.max())))
         return _first_seen(sorted(found, key=lambda one: one.widest), free, theta)
 
-    chosen = best((p, sensor.rate) for p in _drives(base, free, theta))
-    heavier = [base.replace(payload=base.runner.payload + part * base.runner.mass)
-               for part in NEXT.payloads]  # fmt: skip
-    loaded = best((p, sensor.rate) for one in heavier
-                  for p in _drives(one, free, theta, NEXT.amplitudes[::2]))  # fmt: skip
+    chosen, loaded = best(drives), best(carrying)
     if chosen is None or (loaded and loaded.widest < NEXT.clearly * chosen.widest):
         chosen = loaded
     if chosen is None:

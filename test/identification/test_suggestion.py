@@ -51,8 +51,10 @@ def suggestion(axis: Axis, known: Profiler, records: CandidateSensor) -> Suggest
         name: Estimate(name, value, value * math.exp(-1.96 * d), value * math.exp(1.96 * d))
         for (name, value), d in zip(truth_of(axis).items(), deviations.tolist(), strict=True)
     }
-    told = suggest(known, known.problem.fits[0].parameters, estimates, records)
+    parts: list[float] = []
+    told = suggest(known, known.problem.fits[0].parameters, estimates, records, parts.append)
     assert told is not None
+    assert parts == sorted(parts) and len(set(parts)) > 20 and parts[-1] == 1.0
     assert told.parameter == list(estimates)[int(np.argmax(deviations))]
     return told
 
