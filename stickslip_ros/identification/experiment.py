@@ -68,7 +68,8 @@ class Experiment:
                 f"{motion.source} shows no steps at {frequency:g} Hz; correct the frequency in the "
                 "parameters, or cut the measurement"
             )
-        motion, kept = determined_part(motion, found)
+        real = [one for one in found if not _is_phantom(one, frequency)] or found
+        motion, kept = determined_part(motion, real)
         left_out = [
             f"{motion.source}: the {one.steps} steps from {one.span} are left out: {why}"
             for one, why in zip(found, why_left_out(found, kept), strict=True)
@@ -236,6 +237,11 @@ def _is_no_ringing(found: float, frequency: float) -> bool:
     return found < RECORD.ringing_over_drive * frequency or any(
         abs(found / one - 1.0) < RECORD.near_hum for one in hum
     )
+
+
+def _is_phantom(run: Run, frequency: float) -> bool:
+    """Return whether a run is taken for hum or wander: a few cycles, not those of the drive."""
+    return run.steps < RECORD.few_steps and _stepping(run, frequency).frequency != frequency
 
 
 def _stepping(run: Run, frequency: float) -> Stepping:

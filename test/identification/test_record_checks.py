@@ -19,6 +19,7 @@ from stickslip_ros.identification.experiment import (
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
+from validation.campaigns.intervals import draw
 
 #: Steps of 100 nm at 400 Hz, where the actuator goes 150 nm.
 KNOWN = Parameters.of({"preload": 0.6, "frequency": 400.0, "amplitude": 280.0})
@@ -69,6 +70,14 @@ def test_a_run_that_is_not_determined_is_left_out() -> None:
     assert said.startswith("lab: the 2 steps from ")
     assert "left out: " in said
     assert "2 cycles; 3 are needed" in said
+
+
+def test_wander_about_a_run_that_is_not_determined_makes_no_runs() -> None:
+    """It was fitted as 3 and 2 steps at 631 Hz beside the twelve of the drive, 156 nm off."""
+    one = draw(910027).traces[0]
+    found = Experiment.of(one.known, Motion("bench", one.t, one.x))
+    assert [run.steps for run in found.runs] == [12]
+    assert len(found.left_out) == 2
 
 
 def _held(x: np.ndarray) -> np.ndarray:
