@@ -31,7 +31,7 @@ class Estimate:
     value: float
     low: float | None
     high: float | None
-    at_bound: bool = False  #: the value lies on a bound of the search
+    doubt: str = ""  #: why the value does not hold, whatever its interval; empty where it may
 
     @property
     def unit(self) -> str:
@@ -40,20 +40,18 @@ class Estimate:
 
     @property
     def determined(self) -> bool:
-        """Whether the interval has two ends that are not far apart."""
+        """Whether the interval has two ends, not far apart, and nothing speaks against it."""
         return (
             self.low is not None
             and self.high is not None
-            and not self.at_bound
+            and not self.doubt
             and self.high <= SEARCH.determined * self.low
         )
 
     @property
     def remark(self) -> str:
         """How far the value can be trusted, in words."""
-        if self.at_bound:
-            return "on a bound of the search"
-        return "determined" if self.determined else "not determined"
+        return self.doubt or ("determined" if self.determined else "not determined")
 
     @property
     def texts(self) -> tuple[str, str, str]:
@@ -255,7 +253,7 @@ class Fit:
         lines = [f"{'parameter':<16} {'value':>14} {'low (95 %)':>14} {'high (95 %)':>14}"]
         for name, one in self.parameters.items():
             cells = " ".join(f"{text:>14}" for text in one.texts)
-            quiet = one.determined or not (self.complete or one.at_bound)
+            quiet = one.determined or not (self.complete or one.doubt)
             lines.append(f"{name:<16} {cells}" + ("" if quiet else f"  {one.remark}"))
         lines += self.given
         lines.append("")

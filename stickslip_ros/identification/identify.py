@@ -331,11 +331,15 @@ class _Estimation:
     ) -> Fit:
         theta = best.unknowns[: len(self.free.names)]
         ends = {one.name: (one.low, one.high) for one in profiles}
+        effects = effects_of(self.problem, best) if complete else []
+        misfit = misfit_of(self.problem, best, effects) if complete else None
         estimates = {}
         for k, (name, value) in enumerate(self.free.values(theta).items()):
             gap = min(theta[k] - self.free.low[k], self.free.high[k] - theta[k])
-            at_bound = bool(gap < SEARCH.on_bound) and name != LAG  # an amplifier may well not lag
-            estimates[name] = Estimate(name, value, *ends.get(name, (None, None)), at_bound)
+            doubt = "misfit" if misfit else ""
+            if gap < SEARCH.on_bound and name != LAG:  # an amplifier may well not lag
+                doubt = "on a bound of the search"
+            estimates[name] = Estimate(name, value, *ends.get(name, (None, None)), doubt)
         matrix = profiler.correlations() if profiler else None
         names = self.free.names
         correlations = {
@@ -344,7 +348,6 @@ class _Estimation:
         free = self.free
         if LAG in estimates and estimates[LAG].low is None:  # its interval does not exclude 0
             free, theta = free.without_lag(), theta[:-1]
-        effects = effects_of(self.problem, best) if complete else []
         given = [f"{one.effect.tenth} would not show: {one.given}" for one in effects if one.given]
         return Fit(
             parameters=estimates,
@@ -357,7 +360,7 @@ class _Estimation:
                 one.fitted(best.seen[len(self.traces) + k]) for k, one in enumerate(self.tables)
             ),
             profiles=tuple(profiles),
-            misfit=misfit_of(self.problem, best, effects) if complete else None,
+            misfit=misfit,
             complete=complete,
         )
 

@@ -55,7 +55,7 @@ class SearchSettings:
     lag_low: float = 1e-8  #: s
     lag_high: float = 2e-5  #: s
     lag_knee: float = 3e-7  #: s; log(lag + knee) is searched for, since a lag may be none
-    lag_deviation: float = 1e-6  #: s, about none: ordinary amplifiers lag by up to 2 us
+    lag_deviation: float = 1.15e-6  #: s, root mean square of lags up to 2 us, which are ordinary
     determined: float = 4.0  #: largest ratio of the ends of a determined interval
     on_bound: float = 1e-3  #: distance, as a logarithm, that counts as on a bound
     laid_bins: int = 600  #: evaluated
