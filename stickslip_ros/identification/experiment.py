@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -190,26 +191,21 @@ def without_repeats(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
 
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
     """Raise IdentificationError if equal runs have different steps: drive or axis changed."""
-    for k, one in enumerate(runs):
-        for other in runs[:k]:
-            alike = abs(one.frequency / other.frequency - 1.0) < RECORD.same_frequency
-            if (
-                not alike
-                or one.direction != other.direction
-                or min(one.steps, other.steps) < RECORD.compared_steps
-            ):
-                continue
-            difference = abs(one.step_size - other.step_size)
-            error = math.hypot(one.step_size_error, other.step_size_error)
-            larger = max(abs(one.step_size), abs(other.step_size))
-            if difference > max(RECORD.changed_part * larger, RECORD.changed_errors * error):
-                raise IdentificationError(
-                    f"{motion.source}: the run at {other.start:.4g} s steps "
-                    f"{format_si(abs(other.step_size), 'm')}, the one at {one.start:.4g} s "
-                    f"{format_si(abs(one.step_size), 'm')}: amplitude, preload or load changed "
-                    "between them; cut the measurement there, and give each part as a "
-                    "--run of its own"
-                )
+    for other, one in combinations(runs, 2):
+        alike = abs(one.frequency / other.frequency - 1.0) < RECORD.same_frequency
+        alike &= one.direction == other.direction
+        if not alike or min(one.steps, other.steps) < RECORD.few_steps:
+            continue
+        difference = abs(one.step_size - other.step_size)
+        error = math.hypot(one.step_size_error, other.step_size_error)
+        larger = max(abs(one.step_size), abs(other.step_size))
+        if difference > max(RECORD.changed_part * larger, RECORD.changed_errors * error):
+            raise IdentificationError(
+                f"{motion.source}: the run at {other.start:.4g} s steps "
+                f"{format_si(abs(other.step_size), 'm')}, the one at {one.start:.4g} s "
+                f"{format_si(abs(one.step_size), 'm')}: amplitude, preload or load changed between "
+                "them; cut the measurement there, and give each part as a --run of its own"
+            )
 
 
 def _found(motion: Motion, frequency: float) -> list[Run]:

@@ -20,6 +20,13 @@ from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.settings import DESCENT
 
 
+def deviations_of(information: Array) -> Array:
+    """Return the standard deviations of the logarithms; very large for undetermined ones."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-6))
+    scaled = information / np.outer(size, size) + 1e-12 * np.eye(len(size))
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(scaled))) / size)
+
+
 class BetterOptimum(Exception):
     """A profile has come below the optimum."""
 
@@ -57,7 +64,8 @@ class Profiler:
 
     def profile(self, k: int) -> Profile:
         """Return the profile of one parameter. Raises BetterOptimum."""
-        width = self._width(k)
+        deviation = float(deviations_of(self.information())[k])
+        width = min(math.sqrt(self.rise) * deviation, 1.0)
         low, seen_below = self._side(k, -width)
         high, seen_above = self._side(k, width)
         at = self.best.unknowns[k]
@@ -66,17 +74,6 @@ class Profiler:
         values = np.array([value_at(name, one) for one in theta])
         ends = [None if math.isinf(one) else value_at(name, one) or None for one in (low, high)]
         return Profile(name, values, rise, ends[0], ends[1], self.rise)
-
-    def _width(self, k: int) -> float:
-        information = self.information()
-        others = [j for j in range(self.count) if j != k]
-        left = information[k, k]
-        if others:
-            solved = np.linalg.lstsq(
-                information[np.ix_(others, others)], information[others, k], rcond=1e-10
-            )[0]
-            left = left - information[k, others] @ solved
-        return min(math.sqrt(self.rise / max(float(left), 1e-12)), 1.0)
 
     def _side(self, k: int, first: float) -> tuple[float, list[tuple[float, float]]]:
         """Return the end of the interval on one side, and all evaluated points."""

@@ -251,8 +251,8 @@ def _population(
     spring = seen.parameters.runner.spring or 0.0
     sigma_0 = sigma_0_of_ringing(seen.ringing.frequency, mass, seen.ringing.decay) - spring
     wanted = {
-        "sigma_0": (sigma_0, SEARCH.near_sigma_0),
-        "sigma_1": (sigma_1_of_decay(seen.ringing.decay, mass), SEARCH.near_sigma_1),
+        "sigma_0": (sigma_0, 2.0 * SEARCH.frequency),
+        "sigma_1": (sigma_1_of_decay(seen.ringing.decay, mass), SEARCH.decay),
     }
     half = slice(1, count // 2)
     for name, (value, width) in wanted.items():

@@ -19,11 +19,10 @@ class RecordSettings:
     rest_before: float = 0.05  #: periods without which the axis may have stepped before
     sensor_rate: float = 1e6  #: Hz, of a sensor with a bandwidth: lines between bend by 0.01 %
     lead_in: int = 10  #: cycles simulated before the start of the record
-    compared_steps: int = 4  #: of runs that have to be alike; fewer scatter too much
     changed_part: float = 0.08  #: of a step, by which alike runs differ if the axis changed
     changed_errors: float = 5.0  #: standard errors, likewise
     samples_a_swing: float = 4.0  #: of ringing: two are the least, means over slips take as many
-    few_steps: int = 4  #: below which frequency and size of a run are not trusted
+    few_steps: int = 4  #: below which frequency and size of a run scatter too much to be trusted
     noise_factor: float = 3.0  #: a stated noise may differ so: filters of sensors do that
     longest_step: float = 1.1  #: of the way of the actuator; no step is longer
     shortest_step: float = 1e-3  #: of that way; no drive that steps makes shorter ones
@@ -78,8 +77,6 @@ class SearchSettings:
     generations: int = 100  #: at most
     impossible: float = 1e12  #: cost of parameters that make no contact
     agree: float = 3.0  #: spread of costs at which all members lie about one minimum
-    near_sigma_0: float = 0.04  #: logarithm about the value that follows from the ringing
-    near_sigma_1: float = 0.7  #: logarithm, likewise
     distinct: float = 0.2  #: logarithm by which members differ that are handed on
     handed_on: int = 6  #: members
 
@@ -114,9 +111,7 @@ class DescentSettings:
     share_named: float = 0.25  #: share of a parameter in a direction from which on it is named
     curve_deviation: float = 0.02  #: part of the median, where the table states none, to begin with
     no_value: float = 100.0  #: standard deviations that a point without a value counts
-    curve_difference: float = (
-        3e-3  #: logarithm of a difference: searches for a 0-amplitude are not smooth
-    )
+    curve_difference: float = 3e-3  #: logarithm: searches for a 0-amplitude are not smooth
     trace_difference: float = 3e-4  #: the same for traces
 
 
@@ -134,9 +129,7 @@ class MisfitSettings:
     takes_up: float = 0.3  #: part of the residuals that an effect has to explain to be named
     named: int = 2  #: effects at most: the third best hardly ever is the cause
     sensor_bandwidth: float = 1e5  #: Hz, of a slow sensor: its effect grows with the square
-    louder: float = (
-        1.5  #: ratio of the residuals in motion to those at rest that is left to sensors
-    )
+    louder: float = 1.5  #: ratio of residuals in motion to those at rest that sensors may have
     at_rest: int = 100  #: bins, below which a record shows no rest
     left_out_parts: int = 3  #: of the cycles of a single run, each left out in turn
     rounds_without: int = 6  #: of a descent without one of them
@@ -161,7 +154,6 @@ class NextSettings:
     slewrates: tuple[float, ...] = (0.2, 0.02)  #: parts of it; more may be beyond the amplifier
     rates: tuple[float, ...] = (0.5, 0.25)  #: parts of the highest sampling rate so far
     densest: float = 24.0  #: samples of a period at least
-    fewest: int = 4  #: steps
     most: int = 200  #: steps
     rest: float = 0.06  #: part of the record before and after the steps
     least_rest: float = 1.0  #: periods

@@ -22,9 +22,9 @@ from stickslip_ros.identification.fit import Estimate, Suggestion
 from stickslip_ros.identification.free import LAG, FreeParameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.noise import Noise
-from stickslip_ros.identification.profile import Profiler
+from stickslip_ros.identification.profile import Profiler, deviations_of
 from stickslip_ros.identification.search import place_runs
-from stickslip_ros.identification.settings import NEXT
+from stickslip_ros.identification.settings import NEXT, RECORD
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
@@ -87,7 +87,7 @@ def suggest(
             progress(min(next(looked) / len(drives + carrying), 1.0))
             one = candidate_of(p, free, theta, sensor, rate)
             if one is not None:
-                deviations = _deviations(known + one.information)[: len(wanted)]
+                deviations = deviations_of(known + one.information)[: len(wanted)]
                 found.append(replace(one, deviation=deviations[k], widest=float(deviations.max())))
         return _first_seen(sorted(found, key=lambda one: one.widest), free, theta)
 
@@ -161,7 +161,7 @@ def _first_seen(
 
 def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
     """Return the number of the parameter whose interval is widest, by its logarithm."""
-    widths, deviations = [], _deviations(known)
+    widths, deviations = [], deviations_of(known)
     for k, one in enumerate(estimates):
         width = 2.0 * CONFIDENCE * float(deviations[k])
         if one.low is None or one.high is None:
@@ -170,12 +170,6 @@ def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
             width = math.log(one.high / one.low)
         widths.append(width)
     return int(np.argmax(widths))
-
-
-def _deviations(information: Array) -> Array:
-    """Return the standard deviations of the logarithms; very large for undetermined ones."""
-    floor = 1e-6 * np.eye(len(information))
-    return np.sqrt(np.diag(np.linalg.inv(information + floor)))
 
 
 def _drives(
@@ -209,7 +203,7 @@ def candidate_of(
     record = sensor.samples / rate
     rest = max(NEXT.rest * record, NEXT.least_rest / frequency)
     steps = min(int((record - 2.0 * rest) * frequency), NEXT.most)
-    if rate < NEXT.densest * frequency or steps < NEXT.fewest:
+    if rate < NEXT.densest * frequency or steps < RECORD.few_steps:
         return None
     t = np.arange(0.0, steps / frequency + 2.0 * rest, 1.0 / rate)
     try:

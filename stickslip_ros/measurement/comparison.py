@@ -234,9 +234,7 @@ class Comparison:
             "gain": self.alignment.gain,
             "metrics": {metric.name: metric.as_json() for metric in self.metrics},
             "by_run": by_run,
-            "steps": sum(
-                one.measured.steps for one in self.pairs if one.measured and not one.left_out
-            ),
+            "steps": sum(p.measured.steps for p in self.pairs if p.measured and not p.left_out),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
             "cycles": None
@@ -275,9 +273,8 @@ def compare(
     # Those of the run are the better known, those of the measurement stand in for them.
     slips = np.concatenate([
         np.empty(0),
-        *(one.run.slips for one in run_pairs if one.run is not None),
-        *(alignment.run_time(one.measured.slips) for one in run_pairs
-          if one.run is None and one.measured is not None),
+        *(one.run.slips if one.run else alignment.run_time(one.measured.slips)
+          for one in run_pairs if one.measured),
     ])  # fmt: skip
     # The mean difference of each cycle grows by that of the step sizes in every cycle. The rest is
     # the shape: backstep, ringing, rise. Both are orthogonal.

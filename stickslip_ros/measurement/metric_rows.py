@@ -34,8 +34,7 @@ METRICS = (
         "way from slip to slip", scaled=True, missing="too few cycles"),
     MetricRow(
         "backstep", "m", "backstep-error", lambda of: of.backstep, 1e-10,
-        "back to the deepest point after the slip", scaled=True,
-        missing="too few samples after the slips"),
+        "fall after the slip", scaled=True, missing="too few samples after the slips"),
     MetricRow(
         "ringing frequency", "Hz", "frequency-error", lambda of: of.ringing_frequency, 5e-3,
         "of the ringing after the slips", missing="no ringing seen"),

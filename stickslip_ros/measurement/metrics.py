@@ -180,7 +180,8 @@ def pair_runs(
         seen = Motion(run.source, pairs.t, pairs.run)
     found = []
     for k, one in enumerate(measured):
-        count = _count(*step_counts(motions, alignment, measured, k))
+        first, second, why = step_counts(motions, alignment, measured, k)
+        count = ComparisonMetric("steps", "", first, second, 0.5, why)
         try:
             part, cycles = _steps_near(motions, alignment, one)
             if exact:
@@ -225,13 +226,6 @@ def with_left_out(
         else next(their)
         for one, why in zip(measured, why_left_out(measured, compared), strict=True)
     ]
-
-
-def _count(run: int, measured: int, why: str) -> ComparisonMetric:
-    """Return the numbers of steps, which differ or do not, without any chance."""
-    if why:
-        return ComparisonMetric.missing("steps", "", why)
-    return ComparisonMetric("steps", "", run, measured, 0.5)
 
 
 def match_slips(
@@ -294,7 +288,7 @@ def missing_metrics(why: str, count: ComparisonMetric | None = None) -> list[Com
     count is that of the steps, where it is known.
     """
     metrics = [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
-    return [*metrics, count or _count(0, 0, why)]
+    return [*metrics, count or ComparisonMetric.missing("steps", "", why)]
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,8 +21,8 @@ _MOVED, _REST = 0.01, 0.5
 
 def step_counts(
     motions: MotionPair, alignment: Alignment, runs: Sequence[Run], k: int
-) -> tuple[int, int, str]:
-    """Return the steps of both in measured run k and the rests about it; why they are not known."""
+) -> tuple[float, float, str]:
+    """Return the steps of both in measured run k and the rests about it; nan, and why, if unknown."""
     one, (begin, end) = runs[k], _rests_about(motions.measurement, runs, k)
     begin = 0.5 * (begin + one.start) if k else begin
     end = 0.5 * (end + one.end) if k + 1 < len(runs) else end
@@ -35,7 +36,8 @@ def step_counts(
         near = nearest_run(found, one.direction, *edges)
         if near:
             own, unknown = _found_steps(motions.run, found, found.index(near))
-    return own, seen, why or unknown
+    why = why or unknown
+    return (math.nan, math.nan, why) if why else (own, seen, "")
 
 
 def nearest_run(runs: Sequence[Run], direction: int, begin: float, end: float) -> Run | None:

@@ -222,11 +222,8 @@ def read_octave(path: Path) -> Table:
     """Return the columns of all matrices and ranges. Raises MeasurementError and OSError."""
     with open_regular(path) as file:
         lines = file.read().decode("utf-8", "replace").splitlines()
-    starts, allowance = (
-        [k for k, line in enumerate(lines) if line.startswith(_NAME)],
-        Allowance(path),
-    )
-    found: list[Column] = []
+    starts = [k for k, line in enumerate(lines) if line.startswith(_NAME)]
+    found, allowance = list[Column](), Allowance(path)
     try:
         for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
             found += _variable(lines[start:end], allowance)
