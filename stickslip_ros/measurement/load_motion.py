@@ -29,12 +29,7 @@ from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.parameters.groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
-from stickslip_ros.recordings.cdr import (
-    JOINT_STATE_TYPE,
-    decode_messages,
-    fields_of,
-    stamp_of,
-)
+from stickslip_ros.recordings.cdr import JOINT_STATE_TYPE, decode_messages, fields_of, stamp_of
 from stickslip_ros.traces.analysis import determined_part, runs_of
 from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.runs import Run

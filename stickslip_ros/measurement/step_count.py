@@ -22,7 +22,7 @@ _MOVED, _REST = 0.01, 0.5
 def step_counts(
     motions: MotionPair, alignment: Alignment, runs: Sequence[Run], k: int
 ) -> tuple[float, float, str]:
-    """Return the steps of both in measured run k and the rests about it; nan, and why, if unknown."""
+    """Return the steps of both in measured run k and the rests about it; or nan and why not."""
     one, (begin, end) = runs[k], _rests_about(motions.measurement, runs, k)
     begin = 0.5 * (begin + one.start) if k else begin
     end = 0.5 * (end + one.end) if k + 1 < len(runs) else end
