@@ -143,10 +143,11 @@ def study(minutes: float, rate: float, number: int, library: str) -> list[str]:
     with tempfile.TemporaryDirectory() as made, contextlib.ExitStack() as nodes:
         folder, faults = Path(made), list[str]()
 
-        def start(name: str, *parameters: str) -> ChildProcess:
-            (place := folder / f"{name} {parameters[-1][-1]}").mkdir()
-            words = [one for given in parameters for one in ("-p", given)]
-            return nodes.enter_context(child_node(name, place, *words))
+        def start(name: str, parameter: str, says: str) -> ChildProcess:
+            (place := folder / f"{name} {parameter[-1]}").mkdir()
+            child = nodes.enter_context(child_node(name, place, "-p", parameter))
+            child.wait_for(says)  # one after the other, since a clock that is faked takes time
+            return child
 
         clock = folder / "clock"
         clock.write_text("+0d\n")
@@ -154,11 +155,9 @@ def study(minutes: float, rate: float, number: int, library: str) -> list[str]:
         faked |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
         faked["NO_FAKE_STAT"] = "1"  # files keep their times; to fake them makes the start slow
         with unittest.mock.patch.dict(os.environ, faked if library else {}):
-            axes = {name: start("axis_node", f"axis_name:={name}") for name in "ab"}
-            recorder = start("recorder_node", f"output:={folder / 'bag'}")
-        for child in axes.values():
-            child.wait_for("ready")
-        recorder.wait_for("first message of /joint_states")
+            axes = {name: start("axis_node", f"axis_name:={name}", "ready") for name in "ab"}
+            heard_first = "first message of /joint_states"
+            recorder = start("recorder_node", f"output:={folder / 'bag'}", heard_first)
         spin = SpinThread("listener")
         node = spin.add(Node("listener", context=spin.context))
         heard = Listener(node, {name: child.pid for name, child in axes.items()})
