@@ -228,7 +228,7 @@ def find_steps(
     kept = without_spikes(x, noise)
     t, x = t[kept], x[kept]
     even = resample_evenly(t, x, _MOST, noise if kept.all() else None)
-    seen, shorter = _search(even, period, report)
+    seen = _search(even, period, report)
     report("steps")
     parts, grids, estimates, disturbances = _fit_all(t, x, even, seen)
     steps = [
@@ -236,15 +236,15 @@ def find_steps(
         for one, step in zip(grids, estimates, strict=True)
     ]
     if any(steps) and not all(steps):  # a guess beside a run, and without a step, is none
-        seen, shorter = list(compress(seen, steps)), list(compress(shorter, steps))
+        seen = list(compress(seen, steps))
         parts, grids, estimates, disturbances = _fit_all(t, x, even, seen)
     still = without_disturbances(even, disturbances)
     clipping, jumps = find_clipping(even), find_jumps(x)
     runs = []
-    for part, grid, estimate, less in zip(parts, grids, estimates, shorter, strict=True):
+    for part, grid, estimate in zip(parts, grids, estimates, strict=True):
         run = analyse_grid(t[part], x[part], grid, estimate)
         others = [one for one in grids if one is not grid]
-        less = less and _shorter(even, grid)  # the onset may have bettered its period
+        less = _shorter(still, grid)  # hum may have hidden it, and the onset bettered its period
         given = period is not None
         doubts = doubts_of(still, grid, others, run.mean_step, less, run.ringing, given)
         runs.append(replace(run, doubts=(*clipping, *doubts, *(jumps if doubts else ()))))
@@ -267,30 +267,28 @@ def _fit_all(
     return parts, grids, *fit_steps(even, grids, ringings)
 
 
-def _search(
-    even: EvenSamples, period: float | None, report: Report
-) -> tuple[list[SlipGrid], list[float | None]]:
-    """Return the runs, and the shorter periods (s) at which they would repeat better.
+def _search(even: EvenSamples, period: float | None, report: Report) -> list[SlipGrid]:
+    """Return the runs.
 
-    They are searched for again at such a period, if that then shows them. Where a run of a given
-    one does not explain the motion, or a shorter one does, what is found without it counts if that
-    is of the period given; and if nothing explains the motion at it, or at whole parts of it.
+    They are searched for again at a shorter period at which they would repeat better, if that then
+    shows them. Where a run of a given one does not explain the motion, or a shorter one does, what
+    is found without it counts if that is of the period given; and if nothing explains the motion at
+    it, or at whole parts of it.
     """
     seen = search_runs(even, period, report)
-    shorter = [_shorter(even, one) for one in seen]
-    better = next((one for one in shorter if one is not None), None)
+    better = next((less for one in seen if (less := _shorter(even, one)) is not None), None)
     if period is None and better is not None:
         again = search_runs(even, better, report)
         if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again):
-            return again, [_shorter(even, one) for one in again]
+            return again
     explained = period is None or _explain(even, seen)
     if period is not None and not (explained and better is None):
-        without, others = _search(even, None, report)
+        without = _search(even, None, report)
         turns = np.array([period / one.period for one in without if one.explained])
         other = len(turns) and (np.abs(turns - np.rint(turns)) > AS_GIVEN).all()
         if (np.abs(turns - 1.0) < AS_GIVEN).any() or (other and not explained):
-            return without, others
-    return seen, shorter
+            return without
+    return seen
 
 
 def _shorter(even: EvenSamples, run: SlipGrid) -> float | None:

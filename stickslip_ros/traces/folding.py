@@ -31,8 +31,8 @@ class FoldingSettings:
     dense: float = 150.0  #: samples of a cycle from which on they are
     longer: float = 0.8  #: periods above this part of the run's own are its own
     together: int = 20_000  #: positions that are folded at a time: so many stay in the cache
-    #: Fall of the criterion that is no chance: among a thousand periods, one in a thousand.
-    clear: float = 2.0 * math.log(1e6)
+    #: Of a fall of the criterion by chance, among all parts of the period or all other periods.
+    chance: float = 1e-3
 
 
 SETTINGS = FoldingSettings()
@@ -57,28 +57,29 @@ def shorter_period(even: EvenSamples, run: SlipGrid) -> float | None:
         return None
     tick = (end - begin) / count
     own = 1.0 / run.period
-    if dense:
-        tried = own * np.arange(2.0, SETTINGS.parts + 1.0)
-    else:
-        # From one to the next, the phase moves by half a cell at either end of the run.
-        step = 1.0 / (SETTINGS.cells * (end - begin))
-        tried = np.arange(own / SETTINGS.longer, 1.0 / (SETTINGS.fewest * tick), step)
+    # From one to the next, the phase moves by half a cell at either end of the run.
+    step, last = 1.0 / (SETTINGS.cells * (end - begin)), 1.0 / (SETTINGS.fewest * tick)
+    near = own * (1.0 + 0.25 * np.linspace(-1.0, 1.0, 9) / run.count)
+    number = np.arange(2.0, min(SETTINGS.parts, last / own) + 1.0)
+    parts = (number[:, None] * near).ravel()
+    others = np.empty(0) if dense else np.arange(own / SETTINGS.longer, last, step)
+    tried = np.concatenate((parts, others))
     if not len(tried):
         return None
+    trials = np.repeat([len(number), len(others)], [len(parts), len(others)])
     # What changes slowly would be taken up by more cells: first cycles, drift.
     slow = np.polynomial.Polynomial.fit(t, x, SETTINGS.slow)
     t, x = t - 0.5 * (end - begin), x - slow(t)
     # No finer than the samples of a period: a swing in few of them would pass for a shape.
     cells = np.clip(1.0 / (tried * tick), 3.0, SETTINGS.cells).astype(int)
-    criteria = _criteria(t, x, tried, cells)
+    criteria = _criteria(t, x, tried, cells) + 2.0 * np.log(trials / SETTINGS.chance)
     best = int(np.argmin(criteria))
     # Its own, longer period takes as many times as many cells to draw its shape as finely; one cell
     # is no shape at all.
-    near = own * (1.0 + 0.25 * np.linspace(-1.0, 1.0, 9) / run.count)
     whole = np.full(len(near), round(cells[best] * tried[best] / own))
     near, whole = np.append(near, own), np.append(whole, 1)
     alone = float(_criteria(t, x, near, whole).min())
-    return 1.0 / float(tried[best]) if criteria[best] < alone - SETTINGS.clear else None
+    return 1.0 / float(tried[best]) if criteria[best] < alone else None
 
 
 def _criteria(t: Array, x: Array, frequencies: Array, cells: NDArray[np.int64]) -> Array:

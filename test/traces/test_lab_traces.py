@@ -26,8 +26,8 @@ FOUND = [
 #: Traces that hold too little, or that something hides: they have to be doubted.
 HIDDEN = [
     ("no rest", 51), ("3 to 5 samples a cycle", 51), ("5 to 9 samples a cycle", 51),
-    ("strong hum", 51), ("fringe jumps", 62),
-    ("1 to 2 cycles", 63), ("part of a last cycle", 92),
+    ("strong hum", 51), ("strong hum", 48202), ("5 to 9 samples a cycle", 48200),
+    ("fringe jumps", 62), ("1 to 2 cycles", 63), ("part of a last cycle", 92),
     ("random walk", 62), ("random walk", 8104),
 ]  # fmt: skip
 #: Traces that are found and take seconds.
