@@ -361,13 +361,16 @@ def cut_rests(
 
 
 def _rest_begin(even: EvenSamples, grid: SlipGrid, end: float) -> float:
-    """Return when (s) the rest after a run begins: a last rise without a slip is not rest."""
+    """Return when (s) the rest after a run begins: a last rise without a slip is not rest.
+
+    That is the end where the record stops within the rise.
+    """
     begin = grid.end + SETTINGS.rung * grid.period
     later = begin + grid.period
     if later + grid.period > end:
-        return begin
+        later = end
     places = even.means(np.linspace(begin, later, 9))
-    rest = even.means(np.array([later, later + grid.period]))
+    rest = places[-1:] if later == end else even.means(np.array([later, later + grid.period]))
     return later if np.fmax.reduce(np.abs(places - rest)) > SETTINGS.still * grid.step else begin
 
 

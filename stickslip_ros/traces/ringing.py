@@ -131,7 +131,7 @@ def may_be_folded(windows: Sequence[Window], ringing: Ringing) -> bool:
         return False
     interval = max(float(np.median(np.diff(t))) for t, _ in windows)
     multiples = np.arange(1.0, _FASTEST * interval + 2.0) / interval
-    others = np.concatenate((multiples - ringing.frequency, multiples + ringing.frequency))
+    others = np.abs(np.concatenate((multiples - ringing.frequency, multiples + ringing.frequency)))
     others = others[others < _FASTEST]
     if not len(others):
         return False
