@@ -294,9 +294,9 @@ def _search(even: EvenSamples, period: float | None, report: Report) -> list[Sli
 def _shorter(even: EvenSamples, run: SlipGrid) -> float | None:
     """Return the shorter period (s) at which a run repeats better, or falls; None if none."""
     shorter = shorter_period(even, run)
-    if shorter is None and fit_ringing_down(even, [run]) is None:  # which falls at even times, too
-        falls = count_falls(even, run)
-        shorter = run.period / falls if falls > 1 else None
+    if shorter is None and (falls := count_falls(even, run)) > 1:
+        # Ringing falls at even times, too.
+        shorter = run.period / falls if fit_ringing_down(even, [run]) is None else None
     return shorter
 
 
