@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace
 from experiments import small
 
 from stickslip_ros.identification import Experiment, identify
@@ -77,6 +78,17 @@ def test_wander_about_a_run_that_is_not_determined_makes_no_runs() -> None:
     one = draw(910027).traces[0]
     found = Experiment.of(one.known, Motion("bench", one.t, one.x))
     assert [run.steps for run in found.runs] == [12]
+
+
+def test_a_few_cycles_of_another_frequency_are_left_out() -> None:
+    axis = Axis()
+    drives = Drive(12, 400.0, pause=5e-3), Drive(3, 280.0, pause=8e-3)
+    bench = bench_trace(axis, drives, Sensor(rate=2e5, noise=1e-9), 8e-3, 3)
+    known = Parameters.of({**axis.parameters, "frequency": 400.0, "amplitude": 300.0})
+    found = Experiment.of(known, Motion("bench", bench.t, bench.x))
+    assert [run.steps for run in found.runs] == [12]
+    (said,) = found.left_out
+    assert said.startswith("bench: the 3 steps from 0.043 s to ")
 
 
 def _held(x: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ FOUND = [
     ("part of a last cycle", 441), ("part of a last cycle", 444), ("10 to 14 samples a cycle", 446),
     ("1.5 to 3 samples a swing", 62), ("1.5 to 3 samples a swing", 441), ("slow", 442),
     ("white noise", 447), ("10 to 14 samples a cycle", 950002),
-    ("10 to 14 samples a cycle", 951001), ("pink noise", 950002),
+    ("10 to 14 samples a cycle", 951001), ("pink noise", 950002), ("no rest after", 48201),
 ]  # fmt: skip
 #: Traces that hold too little, or that something hides: they have to be doubted.
 HIDDEN = [
