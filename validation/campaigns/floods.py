@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hostile bytes on every topic and service of two axes of one name.
 
-    python -m validation.campaigns.floods [--minutes 10] [--rate 5000] [--seed 1] [--clock LIBRARY]
+    python -m validation.campaigns.floods [--minutes 10] [--rate 5000] [--seed 1] [--clock]
 
 A peer sends so many messages a second: whole ones with hostile values and bytes that are none, on
 all that the axes and a recorder hear, and requests to all their services (whole ones: SECURITY.md
 says why). What orders silence is left out: ``stop`` of the recorder; ``pause``, ``enable`` and
 ``real_time_factor`` of the axes. Nobody may die, raise or grow, and no axis may be silent for
 longer than 0.2 s, less the time for which it and the one who hears it waited for nothing but a
-processor. With libfaketime as LIBRARY, the clock of the nodes is set by a day, on and back, every
-five seconds; the steady clock goes on.
+processor. With --clock, libfaketime sets the clock of the nodes by a day, on and back, every five
+seconds; the steady clock goes on.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from stickslip_ros.recordings import open_bag
 from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node, choose_domain
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.process import SpinThread
-from validation.campaigns.processes import ended, memory_of, waited
+from validation.campaigns.processes import FAKETIME, ended, memory_of, waited, with_clock_of
 from validation.campaigns.tests.hostile import damaged, messages
 
 AXIS, RECORDER = "stickslip_axis", "stickslip_recorder"
@@ -134,7 +134,7 @@ class Listener:
             self.count[name] += 1
 
 
-def study(minutes: float, rate: float, number: int, library: str) -> list[str]:
+def study(minutes: float, rate: float, number: int, jumps: bool) -> list[str]:
     """Flood for so long; print what was seen and return what was wrong."""
     choose_domain()
     warm_up()
@@ -151,10 +151,7 @@ def study(minutes: float, rate: float, number: int, library: str) -> list[str]:
 
         clock = folder / "clock"
         clock.write_text("+0d\n")
-        faked = {"LD_PRELOAD": library, "FAKETIME_TIMESTAMP_FILE": str(clock)}
-        faked |= {"FAKETIME_CACHE_DURATION": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
-        faked["NO_FAKE_STAT"] = "1"  # files keep their times; to fake them makes the start slow
-        with unittest.mock.patch.dict(os.environ, faked if library else {}):
+        with unittest.mock.patch.dict(os.environ, with_clock_of(clock) if jumps else {}):
             axes = {name: start("axis_node", f"axis_name:={name}", "ready") for name in "ab"}
             heard_first = "first message of /joint_states"
             recorder = start("recorder_node", f"output:={folder / 'bag'}", heard_first)
@@ -167,10 +164,10 @@ def study(minutes: float, rate: float, number: int, library: str) -> list[str]:
         assert sender.stdout
         print(sender.stdout.readline(), end="", flush=True)  # from now on it floods
         until = time.monotonic() + 60.0 * minutes  # the nodes end while the flood goes on
-        jumps = itertools.cycle(JUMPS)
+        turns = itertools.cycle(JUMPS)
         while time.monotonic() < until and sender.poll() is None and not faults:
             time.sleep(LOOK_EVERY)
-            clock.write_text(f"{next(jumps)}\n")
+            clock.write_text(f"{next(turns)}\n")
             for name, child in everybody.items():
                 try:
                     child.check_running()
@@ -209,12 +206,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--rate", type=float, default=5000.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--clock", default="", metavar="LIBRARY", help="libfaketimeMT.so.1")
+    parser.add_argument("--clock", action="store_true", help="set it by days; needs libfaketime")
     parser.add_argument("--only-send", action="store_true", help="be the peer, at nodes that run")
     args = parser.parse_args(argv)
     if args.only_send:
         flood(args.rate, args.seed, 60.0 * args.minutes)
         return 0
+    if args.clock and FAKETIME is None:
+        parser.error("--clock needs libfaketime: apt install faketime")
     faults = study(args.minutes, args.rate, args.seed, args.clock)
     print(*faults or ["nothing was wrong"], sep="\n")
     return int(bool(faults))

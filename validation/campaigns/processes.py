@@ -11,6 +11,8 @@ import os
 import time
 from pathlib import Path
 
+FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
+
 
 def ended(pid: int, seconds: float) -> bool:
     """Wait for the end of a child, which can still be looked at; return False if it runs on."""
@@ -37,3 +39,17 @@ def memory_of(pid: int) -> float:
     """Return the memory that a process holds, MB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return 1e-6 * pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def with_clock_of(file: Path) -> dict[str, str]:
+    """Return the environment of processes whose clock a file sets (``+1d``), by libfaketime.
+
+    The steady clock goes on, and files keep their times: to fake those makes a start slow.
+    """
+    return {
+        "LD_PRELOAD": str(FAKETIME),
+        "FAKETIME_TIMESTAMP_FILE": str(file),
+        "FAKETIME_CACHE_DURATION": "1",
+        "FAKETIME_DONT_FAKE_MONOTONIC": "1",
+        "NO_FAKE_STAT": "1",
+    }

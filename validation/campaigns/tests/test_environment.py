@@ -20,8 +20,8 @@ from live import Process, Ros, Start
 
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.client import AxisClient
+from validation.campaigns.processes import FAKETIME, with_clock_of
 
-FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
 #: Time (s) for a node to start where seven others compute on each core: it took more than 60.
 STARTING = 200.0
 
@@ -138,10 +138,8 @@ def test_a_bag_stays_in_order_though_the_clock_is_set(
     clock = tmp_path / "clock"
     clock.write_text("+0d\n")
     with monkeypatch.context() as patch:
-        patch.setenv("LD_PRELOAD", str(FAKETIME))
-        patch.setenv("FAKETIME_TIMESTAMP_FILE", str(clock))
-        patch.setenv("FAKETIME_NO_CACHE", "1")
-        patch.setenv("FAKETIME_DONT_FAKE_MONOTONIC", "1")
+        for name, value in with_clock_of(clock).items():
+            patch.setenv(name, value)
         recorder = start_node("recorder_node", output="run")
         axis = start_node("axis_node", frequency=1000.0)
     recorder.wait_for("first message of /joint_states")
