@@ -99,6 +99,9 @@ class Disturbances:
     mains: float | None = None  #: Hz; None: no hum is fitted
     waves: tuple[tuple[float, float], ...] = ()  #: cosine and sine (m) of each harmonic
     hum_error: float = math.inf  #: standard error of the amplitude, m
+    bends: tuple[
+        float, ...
+    ] = ()  #: Legendre polynomials over the record, m; none if it is straight
 
     @property
     def hum(self) -> float:
@@ -128,8 +131,14 @@ class Disturbances:
         }
 
     def at(self, t: Array, drift: bool = True, hum: bool = True) -> Array:
-        """Return drift and hum (m) at times (s); the drift counts from the first of them."""
+        """Return drift and hum (m) at times (s); the drift counts from the first of them.
+
+        A bent drift is that of the whole record, which times begin with.
+        """
         total = self.drift * (t - t[0]) if drift else np.zeros_like(t)
+        if drift and self.bends:
+            place = 2.0 * (t - t[0]) / self.duration - 1.0
+            total = total + np.polynomial.legendre.legval(place, [0.0, 0.0, *self.bends])
         if hum and self.mains is not None:
             columns = hum_columns(t, (self.mains,), len(self.waves))
             total = total + np.stack(columns, axis=-1) @ np.ravel(self.waves)
@@ -138,10 +147,12 @@ class Disturbances:
 
 def without_disturbances(even: EvenSamples, found: Disturbances) -> EvenSamples:
     """Return a measurement without the drift and the hum that are plainly there."""
-    if not (found.drifts or found.hums):
+    if not (found.drifts or found.hums or found.bends):
         return even
     t: Array = even.begin + even.tick * np.arange(len(even.x), dtype=np.float64)
-    return replace(even, x=np.asarray(even.x - found.at(t, found.drifts, found.hums)))
+    return replace(
+        even, x=np.asarray(even.x - found.at(t, found.drifts or bool(found.bends), found.hums))
+    )
 
 
 @dataclass(frozen=True)
@@ -219,13 +230,19 @@ def average_fits(
         column += block.own.shape[1]
     drift, drift_error = mean(own)
     best = int(np.argmax(share))
-    mains = CASES[best][0]
-    if mains is None:
-        return steps, Disturbances(drift, drift_error)
-    found_waves = [fits[best].value(own + 1 + k, chance) for k in range(2 * SETTINGS.harmonics)]
-    waves = tuple((found_waves[k][0], found_waves[k + 1][0]) for k in range(0, len(found_waves), 2))
-    error = max(error for _, error in found_waves[:2])
-    return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
+    mains, (_, bent, _) = CASES[best]
+    found, next_ = Disturbances(drift, drift_error), own + 1
+
+    def of_best(count: int) -> list[tuple[float, float]]:
+        return [fits[best].value(next_ + k, chance) for k in range(count)]
+
+    if mains is not None:
+        hum = of_best(2 * SETTINGS.harmonics)
+        waves = tuple((hum[k][0], hum[k + 1][0]) for k in range(0, len(hum), 2))
+        error = max(error for _, error in hum[:2])
+        found, next_ = replace(found, mains=mains, waves=waves, hum_error=error), next_ + len(hum)
+    bends = of_best(SETTINGS.bends - 1) if bent else []
+    return steps, replace(found, bends=tuple(size for size, _ in bends))
 
 
 class Rows:
