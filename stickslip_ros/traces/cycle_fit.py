@@ -30,6 +30,7 @@ from stickslip_ros.traces.even_samples import (
 )
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import PUSH, Ringing
+from stickslip_ros.traces.steps import SETTLING
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ class CycleFitSettings:
     left: float = 4.0  #: times the noise that a fit leaves at most
     left_of_fall: float = 0.25  #: or this part of the falls
     uneven: float = 0.35  #: rises of one drive differ by less than this part in the median
+    #: Part by which cycles within a run differ: the first ones, later ones.
+    equal: tuple[float, float] = (0.3, 0.05)
     step: float = 10.0  #: of rises and falls beforehand, as part of the spread of the motion
     rest: float = 1e-6  #: standard deviation of the place beforehand, m
     drift: float = 3e-7  #: standard deviation of the drift beforehand, m/s, as on a bench
@@ -64,7 +67,6 @@ class CycleFitSettings:
     #: By how much first slip and period (in tenths of a period, the latter over all cycles),
     #: frequency of the ringing (in hundredths) and logarithm of its decay may be corrected.
     corrections: tuple[float, float, float, float] = (1.0, 2.0, 1.0, 0.3)
-    clock: float = 5e-4  #: error of the clock of a known period, s/s
     low_pass: float = 0.1  #: standard deviation of the low-pass, in periods of the ringing
     thinned: float = 0.15  #: distance of samples behind it, in the same
     dense: float = 100.0  #: samples in a swing that it needs at most
@@ -73,6 +75,8 @@ class CycleFitSettings:
 
 SETTINGS = CycleFitSettings()
 
+#: Error of the clock of a known period, s/s.
+CLOCK = 5e-4
 #: Ringing blurs the clock of the slips where fewer of its periods fit into a cycle.
 BLURRED = 12.0
 
@@ -97,27 +101,31 @@ class CycleFit:
         """Logarithm of how many times as likely each cycle is as none, by its rise and its fall.
 
         Most cycles rise and fall as the others do, but for their scatter, some by any part of that
-        (ringing in step with the drive); none does neither. A rise alone is no step, but only a
-        last one can be: the next cycle follows a slip.
+        (ringing in step with the drive); none does neither. A rise alone, of any part of one where
+        the drive stopped, is no step, but only a last one can be: the next cycle follows a slip.
         """
         count = self.grid.count
         ends = int(count > 4)  # they differ most, but of few cycles they tell what is usual, too
         inner = (self.number >= ends) & (self.number < count - ends)
         if not inner.any():
             return np.zeros(len(self.number))
-        found = []
+        exists, none, parts = [], [], []
         for sizes, errors in zip((self.rise, self.fall), self.errors, strict=True):
             usual = float(np.median(sizes[inner]))
-            none = np.hypot(errors, SETTINGS.end * usual)
-            alike = np.maximum(none, math.hypot(robust_std(sizes[inner]), SETTINGS.end * usual))
+            error = np.hypot(errors, SETTINGS.end * usual)
+            alike = np.maximum(error, math.hypot(robust_std(sizes[inner]), SETTINGS.end * usual))
             others = np.hypot(alike, 0.5 * usual)
-            cycle = np.logaddexp(
-                math.log(1.0 - SETTINGS.unlike) + _log_normal(sizes - usual, alike),
-                math.log(SETTINGS.unlike) + _log_normal(sizes - usual, others),
+            exists.append(
+                np.logaddexp(
+                    math.log(1.0 - SETTINGS.unlike) + _log_normal(sizes - usual, alike),
+                    math.log(SETTINGS.unlike) + _log_normal(sizes - usual, others),
+                )
             )
-            found.append(cycle - _log_normal(sizes, none))
-        rises, falls = found
-        known = np.where(self.number < count - 1, rises, np.minimum(rises, 0.0)) + falls
+            none.append(_log_normal(sizes, error))
+            parts.append(_log_part(sizes, error, usual))
+        rises, falls = exists[0] - none[0], exists[1] - none[1]
+        stopped = exists[0] - np.logaddexp(none[0], parts[0]) + math.log(2.0)
+        known = np.where(self.number < count - 1, rises, stopped) + falls
         return np.where(self.seen, known, rises)
 
     def extent(self) -> tuple[int, int]:
@@ -155,6 +163,14 @@ def _log_normal(x: Array, width: Array) -> Array:
     return -0.5 * (x / width) ** 2 - np.log(width)
 
 
+def _log_part(x: Array, width: Array, most: float) -> Array:
+    """Return the same for any part of a size, each as likely."""
+    width = np.maximum(width, np.finfo(float).tiny)
+    part = scipy.special.ndtr((most - x) / width) - scipy.special.ndtr(-x / width)
+    tiny = np.finfo(float).tiny
+    return np.log(np.maximum(part, tiny) * math.sqrt(2.0 * math.pi) / max(abs(most), tiny))
+
+
 def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
     """Return where the runner would be at rest on its contact: a sawtooth with straight flanks."""
     omega_0 = math.hypot(2.0 * math.pi * ringing.frequency, ringing.decay)
@@ -189,20 +205,23 @@ def fit_cycles(
     end: float,
     known: bool = False,
     tuned: bool = False,
+    equal: bool = False,
 ) -> CycleFit | None:
     """Fit rise and fall of the cycles of a run, and of some beyond its ends.
 
     begin and end (s) limit the samples; None if there are too few. The times of the slips and the
-    ringing are fitted, too, unless tuned; a known period may be off by the error of a clock. Of a
-    long run, the first and the last cycles are fitted.
+    ringing are fitted, too, unless tuned; a known period may be off by the error of a clock. If
+    equal, the cycles between the first and the last one are taken for such. Of a long run, the
+    first and the last cycles are fitted.
     """
     parts = split_parts(even, grid, begin, end, SETTINGS.cycles)
     if not _enough(parts):
         return None
     if not tuned:
         grid, ringing = _tune(even, parts, grid, ringing, (begin, end), known)
+    parts = [replace(part, hums=not equal) for part in parts]
     alike = _fit_alike(parts[0], grid, ringing)
-    fits = [_fit_each(part, grid, ringing, alike) for part in parts]
+    fits = [_fit_each(part, grid, ringing, alike, equal) for part in parts]
     cells = [len(residuals) for *_, residuals in fits]
     number = np.concatenate([part.number for part in parts])
     sizes = np.concatenate([rises_and_falls for rises_and_falls, *_ in fits], axis=1)
@@ -238,12 +257,13 @@ class _Stretch:
     x: Array  #: m, (cells,), nan where not known
     noise: float  #: standard deviation of x by noise, m
     spread: float  #: standard deviation of x, m
+    hums: bool = True  #: whether there may be hum
 
     @cached_property
     def slow(self) -> tuple[Array, list[float]]:
         """Place, drift and hum at the cells; the standard deviation of each beforehand, SI."""
         t = 0.5 * (self.edges[1:] + self.edges[:-1])
-        hum = hum_columns(t, MAINS) if t[-1] - t[0] > SETTINGS.hum_seen else []
+        hum = hum_columns(t, MAINS) if self.hums and t[-1] - t[0] > SETTINGS.hum_seen else []
         columns = np.stack([np.ones_like(t), t - t[0], *hum], axis=1)
         return columns, [SETTINGS.rest, SETTINGS.drift, *[USUAL] * len(hum)]
 
@@ -320,23 +340,39 @@ def _fit_alike(part: _Stretch, grid: SlipGrid, ringing: Ringing) -> tuple[float,
 
 
 def _fit_each(
-    part: _Stretch, grid: SlipGrid, ringing: Ringing, alike: tuple[float, Array, Array]
+    part: _Stretch,
+    grid: SlipGrid,
+    ringing: Ringing,
+    alike: tuple[float, Array, Array],
+    equal: bool,
 ) -> tuple[Array, Array, Array]:
     """Fit rise and fall of each cycle (m, (2, cycles)); return their errors and what is left, too.
 
-    Half of the common rise is the prior of every cycle, of those beyond the run, too.
+    Half of the common rise is the prior of every cycle, of those beyond the run, too. But if equal,
+    those within the run have a rise and a fall in common, but for a part.
     """
     known = np.isfinite(part.x)
     shared, widths, rises, falls = _unknowns(part, grid, ringing)
     common, common_falls, residuals = alike
     half, fall = 0.5 * abs(common), abs(float(np.median([*common_falls] or [0.0])))
-    wanted = (part.x - float(np.nanmean(part.x)) - half * rises.sum(axis=0))[known]
-    width = np.array([*widths, *[half] * len(rises), *[2.0 * fall] * len(falls)])
-    design = np.hstack((shared, rises.T, falls.T))[known] * width
+    one = np.zeros(len(part.number))
+    if equal:
+        one[(part.number > 0) & (part.number < grid.count - 1)] = 1.0
+    prior = np.where(one, 0.0, half)
+    part_of = np.where(part.number < SETTLING, *SETTINGS.equal)
+    wanted = (part.x - float(np.nanmean(part.x)) - prior @ rises)[known]
+    of_one = np.where(one, 2.0 * part_of * half, half), np.where(one, part_of * fall, 2.0 * fall)
+    all_of = [SETTINGS.step * part.spread * float(equal)] * 2
+    width = np.concatenate((widths, *of_one, all_of))
+    design = np.hstack((shared, rises.T, falls.T, (one @ rises)[:, None], (one @ falls)[:, None]))
+    design = design[known] * width
+    each = np.eye(2 * len(one), 2 * len(one) + 2)
+    each[: len(one), -2], each[len(one) :, -1] = one, one
+    each = each * width[len(widths) :]
 
     def solve(design: Array, wanted: Array, noise: float) -> tuple[Array, Array]:
         inverse = np.linalg.inv(design.T @ design + noise**2 * np.eye(len(width)))
-        return inverse @ (design.T @ wanted), noise * np.sqrt(np.diag(inverse))
+        return inverse @ (design.T @ wanted), np.asarray(noise**2 * inverse, np.float64)
 
     found, _ = solve(design, wanted, max(part.noise, float(np.std(residuals))))
     left = wanted - design @ found
@@ -344,9 +380,11 @@ def _fit_each(
     # of the American Statistical Association 44 (1949) 32).
     same = min(max(float(left[1:] @ left[:-1] / (left @ left)), 0.0), SETTINGS.shared)
     noise = max(part.noise, float(np.std(left))) * math.sqrt(1.0 - same**2)
-    found, errors = solve(design[1:] - same * design[:-1], wanted[1:] - same * wanted[:-1], noise)
-    sizes, errors = ((one * width)[len(widths) :].reshape(2, -1) for one in (found, errors))
-    return sizes + np.array([[half], [0.0]]), errors, left
+    found, chance = solve(design[1:] - same * design[:-1], wanted[1:] - same * wanted[:-1], noise)
+    inner = slice(len(widths), None)
+    errors: Array = np.sqrt(np.einsum("ia,ab,ib->i", each, chance[inner, inner], each))
+    sizes = (each @ found[inner]).reshape(2, -1) + np.stack((prior, np.zeros(len(one))))
+    return sizes, errors.reshape(2, -1), left
 
 
 def responses_of(
@@ -446,7 +484,7 @@ def _fit_clock(
     cycles = max(float(parts[-1].number[-1] - parts[0].number[0]), 1.0)
     most = np.array(SETTINGS.corrections)
     if known:
-        most[1] = min(most[1], 10.0 * cycles * SETTINGS.clock)
+        most[1] = min(most[1], 10.0 * cycles * CLOCK)
 
     def trial(by: Array) -> tuple[SlipGrid, Ringing]:
         late, longer, higher, steeper = by.tolist()

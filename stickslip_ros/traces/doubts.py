@@ -50,7 +50,7 @@ class DoubtSettings:
     #: noise and drift make a half of one or of the other, sweeps of 10 % over a run more than both.
     uneven: tuple[float, float] = (0.004, 0.1)
     #: Logarithm of how many times as likely a first or last cycle is as none, or none as one.
-    likely: float = math.log(20.0)
+    likely: float = math.log(10.0)
     #: Damping ratio, and samples of a swing, of the contact where no ringing is seen: it follows.
     follows: tuple[float, float] = (0.5, 6.0)
     #: Steps by which the distance between the rests may miss the number of steps: the first cycles
@@ -94,9 +94,10 @@ def doubts_of(
     its period was not given. Drift and hum that are known are left out of even.
     """
     found = []
-    fit = fit_ends(even, run, others, ringing)
     # Where ringing is seen, the search has asked this.
-    unlikely = ringing is None and fit is not None and not fit.explains()
+    free = fit_ends(even, run, others, ringing) if ringing is None else None
+    unlikely = free is not None and not free.explains()
+    fit = fit_ends(even, run, others, ringing, equal=True)
     if not run.explained or unlikely:
         found.append("no run of equal steps explains the motion")
     found += too_few(run.count, 1.0 / run.period, 1.0 / even.tick)
@@ -114,9 +115,13 @@ def doubts_of(
     confirmed = False
     if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
-        counted = distance / abs(step.value)
         uncertain = run.count * abs(step.error / step.value)
+        counted = distance / abs(step.value)
         confirmed = abs(counted - run.count) + uncertain < SETTINGS.confirmed
+        if fit is not None:  # the first steps are other ones
+            first = (fit.number >= 0) & (fit.number < settled_from(run.count))
+            distance += float(np.sum(abs(step.value) - (fit.rise - fit.fall)[first]))
+            counted = distance / abs(step.value)
         missing = SETTINGS.miscounted + 0.02 * run.count + uncertain
         rise = 0.0 if fit is None else float(np.sum((fit.rise - fit.fall)[fit.number == run.count]))
         without_slip = max(rise, 0.0) / abs(step.value)  # which is no step
@@ -237,15 +242,19 @@ def fit_ends(
     run: SlipGrid,
     others: list[SlipGrid],
     ringing: Ringing | None,
+    equal: bool = False,
 ) -> CycleFit | None:
-    """Return rises and falls of a run and beyond its ends, by the clock that was found."""
+    """Return rises and falls of a run and beyond its ends, by the clock that was found.
+
+    If equal, its cycles but the first and the last one are taken for such.
+    """
     if ringing is None:
         damping, samples = SETTINGS.follows
         swing = samples * max(even.tick, run.period / 100.0)
         ringing = Ringing(1.0 / swing, 2.0 * math.pi * damping / swing)
     begin = max([even.begin, *(one.end for one in others if one.first < run.first)])
     end = min([even.end, *(one.begin for one in others if one.first > run.first)])
-    return fit_cycles(even, run, ringing, begin, end, tuned=True)
+    return fit_cycles(even, run, ringing, begin, end, tuned=True, equal=equal)
 
 
 def _unevenness(even: EvenSamples, run: SlipGrid) -> float:
