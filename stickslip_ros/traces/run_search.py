@@ -25,6 +25,7 @@ from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
 from stickslip_ros.traces.run_growth import check_run, grow_run
 from stickslip_ros.traces.slip_edges import COARSEST, edge_kernel, find_edges
+from stickslip_ros.traces.squares import Squares
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,9 @@ class RunSearchSettings:
     #: its cycles differ by at most this more: a period also repeats after twice its time.
     rival: float = 0.6
     rival_differs: float = 0.015
+    #: By how much less a run has to leave of the motion, in the logarithm of its mean square, to be
+    #: preferred to one whose cycles are more similar.
+    clearly: float = 0.7
     same_period: float = 0.05  #: part by which a period that is seen may be off one that is known
     off: float = 0.5  #: periods at most that this difference adds up to over a run
     clocks: float = 2e-3  #: part by which clocks differ, which is tolerated over any run
@@ -307,6 +311,7 @@ def _find_all(
     """
 
     grids: list[SlipGrid] = []
+    squares = Squares(even)
 
     @cache
     def whole(seed: SlipGrid) -> SlipGrid | None:
@@ -357,6 +362,12 @@ def _find_all(
             and one.dissimilarity < 1.5 * best.dissimilarity + SETTINGS.rival_differs
         ]
         best = min(rivals, key=lambda one: one.period, default=best)
+        # But a run that leaves far less of the motion, whatever its period, is more likely.
+        left = cache(lambda one: squares.left([*found, one]))
+        other = min(grids, key=left)
+        if left(other) < left(best) - SETTINGS.clearly:
+            best, other = (squares.settle_ends(one, found) for one in (best, other))
+            best = other if left(other) < left(best) - SETTINGS.clearly else best
         found.append(best)
         highest, longest = (
             [one for one in chains if not do_overlap(one, best)] for chains in (highest, longest)

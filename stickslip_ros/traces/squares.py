@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much of a motion runs of steps leave unexplained: by which runs are compared.
+
+All positions of the record count, those in runs, in rests, and of what no run explains yet; so runs
+of any period and length can be compared, those that overlap, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+
+from stickslip_ros.arrays import Array
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
+from stickslip_ros.traces.hum import MAINS, hum_columns
+
+
+@dataclass(frozen=True)
+class SquaresSettings:
+    """How finely a motion is looked at, and what is slow."""
+
+    samples: int = 24_000  #: of the record at most; of more, neighbours are averaged
+    slow: int = 3  #: order of the polynomial that a run may be bent by
+    hum_seen: float = 5e-3  #: s, from which on hum is no part of it
+    cells: int = 48  #: of a cycle in which polynomial and hum are told from its shape
+    parts: int = 64  #: of the record that count alike, however much is left in each
+    open: float = 1e-8  #: part of the motion that is open without noise, too
+    least: int = 3  #: of a cycle, in which its shape is drawn
+    moved: int = 4  #: cycles by which the ends of a run are moved at most
+
+
+SETTINGS = SquaresSettings()
+
+
+class Squares:
+    """A motion, and what runs, the rests beside them and hum leave of it."""
+
+    def __init__(self, even: EvenSamples) -> None:
+        self.even = even
+        while len(even.x) > SETTINGS.samples:
+            even = even.halved
+        self._tick = even.tick
+        self._t: Array = np.asarray(even.begin + even.tick * np.flatnonzero(even.known), np.float64)
+        hums = even.end - even.begin > SETTINGS.hum_seen
+        hum = hum_columns(self._t, MAINS) if hums else []
+        self._rows = np.vstack((even.x[even.known] - even.x[0], *hum))
+
+    def left(self, runs: Sequence[SlipGrid]) -> float:
+        """Return the logarithm of the mean square (m^2) that is left, its mean over the record.
+
+        In a run, all cycles share a shape, beside a slow polynomial. Each position is told by those
+        at the same phase of the other cycles: of two, one tells the other, and many tell each more
+        exactly, so a multiple of a period leaves more than itself. A rest is a straight line.
+        """
+        runs = sorted(runs, key=lambda one: one.first)
+        edges = np.searchsorted(self._t, [at for run in runs for at in (run.begin, run.end)])
+        edges = np.maximum.accumulate(np.concatenate(([0], edges, [len(self._t)])))
+        blocks, told, spans = [], [], []
+        for k, part in enumerate(slice(*pair) for pair in pairwise(edges)):
+            t: Array = self._t[part]
+            run = runs[k // 2] if k % 2 else None
+            order = SETTINGS.slow if run else 1
+            if len(t) <= order + 1:
+                continue
+            place = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
+            own = np.polynomial.legendre.legvander(place, order).T
+            rows = np.vstack((self._rows[:, part], own[1:] if run else own))
+            told.append(rows if run is None else self._without_shape(rows, t, run))
+            blocks.append(rows)
+            spans.append((part, run))
+        shared = len(self._rows)
+        columns = np.vstack((
+            np.hstack([one[:shared] for one in told]),
+            scipy.linalg.block_diag(*[one[shared:] for one in told]),
+        ))  # fmt: skip
+        products = columns @ columns.T
+        slow, *_ = np.linalg.lstsq(products[1:, 1:], products[1:, 0], rcond=1e-10)
+        left, at = [], shared - 1
+        for rows, (part, run) in zip(blocks, spans, strict=True):
+            last = at + len(rows) - shared
+            place = rows[0] - slow[: shared - 1] @ rows[1:shared] - slow[at:last] @ rows[shared:]
+            at = last
+            left.append(place if run is None else self._unlike(place, self._t[part], run))
+        squares = np.concatenate(left) ** 2
+        least = SETTINGS.open * float(np.var(self._rows[0])) + 1e-40
+        means = np.add.reduceat(
+            squares, np.arange(0, len(squares), -(-len(squares) // SETTINGS.parts))
+        )
+        return float(np.mean(np.log(means * SETTINGS.parts / len(squares) + least)))
+
+    def _without_shape(self, rows: Array, t: Array, run: SlipGrid) -> Array:
+        """Return rows at times (s) of a run without what all cycles share at a phase."""
+        most = int(np.clip(run.period / self._tick, SETTINGS.least, SETTINGS.cells))
+        cell = (np.mod((t - run.begin) / run.period, 1.0) * most).astype(np.int64)
+        number = np.maximum(np.bincount(cell, minlength=most), 1)
+        shapes = [(np.bincount(cell, row, most) / number)[cell] for row in rows]
+        return np.asarray(rows - np.stack(shapes))
+
+    def _unlike(self, place: Array, t: Array, run: SlipGrid) -> Array:
+        """Return what of the places (m) at times (s) of a run other cycles do not tell, at best.
+
+        Fine cells draw its shape exactly, coarse ones tell it by more samples.
+        """
+        turn = (t - run.begin) / run.period
+        cycle = np.clip(turn.astype(np.int64), 0, run.count - 1)
+        cells = max(int(run.period / self._tick), SETTINGS.least)
+        best, left = place, math.inf
+        while cells >= SETTINGS.least:
+            at = np.mod(turn, 1.0) * cells
+            key = cycle * (cells + 1) + np.minimum(at.astype(np.int64), cells - 1)
+            part = at - np.floor(at)
+            size, shape = run.count * (cells + 1), (run.count, cells + 1)
+            number = np.bincount(key, 1.0 - part, size) + np.bincount(key + 1, part, size)
+            sums = np.bincount(key, (1.0 - part) * place, size)
+            sums += np.bincount(key + 1, part * place, size)
+            number, sums = number.reshape(shape), sums.reshape(shape)
+            others = number.sum(axis=0) - number
+            mean = ((sums.sum(axis=0) - sums) / np.where(others > 0.0, others, 1.0)).ravel()
+            away = place - (1.0 - part) * mean[key] - part * mean[key + 1]
+            if float(away @ away) < left:
+                best, left = away, float(away @ away)
+            cells //= 2
+        return best
+
+    def settle_ends(self, run: SlipGrid, others: Sequence[SlipGrid]) -> SlipGrid:
+        """Return a run with as many cycles, of some more or fewer at its ends, as leave least.
+
+        others are the other runs, which it may not reach into.
+        """
+        earlier = (one.end for one in others if one.end < run.first)
+        begin = max([self.even.begin - 0.5 * run.period, *earlier])
+        end = min([self.even.end, *(one.begin for one in others if one.begin > run.end)])
+        least = self.left([*others, run])
+        for _ in range(SETTINGS.moved):
+            near = [
+                replace(run, first=run.first + more * run.period, count=run.count + last - more)
+                for more, last in ((1, 0), (0, -1), (-1, 0), (0, 1))
+            ]
+            near = [one for one in near if one.count > 1 and begin <= one.begin and one.end <= end]
+            found = [self.left([*others, one]) for one in near]
+            if not found or min(found) >= least:
+                break
+            run, least = near[int(np.argmin(found))], min(found)
+        return run

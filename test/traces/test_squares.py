@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What runs leave of a motion, and that the true ones leave least."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
+
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
+from stickslip_ros.traces.squares import Squares
+
+
+@pytest.fixture(scope="module")
+def bench() -> Bench:
+    """Twenty-four cycles at 200 Hz and twelve back, with hum."""
+    drives = (Drive(24, 200.0, pause=0.02), Drive(12, 200.0, direction=-1, pause=0.02))
+    return bench_trace(Axis(), drives, Sensor(rate=1e5, noise=1e-9, hum=5e-9), rest=0.02, seed=4)
+
+
+@pytest.fixture(scope="module")
+def even(bench: Bench) -> EvenSamples:
+    return resample_evenly(bench.t, bench.x, 2**20)
+
+
+def _grid(bench: Bench, run: int, period: float = 1.0) -> SlipGrid:
+    """A true run, with a part or a multiple of its period."""
+    true = bench.runs[run]
+    every = period / true.frequency
+    return SlipGrid(true.start + every, every, round(true.steps / period), true.direction, 1e-7, 0)
+
+
+def test_each_true_run_leaves_less(bench: Bench, even: EvenSamples) -> None:
+    squares, both = Squares(even), [_grid(bench, 0), _grid(bench, 1)]
+    left = [squares.left(runs) for runs in ([], both[:1], both)]
+    assert left[0] > left[1] + 0.5 and left[1] > left[2] + 0.5
+    assert squares.left(both[::-1]) == pytest.approx(left[2])
+
+
+@pytest.mark.parametrize("period", [1.0 / 3.0, 0.5, 1.31, 2.0, 3.0])
+def test_the_true_period_leaves_least(bench: Bench, even: EvenSamples, period: float) -> None:
+    """A multiple repeats as well, but fewer cycles tell each of them."""
+    squares = Squares(even)
+    assert squares.left([_grid(bench, 0)]) < squares.left([_grid(bench, 0, period)])
+
+
+def test_the_ends_of_a_run_are_found(bench: Bench, even: EvenSamples) -> None:
+    squares, true, other = Squares(even), _grid(bench, 0), _grid(bench, 1)
+    for early, late in ((2, 0), (0, -2), (-1, 1), (1, -2), (-2, 0)):
+        off = replace(true, first=true.first + early * true.period, count=true.count + late - early)
+        found = squares.settle_ends(off, [other])
+        assert found.count == true.count
+        assert found.first == pytest.approx(true.first)
+
+
+def test_gaps_and_long_records_are_no_matter(bench: Bench) -> None:
+    rng = np.random.default_rng(2)
+    kept = np.ones(len(bench.t), dtype=bool)
+    for first in rng.integers(0, len(bench.t), 5):
+        kept[first : first + 40] = False
+    gaps = resample_evenly(bench.t[kept], bench.x[kept], 2**20)
+    assert not gaps.known.all()
+    t = np.linspace(bench.t[0], bench.t[-1], 10 * len(bench.t))
+    long = resample_evenly(t, np.interp(t, bench.t, bench.x), 2**20)
+    for even in (gaps, long):
+        squares = Squares(even)
+        assert squares.left([_grid(bench, 0)]) < squares.left([_grid(bench, 0, 2.0)])
+        assert squares.left([_grid(bench, 0)]) < squares.left([]) - 0.5
