@@ -6,13 +6,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import compress, pairwise
+from itertools import pairwise
 from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.traces.cycle_fit import CLOCK
 from stickslip_ros.traces.cycles import (
     FASTER,
     Cycles,
@@ -38,10 +39,12 @@ from stickslip_ros.traces.run_search import (
     REPORTS,
     Report,
     fit_ringing_down,
+    may_have_period,
     report_nothing,
     search_runs,
 )
 from stickslip_ros.traces.runs import Run, main_run
+from stickslip_ros.traces.squares import Squares
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, settled_from
 
@@ -51,6 +54,12 @@ STAGES = REPORTS + 1
 AS_GIVEN = 0.02
 #: Samples in which runs are looked for; of more, neighbours are averaged.
 _MOST = 2**21
+#: How many times steps, drift and hum are fitted at most, as the number of cycles changes.
+_RECOUNTS = 2
+#: Part of a period, and of a step, by which runs that follow each other differ if they are one.
+_IN_STEP = 0.1
+#: Cycles that may be no run where they show no step.
+_FEW = 5
 #: Periods of a run, from its begin and after its end, that its own analysis sees.
 _BEFORE, _AFTER = 0.5, 0.98
 #: Least periods of ringing in a cycle that show where the slips begin; periods by which slips may
@@ -230,41 +239,105 @@ def find_steps(
     even = resample_evenly(t, x, _MOST, noise if kept.all() else None)
     seen = _search(even, period, report)
     report("steps")
-    parts, grids, estimates, disturbances = _fit_all(t, x, even, seen)
-    steps = [
-        one.explained or abs(step.value) > COVERAGE * step.error
-        for one, step in zip(grids, estimates, strict=True)
-    ]
-    if any(steps) and not all(steps):  # a guess beside a run, and without a step, is none
-        seen = list(compress(seen, steps))
-        parts, grids, estimates, disturbances = _fit_all(t, x, even, seen)
-    still = without_disturbances(even, disturbances)
+    fitted = _fit_all(t, x, even, seen, period)
+    if seen and fitted.disturbances.hums:  # it hides runs, and where slips begin
+        x = x - fitted.disturbances.at(t, drift=False)
+        others = _search(fitted.still, period, report_nothing) or seen
+        again = _fit_all(t, x, even, others, period)
+        squares = Squares(again.still)
+        if squares.left(fitted.grids) < squares.left(again.grids):
+            again = _fit_all(t, x, even, seen, period)
+        fitted = again
+    for _ in range(_RECOUNTS):
+        seen = _recount(fitted)
+        if [one.count for one in seen] == [one.count for one in fitted.grids]:
+            break
+        fitted = _fit_all(t, x, even, seen, period)
     clipping, jumps = find_clipping(even), find_jumps(x)
     runs = []
-    for part, grid, estimate in zip(parts, grids, estimates, strict=True):
+    for part, grid, estimate in zip(fitted.parts, fitted.grids, fitted.steps, strict=True):
         run = analyse_grid(t[part], x[part], grid, estimate)
-        others = [one for one in grids if one is not grid]
-        less = _shorter(still, grid)  # hum may have hidden it, and the onset bettered its period
+        others = [one for one in fitted.grids if one is not grid]
+        # Hum may have hidden it, and the onset bettered the period.
+        less = _shorter(fitted.still, grid)
         given = period is not None
-        doubts = doubts_of(still, grid, others, run.mean_step, less, run.ringing, given)
+        doubts = doubts_of(fitted.still, grid, others, run.mean_step, less, run.ringing, given)
         runs.append(replace(run, doubts=(*clipping, *doubts, *(jumps if doubts else ()))))
-    return Findings(runs, disturbances)
+    return Findings(runs, fitted.disturbances)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """Runs with their slips where they begin, and what is fitted to them."""
+
+    parts: list[slice]  #: samples of each run
+    grids: list[SlipGrid]
+    ringings: list[Ringing | None]
+    steps: list[MeasuredValue]  #: m
+    disturbances: Disturbances
+    still: EvenSamples  #: the measurement without the disturbances that are plainly there
 
 
 def _fit_all(
-    t: Array, x: Array, even: EvenSamples, seen: list[SlipGrid]
-) -> tuple[list[slice], list[SlipGrid], list[MeasuredValue], Disturbances]:
-    """Return the samples of each run, its slips where they begin, its step, and what disturbs."""
+    t: Array, x: Array, even: EvenSamples, seen: list[SlipGrid], period: float | None
+) -> _Fitted:
     parts, grids, ringings = [], [], []
     for one in seen:
         last = min([even.end, *(other.begin for other in seen if other.first > one.end)])
         after = min(one.end + _AFTER * one.period, last)
         part = slice(*np.searchsorted(t, [one.begin - _BEFORE * one.period, after]))
-        grid, ringing = _with_onset(t[part], x[part], one)
+        grid, ringing = _with_onset(t[part], x[part], one, period)
         parts.append(part)
         grids.append(grid)
         ringings.append(ringing)
-    return parts, grids, *fit_steps(even, grids, ringings)
+    steps, found = fit_steps(even, grids, ringings)
+    return _Fitted(parts, grids, ringings, steps, found, without_disturbances(even, found))
+
+
+def _recount(fitted: _Fitted) -> list[SlipGrid]:
+    """Return the runs with the cycles that are likely once drift and hum are left out.
+
+    A run that leaves more of the motion than a rest then is none, nor are a guess or a few cycles
+    without a step beside a run.
+    """
+    grids, still, squares = fitted.grids, fitted.still, Squares(fitted.still)
+    left, found = squares.left(grids), []
+    clear = [abs(step.value) > COVERAGE * step.error for step in fitted.steps]
+    for grid, ringing, is_clear in zip(grids, fitted.ringings, clear, strict=True):
+        others = [one for one in grids if one is not grid]
+        doubtful = not is_clear and (not grid.explained or grid.count <= _FEW)
+        if (doubtful and any(clear)) or squares.left(others) <= left:
+            continue
+        if ringing is None:
+            found.append(squares.settle_ends(grid, others))
+            continue
+        fit = fit_ends(still, grid, others, ringing, equal=True)
+        first, last = (0, -1) if fit is None else fit.extent()
+        if last > first:
+            begin = grid.first + first * grid.period
+            grid = replace(grid, first=begin, count=last - first + 1)
+        found.append(grid)
+    return _join(found)
+
+
+def _join(grids: list[SlipGrid]) -> list[SlipGrid]:
+    """Return runs, those made one that follow each other in step and get about as far each time."""
+    found: list[SlipGrid] = []
+    for grid in grids:
+        before = found[-1] if found else grid
+        gap = abs(grid.begin - before.end) + abs(grid.period - before.period)
+        far = abs(grid.step - before.step)
+        if (
+            found
+            and max(gap / grid.period, far / grid.step) < _IN_STEP
+            and (grid.direction == before.direction)
+        ):
+            count = before.count + grid.count
+            apart = (grid.end - before.first) / (count - 1)
+            found[-1] = replace(before, period=apart, count=count)
+        else:
+            found.append(grid)
+    return found
 
 
 def _search(even: EvenSamples, period: float | None, report: Report) -> list[SlipGrid]:
@@ -276,10 +349,11 @@ def _search(even: EvenSamples, period: float | None, report: Report) -> list[Sli
     it, or at whole parts of it.
     """
     seen = search_runs(even, period, report)
-    better = next((less for one in seen if (less := _shorter(even, one)) is not None), None)
+    longest = sorted(seen, key=lambda one: one.begin - one.end)
+    better = next((less for one in longest if (less := _shorter(even, one)) is not None), None)
     if period is None and better is not None:
         again = search_runs(even, better, report)
-        if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again):
+        if any(one.explained and abs(one.period / better - 1.0) < AS_GIVEN for one in again):
             return again
     explained = period is None or _explain(even, seen)
     if period is not None and not (explained and better is None):
@@ -287,8 +361,16 @@ def _search(even: EvenSamples, period: float | None, report: Report) -> list[Sli
         turns = np.array([period / one.period for one in without if one.explained])
         other = len(turns) and (np.abs(turns - np.rint(turns)) > AS_GIVEN).all()
         if (np.abs(turns - 1.0) < AS_GIVEN).any() or (other and not explained):
-            return without
+            return [_at_period(one, period) for one in without]
     return seen
+
+
+def _at_period(run: SlipGrid, period: float) -> SlipGrid:
+    """Return a run with a period (s) that was given, about its middle, if it may have it."""
+    if not may_have_period(run, period):
+        return run
+    late = 0.5 * (run.count - 1) * (run.period - period)
+    return replace(run, first=run.first + late, period=period)
 
 
 def _shorter(even: EvenSamples, run: SlipGrid) -> float | None:
@@ -360,25 +442,31 @@ def _change_of(steps: Array) -> float:
     return 0.5 * change if change > _CHANGED * chance else 0.0
 
 
-def _with_onset(t: Array, x: Array, grid: SlipGrid) -> tuple[SlipGrid, Ringing | None]:
+def _with_onset(
+    t: Array, x: Array, grid: SlipGrid, given: float | None
+) -> tuple[SlipGrid, Ringing | None]:
     """Return a run whose slips are where they begin, not in the middle of the fall; its ringing.
 
-    The ringing shows it: the fall is its first swing. Unchanged where none is seen.
+    The ringing shows it: the fall is its first swing. Unchanged where none is seen. A period that
+    was given (s) is bettered by what clocks differ alone.
     """
     ringing = ringing_after(t, x, Cycles.even(grid.slips, grid.period, grid.direction))
     if ringing is None or ringing.frequency < HUMMING:
         return grid, None
     if ringing.frequency * grid.period < _SWINGS:
         return grid, ringing
-    drift = grid.count > 2
     t, x = thin_samples(t, x, grid.slips, grid.period)
-    try:
-        onset = find_onset(
-            t, grid.direction * x, grid.slips, grid.period, ringing,
-            drift=drift, middle=grid.first, before=_EARLIER,
-        )  # fmt: skip
-    except np.linalg.LinAlgError:  # nothing follows the slips
-        return grid, ringing
+    known = given is not None and abs(grid.period / given - 1.0) < AS_GIVEN
+    for drift in (True, False) if grid.count > 2 else (False,):
+        try:
+            onset = find_onset(
+                t, grid.direction * x, grid.slips, grid.period, ringing,
+                drift=drift, middle=grid.first, before=_EARLIER,
+            )  # fmt: skip
+        except np.linalg.LinAlgError:  # nothing follows the slips
+            return grid, ringing
+        if not known or abs(onset.drift) < CLOCK:
+            break
     late = abs(onset.drift) * (grid.count - 1) * grid.period
     slower = onset.drift if late * ringing.frequency < _SWUNG else 0.0
     period = grid.period * (1.0 + slower)

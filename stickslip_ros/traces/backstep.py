@@ -54,6 +54,7 @@ class BackstepSettings:
     #: a runner that rings falls up to twice as far as its mean.
     by_few: float = 0.5
     few: float = 4.0
+    swings: float = 3.0  #: of a cycle, in fewer of which nothing shows where the slip begins
 
 
 SETTINGS = BackstepSettings()

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.traces.backstep import EXACT, estimate_backstep
+from stickslip_ros.traces.backstep import EXACT, SETTINGS, estimate_backstep
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.hum import HUMMING
@@ -75,7 +75,8 @@ def analyse_cycles(
     backstep = estimate_backstep(
         time, forward, cycles, ringing, backsteps, noise, exact and noise < EXACT
     )
-    if ringing is not None and ringing.folded:
+    few = ringing is not None and ringing.frequency * cycles.period < SETTINGS.swings
+    if not exact and ringing is not None and (few or ringing.folded):
         backstep = replace(backstep, error=math.inf)
     return Run(
         cycles=cycles,
