@@ -316,7 +316,9 @@ def lab_trace(kind: str, seed: int) -> LabTrace:
     if kind == AT_RANDOM:  # of another axis in every trace
         bench = random_bench(seed)
         first, every = bench.runs[0].frequency, tuple(bench.runs)
-        return LabTrace(kind, seed, bench.t, bench.x, every, first, bench.axis, True)
+        samples = bench.sensor.rate / max(one.frequency for one in every)
+        knowable = min(one.steps for one in every) >= 3 and samples >= 10.0
+        return LabTrace(kind, seed, bench.t, bench.x, every, first, bench.axis, knowable)
     make, knowable = KINDS[kind]
     plan = _plan(np.random.default_rng([list(KINDS).index(kind), seed]))
     t, x, runs = make(plan)

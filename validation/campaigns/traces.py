@@ -36,6 +36,7 @@ class Study:
     def __init__(self, told: bool) -> None:
         self.told = told
         self.verdicts: dict[str, Counter[str]] = {}
+        self.knowable: Counter[str] = Counter()
         self.held: dict[str, Counter[bool]] = {}
         self.seconds = 0.0
 
@@ -53,6 +54,7 @@ class Study:
         self.seconds += time.process_time() - begun
         word, text = self.judged(trace, runs)
         self.verdicts.setdefault(trace.kind, Counter())[word] += 1
+        self.knowable[word] += trace.knowable
         if word != RIGHT and not (word == NONE and not trace.runs):
             made = [(one.steps, one.direction) for one in trace.runs]
             print(
@@ -105,10 +107,7 @@ class Study:
         for kind, counts in self.verdicts.items():
             lines.append(f"{kind:26}" + "".join(f"{counts[word]:10}" for word in WORDS))
             total += counts
-        knowable: Counter[str] = Counter()
-        for kind, counts in self.verdicts.items():
-            knowable += counts if kind == AT_RANDOM or KINDS[kind][1] else Counter()
-        for name, counts in (("that can be known", knowable), ("all", total)):
+        for name, counts in (("that can be known", self.knowable), ("all", total)):
             lines.append(f"{name:26}" + "".join(f"{counts[word]:10}" for word in WORDS))
         lines += [
             f"{what}: two standard errors hold {counts[True]} of {counts.total()}"
