@@ -297,16 +297,16 @@ def _fit_all(
 def _recount(fitted: _Fitted) -> list[SlipGrid]:
     """Return the runs with the cycles that are likely once drift and hum are left out.
 
-    A run that leaves more of the motion than a rest then is none, nor are a guess or a few cycles
-    without a step beside a run.
+    A run whose cycles have no more in common than chance makes is none, nor are a guess or a few
+    cycles without a step beside a run.
     """
     grids, still, squares = fitted.grids, fitted.still, Squares(fitted.still)
-    left, found = squares.left(grids), []
+    found = []
     clear = [abs(step.value) > COVERAGE * step.error for step in fitted.steps]
     for grid, ringing, is_clear in zip(grids, fitted.ringings, clear, strict=True):
         others = [one for one in grids if one is not grid]
         doubtful = not is_clear and (not grid.explained or grid.count <= _FEW)
-        if (doubtful and any(clear)) or squares.left(others) <= left:
+        if (doubtful and any(clear)) or not squares.repeats(grid) > 0.0:
             continue
         if ringing is None:
             found.append(squares.settle_ends(grid, others))

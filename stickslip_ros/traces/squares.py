@@ -31,6 +31,7 @@ class SquaresSettings:
     parts: int = 64  #: of the record that count alike, however much is left in each
     open: float = 1e-8  #: part of the motion that is open without noise, too
     least: int = 3  #: of a cycle, in which its shape is drawn
+    chance: float = 1e-3  #: of a run where there is none
     moved: int = 4  #: cycles by which the ends of a run are moved at most
 
 
@@ -126,6 +127,29 @@ class Squares:
                 best, left = away, float(away @ away)
             cells //= 2
         return best
+
+    def repeats(self, run: SlipGrid) -> float:
+        """Return the logarithm of how many times as likely a run is with a shape as without one.
+
+        The best of many periods and slips that are tried, about as many as samples, is so by
+        chance: a run is no chance above 0.
+        """
+        part = slice(*np.searchsorted(self._t, [run.begin, run.end]))
+        t: Array = self._t[part]
+        place = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
+        slow = np.polynomial.legendre.legvander(place, SETTINGS.slow).T
+        rows = np.vstack((self._rows[:, part], slow))
+        left = []
+        for told in (rows, self._without_shape(rows, t, run)):
+            products = told @ told.T
+            of_slow, *_ = np.linalg.lstsq(products[1:, 1:], products[1:, 0], rcond=1e-10)
+            left.append(rows[0] - of_slow @ rows[1:])
+        alone = self._unlike(left[1], t, run)
+        least = SETTINGS.open * float(np.var(rows[0])) + 1e-40
+        apart = math.log(
+            (float(np.mean(left[0] ** 2)) + least) / (float(np.mean(alone**2)) + least)
+        )
+        return 0.5 * len(t) * apart - math.log(len(self._t) / SETTINGS.chance)
 
     def settle_ends(self, run: SlipGrid, others: Sequence[SlipGrid]) -> SlipGrid:
         """Return a run with as many cycles, of some more or fewer at its ends, as leave least.

@@ -31,11 +31,12 @@ HIDDEN = [
     ("no rest", 51), ("3 to 5 samples a cycle", 51), ("5 to 9 samples a cycle", 51),
     ("strong hum", 51), ("5 to 9 samples a cycle", 48200),
     ("fringe jumps", 62), ("1 to 2 cycles", 63), ("random walk", 62), ("random walk", 8104),
+    ("white noise", 49706),
 ]  # fmt: skip
 #: Traces that are found and take seconds.
 LONG = [
     ("no rest after", 51), ("two amplitudes", 51), ("slow", 51), ("slow", 47000),
-    ("both ways", 62), ("700 cycles", 62), ("700 cycles", 48201),
+    ("both ways", 62), ("700 cycles", 62), ("700 cycles", 48201), ("slow", 49706),
 ]  # fmt: skip
 
 

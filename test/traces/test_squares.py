@@ -68,3 +68,12 @@ def test_gaps_and_long_records_are_no_matter(bench: Bench) -> None:
         squares = Squares(even)
         assert squares.left([_grid(bench, 0)]) < squares.left([_grid(bench, 0, 2.0)])
         assert squares.left([_grid(bench, 0)]) < squares.left([]) - 0.5
+
+
+def test_a_run_of_noise_is_chance(bench: Bench, even: EvenSamples) -> None:
+    """A ramp with noise is explained by cycles of any period, but none has a shape."""
+    assert Squares(even).repeats(_grid(bench, 0)) > 100.0
+    rng, drift = np.random.default_rng(5), 2e-5 * bench.t
+    ramp = resample_evenly(bench.t, drift + 1e-8 * rng.standard_normal(len(bench.t)), 2**20)
+    for period in (0.5, 1.0, 1.31, 3.0):
+        assert Squares(ramp).repeats(_grid(bench, 0, period)) < 0.0
