@@ -23,15 +23,14 @@ FOUND = [
     ("white noise", 447), ("10 to 14 samples a cycle", 950002),
     ("10 to 14 samples a cycle", 951001), ("pink noise", 950002), ("no rest after", 48201),
     ("plain", 48201), ("polynomial drift", 48200), ("creep", 48200), ("3 to 5 cycles", 48201),
-    ("pink noise", 48200), ("hum", 48202), ("hum", 49206), ("strong hum", 51), ("strong hum", 48202),
-    ("part of a last cycle", 92), ("at random", 49500),
+    ("pink noise", 48200), ("hum", 48202), ("hum", 49206), ("strong hum", 51),
+    ("strong hum", 48202), ("part of a last cycle", 92), ("at random", 49500),
 ]  # fmt: skip
 #: Traces that hold too little, or that something hides: they have to be doubted.
 HIDDEN = [
     ("no rest", 51), ("3 to 5 samples a cycle", 51), ("5 to 9 samples a cycle", 51),
-    ("5 to 9 samples a cycle", 48200),
-    ("fringe jumps", 62), ("1 to 2 cycles", 63), ("random walk", 62), ("random walk", 8104),
-    ("white noise", 49706),
+    ("5 to 9 samples a cycle", 48200), ("fringe jumps", 62), ("1 to 2 cycles", 63),
+    ("random walk", 62), ("random walk", 8104), ("white noise", 49706),
 ]  # fmt: skip
 #: Traces that are found and take seconds.
 LONG = [
