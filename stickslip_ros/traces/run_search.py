@@ -365,7 +365,7 @@ def _find_all(
         # But a run that leaves far less of the motion, whatever its period, is more likely.
         left = cache(lambda one: squares.left([*found, one]))
         other = min(grids, key=left)
-        if left(other) < left(best) - SETTINGS.clearly:
+        if squares.resolves(best) and left(other) < left(best) - SETTINGS.clearly:
             best, other = (squares.settle_ends(one, found) for one in (best, other))
             best = other if left(other) < left(best) - SETTINGS.clearly else best
         found.append(best)

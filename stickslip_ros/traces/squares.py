@@ -31,6 +31,8 @@ class SquaresSettings:
     parts: int = 64  #: of the record that count alike, however much is left in each
     open: float = 1e-8  #: part of the motion that is open without noise, too
     least: int = 3  #: of a cycle, in which its shape is drawn
+    shown: float = 8.0  #: samples of a cycle, with fewer of which runs are not compared
+    cycles: int = 500  #: of a run at most that tell whether it repeats, from its middle
     chance: float = 1e-3  #: of a run where there is none
     moved: int = 4  #: cycles by which the ends of a run are moved at most
 
@@ -128,12 +130,32 @@ class Squares:
             cells //= 2
         return best
 
+    def resolves(self, run: SlipGrid) -> bool:
+        """Return whether the samples, averaged in a long record, show the cycles of a run."""
+        return run.period >= SETTINGS.shown * self._tick
+
     def repeats(self, run: SlipGrid) -> float:
         """Return the logarithm of how many times as likely a run is with a shape as without one.
 
         The best of many periods and slips that are tried, about as many as samples, is so by
-        chance: a run is no chance above 0.
+        chance: a run is no chance above 0. Samples of its own tell, however long the record is; of
+        a run that they do not show, nothing does.
         """
+        count = min(run.count, SETTINGS.cycles)
+        middle = run.first + (run.count - count) // 2 * run.period
+        run = replace(run, first=middle, count=count)
+        first, last = (
+            round((at - self.even.begin) / self.even.tick) for at in (run.begin, run.end)
+        )
+        inside = slice(max(first, 0), max(last, 0) + 1)
+        x, known = self.even.x[inside], self.even.known[inside]
+        if known.sum() <= SETTINGS.slow + 3:
+            return math.inf
+        begin = self.even.begin + self.even.tick * inside.start
+        own = Squares(replace(self.even, begin=begin, x=x, known=known))
+        return own._repeats(run) - math.log(len(self._t) / SETTINGS.chance)
+
+    def _repeats(self, run: SlipGrid) -> float:
         part = slice(*np.searchsorted(self._t, [run.begin, run.end]))
         t: Array = self._t[part]
         place = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
@@ -149,13 +171,15 @@ class Squares:
         apart = math.log(
             (float(np.mean(left[0] ** 2)) + least) / (float(np.mean(alone**2)) + least)
         )
-        return 0.5 * len(t) * apart - math.log(len(self._t) / SETTINGS.chance)
+        return 0.5 * len(t) * apart
 
     def settle_ends(self, run: SlipGrid, others: Sequence[SlipGrid]) -> SlipGrid:
         """Return a run with as many cycles, of some more or fewer at its ends, as leave least.
 
-        others are the other runs, which it may not reach into.
+        others are the other runs, which it may not reach into. As it is if samples do not show it.
         """
+        if not self.resolves(run):
+            return run
         earlier = (one.end for one in others if one.end < run.first)
         begin = max([self.even.begin - 0.5 * run.period, *earlier])
         end = min([self.even.end, *(one.begin for one in others if one.begin > run.end)])

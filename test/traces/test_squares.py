@@ -77,3 +77,15 @@ def test_a_run_of_noise_is_chance(bench: Bench, even: EvenSamples) -> None:
     ramp = resample_evenly(bench.t, drift + 1e-8 * rng.standard_normal(len(bench.t)), 2**20)
     for period in (0.5, 1.0, 1.31, 3.0):
         assert Squares(ramp).repeats(_grid(bench, 0, period)) < 0.0
+
+
+def test_more_cycles_than_a_long_record_is_looked_at_are_no_chance() -> None:
+    """20 000 true cycles were dropped as noise: averaged, the record showed none of them."""
+    bench = bench_trace(Axis(), (Drive(3000, 1e3, pause=0.02),), Sensor(2e4, noise=1e-9), 0.02, 1)
+    squares, grid = Squares(resample_evenly(bench.t, bench.x, 2**20)), _grid(bench, 0)
+    assert not squares.resolves(grid)
+    assert squares.repeats(grid) > 100.0
+    assert squares.settle_ends(grid, []) == grid
+    short = replace(grid, period=2e-4, count=2)  # of fewer samples than tell anything
+    assert squares.repeats(replace(short, period=5e-5)) == np.inf
+    assert not np.isnan(squares.repeats(short))
