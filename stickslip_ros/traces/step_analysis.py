@@ -76,7 +76,7 @@ def analyse_cycles(
         time, forward, cycles, ringing, backsteps, noise, exact and noise < EXACT
     )
     few = ringing is not None and ringing.frequency * cycles.period < SETTINGS.swings
-    if not exact and ringing is not None and (few or ringing.folded):
+    if ringing is not None and (ringing.folded or (few and not exact)):
         backstep = replace(backstep, error=math.inf)
     return Run(
         cycles=cycles,
