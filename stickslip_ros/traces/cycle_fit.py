@@ -54,7 +54,6 @@ class CycleFitSettings:
     #: first one has no ringing before it, and a drive that stops within a cycle bends the rise.
     end: float = 0.15
     unlike: float = 0.1  #: part of the cycles that rises or falls by any part of what is usual
-    none: float = 0.3  #: falls below this part of the others are none
     left: float = 4.0  #: times the noise that a fit leaves at most
     left_of_fall: float = 0.25  #: or this part of the falls
     uneven: float = 0.35  #: rises of one drive differ by less than this part in the median
@@ -144,18 +143,6 @@ class CycleFit:
             return False
         middle = float(np.median(rise))
         return float(np.median(np.abs(rise - middle))) < SETTINGS.uneven * middle
-
-    def every(self, factor: int) -> SlipGrid | None:
-        """Return the run with a multiple of its period, if only every 2nd, 3rd, ... cycle falls."""
-        inside = (self.number >= 0) & (self.number < self.grid.count)
-        turn, fall = self.number[inside] % factor, self.fall[inside]
-        groups = np.array([np.median(fall[turn == k]) for k in range(factor)])
-        one = int(np.argmax(groups))
-        if np.max(np.delete(groups, one)) > SETTINGS.none * groups[one]:
-            return None
-        first = self.grid.first + one * self.grid.period
-        count = -(-(self.grid.count - one) // factor)
-        return replace(self.grid, first=first, period=factor * self.grid.period, count=count)
 
 
 def _log_normal(x: Array, width: Array) -> Array:

@@ -62,7 +62,6 @@ class RunSearchSettings:
     all_but_noise: float = 1.5  #: times the noise up to which a fit leaves nothing to look for
     beside: float = 1.0  #: periods beside a run that its ringing, or a rise, may move the runner
     places: int = 40  #: at which the runner is looked at beyond, as for other runs
-    multiples: int = 12  #: of a period at most that are tried as longer ones
 
 
 SETTINGS = RunSearchSettings()
@@ -237,10 +236,6 @@ def _count_all(
         if is_known and period is not None:
             grid = replace(grid, period=period)
         seen = fit_cycles(even, grid, ringing, begin, end, is_known)
-        if seen is not None and not is_known:
-            multiples = range(2, min(grid.count // 2, SETTINGS.multiples) + 1)
-            longer = [one for one in map(seen.every, multiples) if one is not None]
-            seen = fit_cycles(even, longer[0], ringing, begin, end) if longer else seen
         fit = _settle_count(even, seen, begin, end, is_known)
         if fit is None and is_known and seen is not None:  # its period speaks for it
             fit = replace(seen, grid=replace(grid, explained=False))
@@ -287,15 +282,7 @@ def _search(
     if others and not known:
         _find_all(even, edges, found, None)
     largest = max((one.step for one in found), default=0.0)
-
-    def only_rings(one: SlipGrid) -> bool:  # after the last slip of another run
-        return any(
-            one.period < 0.5 * other.period
-            and -other.period < one.begin - other.end < 2.0 * other.period
-            for other in found
-        )
-
-    kept = [one for one in found if one.step > SETTINGS.smallest * largest and not only_rings(one)]
+    kept = [one for one in found if one.step > SETTINGS.smallest * largest]
     return sorted((place_on_falls(even, one) for one in kept), key=lambda one: one.first)
 
 
