@@ -7,8 +7,7 @@ Between two slips the runner follows an equilibrium position y of its contact,
 
 in which y rises with the actuator and falls at every slip. So x is a sum of responses, linear in
 the rise and the fall of each cycle. Rises and falls identify the cycles: all cycles rise alike, and
-a rest does not rise. Ringing looks like cycles in x, but here it is part of the responses. If the
-assumed period is too short, the falls between the true slips are zero.
+a rest does not rise. Ringing looks like cycles in x, but here it is part of the responses.
 """
 
 from __future__ import annotations
