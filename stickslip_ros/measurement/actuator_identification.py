@@ -14,6 +14,7 @@ falls, and the state of a play operator follows from its state at the first one.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -237,23 +238,6 @@ class IdentifiedActuator:
         return draw_lines(axes, lines, "voltage (V)", "deflection (m)")
 
 
-@dataclass(frozen=True)
-class _Problem:
-    """Least squares brought to a triangle, which has the same answers."""
-
-    plain: Array  #: (rows, operators + 1): the voltage and the plays
-    slow: Array | None  #: the same columns behind creep
-    wanted: Array  #: (rows,)
-    count: int  #: samples
-
-    def solve(self, creep: float) -> tuple[Array, float]:
-        """Return the non-negative weights, and the root mean square of the residuals."""
-        columns = self.plain if self.slow is None else self.plain + creep * self.slow
-        weights, left = scipy.optimize.nnls(columns, self.wanted - _STIFFEST * columns[:, 0])
-        weights[0] += _STIFFEST
-        return np.asarray(weights), float(left) / math.sqrt(self.count)
-
-
 def identify_hysteresis(
     volts: Array,
     deflection: Array,
@@ -288,53 +272,24 @@ def identify_hysteresis(
         raise ParameterError(f"{len(seen.volts) - seen.first} samples without spikes; "
                              f"{operators} play operators take {least} or more")  # fmt: skip
     thresholds = 0.5 * seen.range * (np.arange(operators) + 0.5) / operators
-    rests = times is not None and seen.longest_rest > _LONG * creep_start
-    drifts = times is not None or seen.loops > 1  # one loop without times is taken to close
     # As after this recording, which then repeats, or never moved.
     fresh = np.zeros(operators)
     pasts = [fresh] if seen.first else [seen.plays(thresholds, fresh)[1], fresh]
+    rests = times is not None and seen.longest_rest > _LONG * creep_start
     creeps = creep_start if rests else None
-    found = [_fit(seen, thresholds, past, drifts, creeps) for past in pasts]
-    best = found[0] if found[0].left * _LIKELIER <= found[-1].left else found[-1]
-    _check(seen, best)
-    scale = best.span / seen.range
-    actuator = Actuator(float(best.weights[0]) * scale, thresholds, best.weights[1:] * scale)
-    deviation = best.deviation - 0.5 * (best.deviation.max() + best.deviation.min())
-    return IdentifiedActuator(
-        actuator,
-        gain=actuator.stroke(seen.range) / seen.range,
-        span=best.span,
-        error=float(np.abs(deviation).max()),
-        rms_error=float(np.std(best.deviation)),
-        width=_width(actuator, seen.range),
-        loops=seen.loops,
-        drift=None if times is None else best.drift,
-        creep=best.creep,
-        curves=best.span * np.stack([seen.volts[seen.first :] / best.span, best.clean,
-                                     best.clean - best.deviation]),
-    )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """Fit of a recording for one initial state; deflections as shares of full scale."""
-
-    weights: Array  #: (operators + 1,)
-    creep: float | None
-    left: float  #: root mean square
-    deviation: Array  #: (used,)
-    clean: Array  #: measured, without drift, (used,)
-    drift: float  #: m/s
-    span: float  #: m
-    lead: float  #: area by which the loops lead the voltage, share of range and full scale
+    fits = [_fit(seen, thresholds, past, times is not None, creeps) for past in pasts]
+    _, lead, best = fits[0] if fits[0][0] * _LIKELIER <= fits[-1][0] else fits[-1]
+    _check(seen, lead, best)
+    return best
 
 
 def _fit(
-    seen: ActuatorRecording, thresholds: Array, past: Array, drifts: bool, creep_start: float | None
-) -> _Fit:
+    seen: ActuatorRecording, thresholds: Array, past: Array, timed: bool, creep_start: float | None
+) -> tuple[float, float, IdentifiedActuator]:
     """Fit the recording, given the plays (V) before its start.
 
-    creep_start (s) is None if creep cannot be fitted.
+    creep_start (s) is None if creep cannot be fitted. Return what is left, root mean square, the
+    area by which the loops lead the voltage, share of range and full scale, and the actuator.
     """
     used = slice(seen.first, None)
     plays, _ = seen.plays(thresholds, past)
@@ -342,54 +297,73 @@ def _fit(
     scale = float(np.ptp(seen.deflection[used]))
     wanted = seen.deflection[used] / scale
     since = seen.times - seen.times[used][0]
+    drifts = timed or seen.loops > 1  # one loop without times is taken to close
     others = np.column_stack([np.ones(len(since)), *([since / since[-1]] if drifts else [])])
-    kinds: list[tuple[Array, Array | None, Array]] = [(columns[used], None, others[used])]
+    solve, creep = _solver(others[used], columns[used], wanted), 0.0
     if creep_start is not None:
         slow, fading = _behind_creep(seen.times, columns, creep_start)
-        kinds.append((columns[used], slow[used], np.column_stack([others, fading])[used]))
-    problems = [_problem(*kind, wanted) for kind in kinds]
-    creep = _creep_of(*problems) if len(problems) > 1 else 0.0
-    (plain, slow_used, others), problem = kinds[creep > 0.0], problems[creep > 0.0]
-    weights, left = problem.solve(creep)
-    rest = wanted - (plain if slow_used is None else plain + creep * slow_used) @ weights
+        with_past = np.column_stack([others, fading])
+        lagging = _solver(with_past[used], columns[used], wanted, slow[used])
+        creep = _creep_of(solve, lagging)
+        if creep > 0.0:
+            solve, others, columns = lagging, with_past, columns + creep * slow
+    weights, left = solve(creep)
+    rest, others = wanted - columns[used] @ weights, others[used]
     shares = np.linalg.lstsq(others, rest, rcond=None)[0]
-    clean = wanted - others[:, 1:] @ shares[1:]
+    clean, deviation = wanted - others[:, 1:] @ shares[1:], rest - others @ shares
     span, volts = float(np.ptp(clean)), seen.volts[used]
     area = 0.5 * float((clean[1:] + clean[:-1]) @ np.diff(volts))
-    return _Fit(
-        weights=weights / span,
-        creep=creep or None,
-        left=left,
-        deviation=(rest - others @ shares) / span,
-        clean=clean / span,
-        drift=float(shares[1]) * scale / float(since[-1]) if drifts else 0.0,
+    weights *= scale / seen.range
+    actuator = Actuator(float(weights[0]), thresholds, weights[1:])
+    return left, area / (seen.range * span * seen.loops), IdentifiedActuator(
+        actuator,
+        gain=actuator.stroke(seen.range) / seen.range,
         span=span * scale,
-        lead=area / (seen.range * span * seen.loops),
-    )
+        error=0.5 * float(np.ptp(deviation)) / span,
+        rms_error=float(np.std(deviation)) / span,
+        width=_width(actuator, seen.range),
+        loops=seen.loops,
+        drift=float(shares[1]) * scale / float(since[-1]) if timed else None,
+        creep=creep or None,
+        curves=np.stack([volts, scale * clean, scale * (clean - deviation)]),
+    )  # fmt: skip
 
 
-def _problem(columns: Array, slow: Array | None, others: Array, wanted: Array) -> _Problem:
-    """Return the least squares problem with the columns of others, (samples, n), projected out."""
+#: Weights, not negative, and root mean square of the residuals for a creep per decade.
+_Solver = Callable[[float], tuple[Array, float]]
+
+
+def _solver(others: Array, columns: Array, wanted: Array, slow: Array | None = None) -> _Solver:
+    """Return the solver of a least squares problem with the columns of others projected out.
+
+    columns has the voltage and the plays, (samples, operators + 1), slow the same behind creep.
+    """
     parts = [others, columns, *([] if slow is None else [slow]), wanted[:, None]]
+    # A triangle has the same answers.
     triangle = np.asarray(np.linalg.qr(np.column_stack(parts), mode="r"))
-    rest = triangle[others.shape[1] :, others.shape[1] :]
-    n = columns.shape[1]
-    return _Problem(rest[:, :n], None if slow is None else rest[:, n : 2 * n], rest[:, -1],
-                    len(wanted))  # fmt: skip
+    rest, n = triangle[others.shape[1] :, others.shape[1] :], columns.shape[1]
+
+    def solve(creep: float) -> tuple[Array, float]:
+        plain = rest[:, :n] if slow is None else rest[:, :n] + creep * rest[:, n:-1]
+        weights, left = scipy.optimize.nnls(plain, rest[:, -1] - _STIFFEST * plain[:, 0])
+        weights[0] += _STIFFEST
+        return np.asarray(weights), float(left) / math.sqrt(len(wanted))
+
+    return solve
 
 
-def _creep_of(without: _Problem, problem: _Problem) -> float:
+def _creep_of(without: _Solver, lagging: _Solver) -> float:
     """Return the creep per decade with the smallest residual; 0 if it is hardly smaller."""
 
     def left(creep: float) -> float:
-        return problem.solve(creep)[1]
+        return lagging(creep)[1]
 
     tried = np.linspace(0.0, _MOST_CREEP, 11)
     best = tried[int(np.argmin([left(one) for one in tried.tolist()]))]
     step = float(tried[1])
     bounds = (max(0.0, best - step), min(_MOST_CREEP, best + step))
     creep = float(scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded").x)
-    helps = left(creep) < (1.0 - _GAIN) * without.solve(0.0)[1]
+    helps = left(creep) < (1.0 - _GAIN) * without(0.0)[1]
     return creep if helps and creep < _BOUND * _MOST_CREEP else 0.0
 
 
@@ -417,19 +391,19 @@ def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Arr
     return weight * found, weight * past
 
 
-def _check(seen: ActuatorRecording, best: _Fit) -> None:
+def _check(seen: ActuatorRecording, lead: float, best: IdentifiedActuator) -> None:
     """Raise ParameterError if voltage and deflection cannot be those of an actuator."""
-    if not best.weights.sum() > 2.0 * _STIFFEST:
+    slope = best.actuator.elastic + float(best.actuator.weights.sum())
+    if not slope * seen.range > 2.0 * _STIFFEST * best.span:
         raise ParameterError(
             "the deflection does not rise with the voltage: the first column has to be the "
             "voltage (V), the second the deflection (m), and both have to run in time"
         )
-    scatter = float(np.std(seen.deflection[seen.first :])) / best.span
-    if float(np.std(best.deviation)) > _UNRELATED * scatter:
+    if best.rms_error * best.span > _UNRELATED * float(np.std(seen.deflection[seen.first :])):
         raise ParameterError(
             "the deflection does not follow the voltage; is it noise, or another column?"
         )
-    if best.lead > _LEADS:
+    if lead > _LEADS:
         raise ParameterError(
             "the deflection runs ahead of the voltage, which no actuator's does; are both columns "
             "swapped (--columns), or is one delayed?"

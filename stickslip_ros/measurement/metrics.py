@@ -26,15 +26,16 @@ from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.alignment import align, align_starts
-from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.measurement.step_count import nearest_run, step_counts
+from stickslip_ros.measurement.verdict import METRICS
 from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of, why_left_out
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
 from stickslip_ros.traces.even_samples import SlipGrid, noise_of, resample_evenly
 from stickslip_ros.traces.joint_fit import fit_steps
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles
 from stickslip_ros.traces.steps import COVERAGE, MeasuredValue
@@ -296,57 +297,40 @@ def missing_metrics(why: str, count: ComparisonMetric | None = None) -> list[Com
     return [*metrics, count or ComparisonMetric.missing("steps", "", why)]
 
 
-@dataclass(frozen=True)
-class ComparedSteps:
-    """The same run of steps in one of both motions, for the estimates of `METRICS`."""
+def _estimates(
+    motion: Motion,
+    steps: Run,
+    deflection: Array | str,
+    same_method: bool,
+    gain: float = 1.0,
+    period: float | None = None,
+) -> dict[str, MeasuredValue | str]:
+    """Return what each of `METRICS` is for a run of steps in one of both motions, or why not.
 
-    motion: Motion  #: with the samples that the steps are analysed at
-    steps: Run
-    deflection: Array | str  #: of the actuator in each cycle, m, or why it tells nothing
-    same_method: bool  #: whether both have their backstep by the same method, whose error cancels
-    gain: float  #: of the lengths over those of the run
-    drive_period: float | None = None  #: by its parameters, s
-
-    @property
-    def period(self) -> MeasuredValue:
-        """Period (s): the first and the last slip give it, each to about two samples."""
-        error = 2.0 * self.motion.spacing / max(1, self.steps.steps - 1)
-        return MeasuredValue(self.drive_period or self.steps.period, error)
-
-    @property
-    def backstep(self) -> MeasuredValue:
-        """Backstep (m)."""
-        found = self.steps.mean_backstep
-        return MeasuredValue(found.value, found.chance) if self.same_method else found
-
-    @property
-    def ringing_frequency(self) -> MeasuredValue:
-        """Frequency of the ringing, Hz."""
-        error = self.steps.ringing.frequency_error if self.steps.ringing else math.nan
-        return MeasuredValue(self.steps.ringing_frequency, error)
-
-    @property
-    def damping_ratio(self) -> MeasuredValue:
-        """Damping ratio of the ringing.
-
-        An infinite error is that of the method, the same for both. Chance moves frequency and decay
-        alike (the Cramer-Rao bounds of a damped oscillation).
-        """
-        ringing = self.steps.ringing
-        error = ringing.damping_ratio_error if ringing else math.nan
-        if ringing and math.isinf(error):
-            error = ringing.frequency_error / ringing.frequency
-        return MeasuredValue(self.steps.damping_ratio, error)
-
-    @property
-    def zero_amplitude(self) -> MeasuredValue | str:
-        """Deflection (m) at which a line through steps over amplitudes crosses zero (Fig. 7)."""
-        if isinstance(self.deflection, str):
-            return self.deflection
-        found = zero_crossing(self.deflection, single_steps(self.steps) / self.gain)
-        if math.isfinite(found.value):
-            return found
-        return f"fewer than {_AMPLITUDES} clear steps of different amplitude"
+    motion has the samples that the steps are analysed at, deflection (m) is that of the actuator in
+    each cycle, or why it tells nothing. If both have their backstep by the same method, its error
+    cancels. gain is that of the lengths over those of the run, period (s) that of its parameters.
+    """
+    ringing, backstep = steps.ringing or Ringing(math.nan, math.nan), steps.mean_backstep
+    damping_error = ringing.damping_ratio_error
+    if math.isinf(damping_error):
+        # It is that of the method, the same for both. Chance moves frequency and decay alike (the
+        # Cramer-Rao bounds of a damped oscillation).
+        damping_error = ringing.frequency_error / ringing.frequency
+    zero: MeasuredValue | str = deflection if isinstance(deflection, str) else zero_crossing(
+        deflection, single_steps(steps) / gain)  # fmt: skip
+    if isinstance(zero, MeasuredValue) and not math.isfinite(zero.value):
+        zero = f"fewer than {_AMPLITUDES} clear steps of different amplitude"
+    # The first and the last slip give the period, each to about two samples.
+    period_error = 2.0 * motion.spacing / max(1, steps.steps - 1)
+    return {
+        "period": MeasuredValue(period or steps.period, period_error),
+        "step size": steps.mean_step,
+        "backstep": MeasuredValue(backstep.value, backstep.chance) if same_method else backstep,
+        "ringing frequency": MeasuredValue(ringing.frequency, ringing.frequency_error),
+        "damping ratio": MeasuredValue(ringing.damping_ratio, damping_error),
+        "0-amplitude": zero,
+    }
 
 
 def step_metrics(
@@ -358,13 +342,11 @@ def step_metrics(
     """
     deflections = _deflections(motions.run, run, measured, alignment)
     same = run.mean_backstep.method == measured.mean_backstep.method
-    both = (
-        ComparedSteps(seen, run, deflections[0], same, 1.0, motions.period),
-        ComparedSteps(motions.measurement, measured, deflections[1], same, alignment.gain),
-    )
+    of_run = _estimates(seen, run, deflections[0], same, period=motions.period)
+    of_measured = _estimates(motions.measurement, measured, deflections[1], same, alignment.gain)
     metrics = []
     for row in METRICS:
-        first, second = (row.estimate(one) for one in both)
+        first, second = of_run[row.name], of_measured[row.name]
         if isinstance(first, str) or isinstance(second, str):
             why = first if isinstance(first, str) else str(second)
             metrics.append(ComparisonMetric.missing(row.name, row.unit, why))
