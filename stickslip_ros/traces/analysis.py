@@ -236,6 +236,7 @@ def find_steps(
     noise = noise_of(x)
     kept = without_spikes(x, noise)
     t, x = t[kept], x[kept]
+    clipping = find_clipping(x, noise)
     even = resample_evenly(t, x, _MOST, noise if kept.all() else None)
     seen = _search(even, period, report)
     report("steps")
@@ -253,7 +254,7 @@ def find_steps(
         if [one.count for one in seen] == [one.count for one in fitted.grids]:
             break
         fitted = _fit_all(t, x, even, seen, period)
-    clipping, jumps = find_clipping(even), find_jumps(x)
+    jumps = find_jumps(x)
     runs = []
     for part, grid, estimate in zip(fitted.parts, fitted.grids, fitted.steps, strict=True):
         run = analyse_grid(t[part], x[part], grid, estimate)

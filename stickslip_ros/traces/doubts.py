@@ -168,19 +168,19 @@ def too_few(cycles: int, frequency: float, rate: float) -> tuple[str, ...]:
     return tuple(found)
 
 
-def find_clipping(even: EvenSamples) -> tuple[str, ...]:
-    """Return what is to be said of a record that stays at its end as nowhere else.
+def find_clipping(x: Array, noise: float) -> tuple[str, ...]:
+    """Return what is to be said of samples (m) that stay at their end as nowhere else.
 
-    With noise, no rest has one value so long; without, no runner comes to rest at once.
+    With noise (m), no rest has one value so long; without, no runner comes to rest at once.
     """
-    ends = np.flatnonzero(np.diff(even.x, append=math.nan) != 0.0)  # of stretches of one value
+    ends = np.flatnonzero(np.diff(x, append=math.nan) != 0.0)  # of stretches of one value
     long = np.diff(ends, prepend=-1)
-    outer = np.isin(even.x[ends], [even.x.min(), even.x.max()])
+    outer = np.isin(x[ends], [x.min(), x.max()])
     least, times = SETTINGS.held
     held = outer & (long >= least)
-    rounded = quantum_of(even.x)
-    if even.noise < max(SETTINGS.exact, rounded):
-        moved = np.abs(even.x[least:] - even.x[:-least])
+    rounded = quantum_of(x)
+    if noise < max(SETTINGS.exact, rounded):
+        moved = np.abs(x[least:] - x[:-least])
         before = ends - long - least
         usual = max(float(np.median(moved[moved > 0.0])), 4.0 * rounded)
         held &= (before >= 0) & (moved[np.maximum(before, 0)] > SETTINGS.stops * usual)

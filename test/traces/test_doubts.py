@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 
-from stickslip_ros.traces.analysis import analyse_steps
+from stickslip_ros.arrays import Array
+from stickslip_ros.traces.analysis import analyse_steps, find_runs
 from stickslip_ros.traces.doubts import doubts_of, find_clipping
-from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, noise_of, resample_evenly
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import MeasuredValue
@@ -42,6 +43,10 @@ def _doubts(
     even: EvenSamples, grid: SlipGrid, others: list[SlipGrid], step: float, *more: Any
 ) -> tuple[str, ...]:
     return doubts_of(even, grid, others, MeasuredValue(step, 0.0), *more)
+
+
+def _clipping(x: Array) -> tuple[str, ...]:
+    return find_clipping(x, noise_of(x))
 
 
 def test_a_run_between_two_rests_is_determined(bench: Bench) -> None:
@@ -134,16 +139,23 @@ def test_a_run_back_leaves_no_doubt() -> None:
 def test_a_record_that_was_cut_off_is_doubted(bench: Bench) -> None:
     """The sensor ends at 0.9 of the way; a coarse converter alone makes no doubt."""
     step = bench.runs[0].step_size
-    cut = replace(bench, x=np.minimum(bench.x, 0.9 * COUNT * step))
-    (text,) = find_clipping(_even(cut))
+    (text,) = _clipping(np.minimum(bench.x, 0.9 * COUNT * step))
     assert "outermost value" in text
-    exact = np.minimum(bench.clean, 0.9 * COUNT * step)  # without noise, a rest is even, too
-    (text,) = find_clipping(_even(replace(bench, x=exact)))
+    (text,) = _clipping(np.minimum(bench.clean, 0.9 * COUNT * step))
     assert "outermost value" in text
-    assert not find_clipping(_even(replace(bench, x=bench.clean)))
+    assert not _clipping(bench.clean)
     coarse = replace(bench, x=1e-8 * np.round(bench.x / 1e-8))
-    assert find_clipping(_even(coarse)) == _doubts(_even(coarse), _grid(coarse), [], step, None)
-    assert not find_clipping(_even(coarse))
+    assert _doubts(_even(coarse), _grid(coarse), [], step, None) == _clipping(coarse.x) == ()
+
+
+def test_a_rest_on_one_value_of_a_converter_is_not_cut_off() -> None:
+    """Uneven times hide the steps of the converter from positions at even ones."""
+    sensor = Sensor(rate=1e5, noise=0.1e-9, quantum=2e-9, jitter=0.5)
+    drives = (Drive(26, 1906.0, amplitude=150.0, pause=3e-3),)
+    bench = bench_trace(Axis(sigma_1=9.0), drives, sensor, rest=3e-3)
+    assert np.count_nonzero(bench.x == bench.x.min()) > 100
+    (run,) = find_runs(bench.t, bench.x)
+    assert (run.steps, run.doubts) == (26, ())
 
 
 def test_ringing_is_neither_a_shorter_period_nor_a_move(bench: Bench) -> None:

@@ -86,9 +86,14 @@ def _plan(random: np.random.Generator) -> Plan:
     noise = plan.scaled(0.3e-9, 4e-9)
     plan = Plan(axis, drive, Sensor(float(random.choice([5e4, 1e5, 2e5])), noise), random)
     plan = plan.driven(frequency=plan.scaled(20.0, min(3e3, 0.3 * axis.ringing[0])))
+    return plan if _steps(plan) else _plan(random)
+
+
+def _steps(plan: Plan) -> bool:
+    """Return whether the axis gets forward as stick-slip axes do."""
     size = abs(_made(plan.driven(cycles=4), quiet=True)[2][0].step_size)
-    reach = GAIN * drive.amplitude
-    return plan if max(6.0 * noise, 0.1 * reach) < size < reach else _plan(random)
+    reach = GAIN * plan.drive.amplitude
+    return max(6.0 * plan.sensor.noise, 0.1 * reach) < size < reach
 
 
 def _made(plan: Plan, drives: tuple[Drive, ...] | None = None, quiet: bool = False) -> Made:
@@ -258,7 +263,8 @@ def _cycles(low: int, high: int) -> Callable[[Plan], Made]:
 
 
 def _long(plan: Plan) -> Made:
-    return _made(plan.driven(cycles=700, frequency=plan.scaled(100.0, 1e3)))
+    plan = plan.driven(cycles=700, frequency=plan.scaled(100.0, 1e3))
+    return _made(plan) if _steps(plan) else _long(_plan(plan.random))
 
 
 def _slow(plan: Plan) -> Made:
