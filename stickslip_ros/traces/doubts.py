@@ -56,7 +56,9 @@ class DoubtSettings:
     #: Steps by which the distance between the rests may miss the number of steps: the first cycles
     #: get up to half a step less far than the settled ones.
     miscounted: float = 0.75
-    confirmed: float = 0.5  #: the same below which that distance confirms the number
+    #: The same below which that distance confirms the number; and that the last cycle is one: a
+    #: rise without a slip gets about as far.
+    confirmed: tuple[float, float] = (0.5, 0.1)
     #: Part of the motion within cycles that differs between neighbours, in the median: noise that
     #: adds up makes a third of it, cycles cut at a wrong period one.
     dissimilarity: float = 0.6
@@ -112,12 +114,12 @@ def doubts_of(
                 "step"
             )
             break
-    confirmed = False
+    miscounted = math.inf
     if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
         uncertain = run.count * abs(step.error / step.value)
         counted = distance / abs(step.value)
-        confirmed = abs(counted - run.count) + uncertain < SETTINGS.confirmed
+        miscounted = abs(counted - run.count) + uncertain
         if fit is not None:  # the first steps are other ones
             first = (fit.number >= 0) & (fit.number < settled_from(run.count))
             distance += float(np.sum(abs(step.value) - (fit.rise - fit.fall)[first]))
@@ -129,9 +131,11 @@ def doubts_of(
             found.append(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
-    if fit is not None and not (confirmed or unlikely):
+    if fit is not None and not unlikely:
         numbers = {run.count}
         for number, odd, seen in zip(fit.number, fit.odds, fit.seen, strict=True):
+            if miscounted < SETTINGS.confirmed[int(number == run.count - 1)]:
+                continue
             if number in (0, run.count - 1) and seen and odd < SETTINGS.likely:
                 numbers.add(run.count - 1)
             elif number in (-1, run.count) and seen and odd > -SETTINGS.likely:
