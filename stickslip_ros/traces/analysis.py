@@ -362,16 +362,10 @@ def _search(even: EvenSamples, period: float | None, report: Report) -> list[Sli
         turns = np.array([period / one.period for one in without if one.explained])
         other = len(turns) and (np.abs(turns - np.rint(turns)) > AS_GIVEN).all()
         if (np.abs(turns - 1.0) < AS_GIVEN).any() or (other and not explained):
-            return [_at_period(one, period) for one in without]
+            return [
+                one.about_middle(period) if may_have_period(one, period) else one for one in without
+            ]
     return seen
-
-
-def _at_period(run: SlipGrid, period: float) -> SlipGrid:
-    """Return a run with a period (s) that was given, about its middle, if it may have it."""
-    if not may_have_period(run, period):
-        return run
-    late = 0.5 * (run.count - 1) * (run.period - period)
-    return replace(run, first=run.first + late, period=period)
 
 
 def _shorter(even: EvenSamples, run: SlipGrid) -> float | None:

@@ -31,6 +31,7 @@ from stickslip_ros.traces.even_samples import (
 from stickslip_ros.traces.hum import MAINS
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.run_growth import find_shifts, fit_line
+from stickslip_ros.traces.squares import Squares
 from stickslip_ros.traces.steps import MeasuredValue, settled_from
 
 
@@ -56,9 +57,9 @@ class DoubtSettings:
     #: Steps by which the distance between the rests may miss the number of steps: the first cycles
     #: get up to half a step less far than the settled ones.
     miscounted: float = 0.75
-    #: The same below which that distance confirms the number; and that the last cycle is one: a
-    #: rise without a slip gets about as far.
-    confirmed: tuple[float, float] = (0.5, 0.1)
+    confirmed: float = 0.5  #: the same below which that distance confirms the number
+    #: Steps that it may lack if the last cycle is one: a rise without a slip gets about as far.
+    lacking: float = 0.1
     #: Part of the motion within cycles that differs between neighbours, in the median: noise that
     #: adds up makes a third of it, cycles cut at a wrong period one.
     dissimilarity: float = 0.6
@@ -95,10 +96,11 @@ def doubts_of(
     period (s) at which the run repeats better. It may be hum if no ringing shows its slips, and
     its period was not given. Drift and hum that are known are left out of even.
     """
-    found = []
+    found, squares = [], Squares(even)
+    repeats = squares.explains(squares.tune(run))
     # Where ringing is seen, the search has asked this.
     free = fit_ends(even, run, others, ringing) if ringing is None else None
-    unlikely = free is not None and not free.explains()
+    unlikely = free is not None and not (free.explains() or repeats)
     fit = fit_ends(even, run, others, ringing, equal=True)
     if not run.explained or unlikely:
         found.append("no run of equal steps explains the motion")
@@ -114,12 +116,13 @@ def doubts_of(
                 "step"
             )
             break
-    miscounted = math.inf
+    confirmed = complete = False
     if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
         uncertain = run.count * abs(step.error / step.value)
         counted = distance / abs(step.value)
-        miscounted = abs(counted - run.count) + uncertain
+        confirmed = abs(counted - run.count) + uncertain < SETTINGS.confirmed
+        complete = confirmed and run.count - counted + uncertain < SETTINGS.lacking
         if fit is not None:  # the first steps are other ones
             first = (fit.number >= 0) & (fit.number < settled_from(run.count))
             distance += float(np.sum(abs(step.value) - (fit.rise - fit.fall)[first]))
@@ -134,7 +137,7 @@ def doubts_of(
     if fit is not None and not unlikely:
         numbers = {run.count}
         for number, odd, seen in zip(fit.number, fit.odds, fit.seen, strict=True):
-            if miscounted < SETTINGS.confirmed[int(number == run.count - 1)]:
+            if complete or (confirmed and number != run.count - 1):
                 continue
             if number in (0, run.count - 1) and seen and odd < SETTINGS.likely:
                 numbers.add(run.count - 1)
@@ -151,7 +154,7 @@ def doubts_of(
         uneven * swings > SETTINGS.uneven[1] or not swings
     ):
         found.append(f"the slips miss even times by {100 * uneven / run.period:.2g} % of a period")
-    own = _unlike(even, run)
+    own = 0.0 if repeats else _unlike(even, run)
     if own > SETTINGS.dissimilarity:
         found.append(f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle")
     elif shorter is not None and not 0.0 < shorter * swings < SETTINGS.swings:

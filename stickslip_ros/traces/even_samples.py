@@ -7,7 +7,7 @@ The cycles of a run are laid over one another as rows of mean positions about th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -239,6 +239,11 @@ class SlipGrid:
     def end(self) -> float:
         """Slip of the last cycle, s."""
         return self.first + self.period * (self.count - 1)
+
+    def about_middle(self, period: float) -> SlipGrid:
+        """Return the run with another period (s), about its middle."""
+        late = 0.5 * (self.count - 1) * (self.period - period)
+        return replace(self, first=self.first + late, period=period)
 
 
 def phases_of(even: EvenSamples, period: float, most: int = PHASES) -> Array:

@@ -29,6 +29,7 @@ from stickslip_ros.traces.even_samples import (
 )
 from stickslip_ros.traces.hum import MAINS, hum_columns
 from stickslip_ros.traces.slip_edges import edge_kernel
+from stickslip_ros.traces.squares import Squares
 from stickslip_ros.traces.steps import SETTLING
 
 
@@ -239,6 +240,9 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
     samples = grid.period / even.tick
     chance = even.noise**2 * int(np.sum(within)) / samples
     beyond = max(left - chance, 0.0)
+    squares = Squares(even)
+    if squares.explains(grid):
+        beyond = min(beyond, squares.differing(grid) * float(np.var(mean)))
     if beyond > SETTINGS.dissimilar * float(np.var(mean)):
         return None
     steps = np.diff(row_means(rows))

@@ -117,7 +117,8 @@ def search_runs(
             more = [one for one in found if one not in known]
             chosen += choose_apart(_count_all(even, more, ringing, other, known), chosen)
     grids = sorted((one.grid for one in chosen), key=lambda one: one.first)
-    return grids or [replace(one, explained=False) for one in seen]
+    squares = Squares(even)
+    return grids or [replace(one, explained=squares.explains(squares.tune(one))) for one in seen]
 
 
 def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
@@ -302,8 +303,11 @@ def _find_all(
 
     @cache
     def whole(seed: SlipGrid) -> SlipGrid | None:
-        grid = grow_run(even, seed)
-        return grid and check_run(even, grid, given=period is not None)
+        grid, given = grow_run(even, seed), period is not None
+        if grid is None or (run := check_run(even, grid, given)) is not None:
+            return grid and run
+        tuned = squares.tune(grid)
+        return None if tuned is grid else check_run(even, tuned, given)
 
     def consider(seed: SlipGrid) -> None:
         grid = whole(seed)

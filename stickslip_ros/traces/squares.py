@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -28,12 +29,20 @@ class SquaresSettings:
     slow: int = 3  #: order of the polynomial that a run may be bent by
     hum_seen: float = 5e-3  #: s, from which on hum is no part of it
     cells: int = 48  #: of a cycle in which polynomial and hum are told from its shape
+    fine: int = 128  #: cells of a cycle at most that are finer than its samples
+    together: int = 4  #: samples of all cycles in such a cell, at least
     parts: int = 64  #: of the record that count alike, however much is left in each
     open: float = 1e-8  #: part of the motion that is open without noise, too
     least: int = 3  #: of a cycle, in which its shape is drawn
     shown: float = 8.0  #: samples of a cycle, with fewer of which runs are not compared
     cycles: int = 500  #: of a run at most that tell whether it repeats, from its middle
     chance: float = 1e-3  #: of a run where there is none
+    #: Periods over a run by which the clock of few samples a cycle is off at most, as it is found
+    #: and as it is looked at more closely; places tried there.
+    off: tuple[float, float] = (0.05, 0.0025)
+    tried: int = 41
+    few: float = 24.0  #: samples of a cycle, with fewer of which those of all cycles count together
+    differing: float = 0.1  #: part of their motion that may differ if such cycles explain it
     moved: int = 4  #: cycles by which the ends of a run are moved at most
 
 
@@ -45,13 +54,26 @@ class Squares:
 
     def __init__(self, even: EvenSamples) -> None:
         self.even = even
+
+    @cached_property
+    def _seen(self) -> EvenSamples:
+        even = self.even
         while len(even.x) > SETTINGS.samples:
             even = even.halved
-        self._tick = even.tick
-        self._t: Array = np.asarray(even.begin + even.tick * np.flatnonzero(even.known), np.float64)
+        return even
+
+    @cached_property
+    def _t(self) -> Array:
+        even = self._seen
+        return np.asarray(even.begin + even.tick * np.flatnonzero(even.known), np.float64)
+
+    @cached_property
+    def _rows(self) -> Array:
+        """Positions (m) and hum of 1 m, (1 + n, samples)."""
+        even = self._seen
         hums = even.end - even.begin > SETTINGS.hum_seen
         hum = hum_columns(self._t, MAINS) if hums else []
-        self._rows = np.vstack((even.x[even.known] - even.x[0], *hum))
+        return np.vstack((even.x[even.known] - even.x[0], *hum))
 
     def left(self, runs: Sequence[SlipGrid]) -> float:
         """Return the logarithm of the mean square (m^2) that is left, its mean over the record.
@@ -98,7 +120,7 @@ class Squares:
 
     def _without_shape(self, rows: Array, t: Array, run: SlipGrid) -> Array:
         """Return rows at times (s) of a run without what all cycles share at a phase."""
-        most = int(np.clip(run.period / self._tick, SETTINGS.least, SETTINGS.cells))
+        most = int(np.clip(run.period / self._seen.tick, SETTINGS.least, SETTINGS.cells))
         cell = (np.mod((t - run.begin) / run.period, 1.0) * most).astype(np.int64)
         number = np.maximum(np.bincount(cell, minlength=most), 1)
         shapes = [(np.bincount(cell, row, most) / number)[cell] for row in rows]
@@ -111,7 +133,9 @@ class Squares:
         """
         turn = (t - run.begin) / run.period
         cycle = np.clip(turn.astype(np.int64), 0, run.count - 1)
-        cells = max(int(run.period / self._tick), SETTINGS.least)
+        # Few samples a cycle lie at other phases in each: together they draw it more finely.
+        together = min(len(t) // SETTINGS.together, SETTINGS.fine)
+        cells = max(int(run.period / self._seen.tick), together, SETTINGS.least)
         best, left = place, math.inf
         while cells >= SETTINGS.least:
             at = np.mod(turn, 1.0) * cells
@@ -132,7 +156,7 @@ class Squares:
 
     def resolves(self, run: SlipGrid) -> bool:
         """Return whether the samples, averaged in a long record, show the cycles of a run."""
-        return run.period >= SETTINGS.shown * self._tick
+        return run.period >= SETTINGS.shown * self._seen.tick
 
     def repeats(self, run: SlipGrid) -> float:
         """Return the logarithm of how many times as likely a run is with a shape as without one.
@@ -141,6 +165,48 @@ class Squares:
         chance: a run is no chance above 0. Samples of its own tell, however long the record is; of
         a run that they do not show, nothing does.
         """
+        own, run = self._own(run)
+        if own is None:
+            return math.inf
+        place, alone = own._told_apart(run)
+        before, after = float(np.mean(place**2)), float(np.mean(alone**2))
+        least = SETTINGS.open * before + 1e-40
+        apart = math.log((before + least) / (after + least))
+        return 0.5 * len(place) * apart - math.log(len(self._t) / SETTINGS.chance)
+
+    def tune(self, run: SlipGrid) -> SlipGrid:
+        """Return a run of few samples a cycle with the period at which its cycles tell most.
+
+        They lie at other phases in each cycle, so neighbours differ; all cycles tell the shape.
+        """
+        own, part = self._own(run)
+        if own is None or run.period >= SETTINGS.few * self.even.tick:
+            return run
+        period = part.period
+        for reach in SETTINGS.off:
+            late = np.linspace(-reach, reach, SETTINGS.tried) / part.count
+            tried = [part.about_middle(one) for one in (period * (1.0 + late)).tolist()]
+            left = [float(np.sum(own._told_apart(one)[1] ** 2)) for one in tried]
+            period = tried[int(np.argmin(left))].period
+        return run.about_middle(period)
+
+    def differing(self, run: SlipGrid) -> float:
+        """Return which part of the motion of a run its other cycles do not tell, noise apart."""
+        own, run = self._own(run)
+        if own is None:
+            return math.nan
+        before, after = (
+            float(np.mean(one**2)) - self.even.noise**2 for one in own._told_apart(run)
+        )
+        return max(after, 0.0) / max(before, 1e-40)
+
+    def explains(self, run: SlipGrid) -> bool:
+        """Return whether cycles of few samples tell each other, which their ringing hides."""
+        few = run.period < SETTINGS.few * self.even.tick
+        return few and self.differing(run) < SETTINGS.differing
+
+    def _own(self, run: SlipGrid) -> tuple[Squares | None, SlipGrid]:
+        """Return the motion in a run, or in its middle; None if no samples show it."""
         count = min(run.count, SETTINGS.cycles)
         middle = run.first + (run.count - count) // 2 * run.period
         run = replace(run, first=middle, count=count)
@@ -150,12 +216,12 @@ class Squares:
         inside = slice(max(first, 0), max(last, 0) + 1)
         x, known = self.even.x[inside], self.even.known[inside]
         if known.sum() <= SETTINGS.slow + 3:
-            return math.inf
+            return None, run
         begin = self.even.begin + self.even.tick * inside.start
-        own = Squares(replace(self.even, begin=begin, x=x, known=known))
-        return own._repeats(run) - math.log(len(self._t) / SETTINGS.chance)
+        return Squares(replace(self.even, begin=begin, x=x, known=known)), run
 
-    def _repeats(self, run: SlipGrid) -> float:
+    def _told_apart(self, run: SlipGrid) -> tuple[Array, Array]:
+        """Return a run's motion (m) without what is slow, and what other cycles do not tell."""
         part = slice(*np.searchsorted(self._t, [run.begin, run.end]))
         t: Array = self._t[part]
         place = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
@@ -166,12 +232,7 @@ class Squares:
             products = told @ told.T
             of_slow, *_ = np.linalg.lstsq(products[1:, 1:], products[1:, 0], rcond=1e-10)
             left.append(rows[0] - of_slow @ rows[1:])
-        alone = self._unlike(left[1], t, run)
-        least = SETTINGS.open * float(np.var(rows[0])) + 1e-40
-        apart = math.log(
-            (float(np.mean(left[0] ** 2)) + least) / (float(np.mean(alone**2)) + least)
-        )
-        return 0.5 * len(t) * apart
+        return left[0], self._unlike(left[1], t, run)
 
     def settle_ends(self, run: SlipGrid, others: Sequence[SlipGrid]) -> SlipGrid:
         """Return a run with as many cycles, of some more or fewer at its ends, as leave least.

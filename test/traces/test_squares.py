@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 from stickslip_ros.traces.squares import Squares
 
@@ -89,3 +90,23 @@ def test_more_cycles_than_a_long_record_is_looked_at_are_no_chance() -> None:
     short = replace(grid, period=2e-4, count=2)  # of fewer samples than tell anything
     assert squares.repeats(replace(short, period=5e-5)) == np.inf
     assert not np.isnan(squares.repeats(short))
+
+
+def test_few_samples_of_many_cycles_tell_a_ringing_between_them() -> None:
+    """The ringing has two thirds of a sample a swing: neighbouring cycles have little in common."""
+    (drive,) = drives = (Drive(60, 370.0, direction=-1, amplitude=200.0, pause=0.01),)
+    axis = Axis(sigma_1=6.0, mass=3.5e-3)
+    bench = bench_trace(axis, drives, Sensor(11.3 * 370.0, noise=1e-9), rest=0.01, seed=3)
+    even, grid = resample_evenly(bench.t, bench.x, 2**20), _grid(bench, 0)
+    squares = Squares(even)
+    assert even.tick * axis.ringing[0] > 1.4
+    assert squares.explains(grid)
+    off = grid.about_middle(grid.period * (1.0 + 0.02 / grid.count))
+    assert not squares.explains(off)
+    assert squares.tune(off).period == pytest.approx(grid.period, rel=1e-3 / grid.count)
+    for period in (None, grid.period):
+        (run,) = find_runs(bench.t, bench.x, period)
+        assert (run.steps, run.direction) == (drive.cycles, -1)
+        assert run.doubts in ((), ("59 or 60 steps",))
+        true = bench.runs[0].step_size
+        assert run.step_size == pytest.approx(true, abs=3.0 * run.step_size_error)

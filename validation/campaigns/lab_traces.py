@@ -90,8 +90,11 @@ def _plan(random: np.random.Generator) -> Plan:
 
 
 def _steps(plan: Plan) -> bool:
-    """Return whether the axis gets forward as stick-slip axes do."""
-    size = abs(_made(plan.driven(cycles=4), quiet=True)[2][0].step_size)
+    """Return whether the axis gets forward as stick-slip axes do, and not in the first steps only.
+
+    Of a runner that swings on the spot, no record tells the steps.
+    """
+    size = abs(_made(plan.driven(cycles=15), quiet=True)[2][0].step_size)
     reach = GAIN * plan.drive.amplitude
     return max(6.0 * plan.sensor.noise, 0.1 * reach) < size < reach
 
@@ -276,6 +279,8 @@ def _slow(plan: Plan) -> Made:
 
 def _two_amplitudes(plan: Plan) -> Made:
     weaker = replace(plan.drive, amplitude=0.8 * plan.drive.amplitude, cycles=12)
+    if not _steps(replace(plan, drive=weaker)):
+        return _two_amplitudes(_plan(plan.random))
     return _made(plan, (plan.drive, weaker))
 
 
