@@ -187,7 +187,9 @@ class CurveFit:
             own = (self._metric == k) & ~self._stated & np.isfinite(left)
             if np.count_nonzero(own) > 2:
                 usual = math.sqrt(float(np.mean(left[own] ** 2)))
-                self.deviation[own] = max(usual, 1e-4 * float(np.abs(self.measured[own]).max()))
+                self.deviation[own] = max(
+                    usual, DESCENT.least_deviation * float(np.abs(self.measured[own]).max())
+                )
 
     def fitted(self, seen: BinnedModel) -> FittedCurve:
         """Return the table and the values of the model."""

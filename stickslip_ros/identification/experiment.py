@@ -102,7 +102,7 @@ class Experiment:
         if first.start < self.motion.t[0] + RECORD.rest_before / first.frequency:
             found.append(replace(plain, before=True))
         end = last.start + abs(last.steps) / last.frequency
-        if end < self.motion.t[-1] < end + 1.1 / last.frequency:
+        if end < self.motion.t[-1] < end + RECORD.beyond / last.frequency:
             found += [replace(one, beyond=True) for one in found]
         return found
 

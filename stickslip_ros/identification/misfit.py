@@ -49,7 +49,9 @@ def misfit_of(problem: Problem, best: Point, effects: Sequence[SeenEffect]) -> M
         for run, start in zip(fit.experiment.runs, starts.tolist(), strict=True):
             place = (fit.bins.t - start) * run.frequency
             inside = (place >= 0.0) & (place < abs(run.steps)) & (fit.kept > 0.0)
-            if abs(run.steps) < MISFIT.fewest or np.count_nonzero(inside) < 10 * abs(run.steps):
+            if abs(run.steps) < MISFIT.fewest or np.count_nonzero(inside) < MISFIT.bins * abs(
+                run.steps
+            ):
                 continue
             white = best.residuals[rows][: len(inside)][inside]
             left = fit.unprojected(best.seen[k])[inside]
@@ -111,7 +113,7 @@ def _within_cycle(
     white: Array, left: Array, place: Array, period: float, fitted: int, source: str
 ) -> _Finding:
     phase, count = _phases(place)
-    chance, beyond = _chance_of_means(white, phase, min(fitted, count // 4))
+    chance, beyond = _chance_of_means(white, phase, min(fitted, count // MISFIT.per_fitted))
     number = np.maximum(np.bincount(phase, minlength=count), 1)
     means = np.bincount(phase, left, minlength=count) / number
     size = float(np.sqrt(np.mean(means**2)))
@@ -132,7 +134,7 @@ def _within_cycle(
 def _phases(place: Array) -> tuple[NDArray[np.int64], int]:
     """Return the phase of the cycle that each bin belongs to, and how many there are."""
     cycles = math.ceil(float(place.max()))
-    count = int(np.clip(len(place) // cycles, 8, MISFIT.phases))
+    count = int(np.clip(len(place) // cycles, *MISFIT.phases))
     return np.minimum((np.mod(place, 1.0) * count).astype(np.int64), count - 1), count
 
 
@@ -143,7 +145,7 @@ def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding
     if parts < 2:
         return _Finding(1.0, 0.0, 0.0, "the run is too short to show a change")
     group = phase + count * np.minimum(place / cycles * parts, parts - 1).astype(np.int64)
-    chance, beyond = _chance_of_means(white, group, min(fitted, count // 4))
+    chance, beyond = _chance_of_means(white, group, min(fitted, count // MISFIT.per_fitted))
     whole, own = (
         (np.bincount(one, left) / np.maximum(np.bincount(one), 1))[one] for one in (phase, group)
     )

@@ -48,11 +48,11 @@ class Profiler:
         self.scale = best.deviance / free
         #: Rise of the deviance, in units of the scale, at the ends of a 95 % interval: 3.84 for
         #: many residuals.
-        self.rise = float(scipy.stats.f.ppf(0.95, 1, free))
+        self.rise = float(scipy.stats.f.ppf(DESCENT.level, 1, free))
         if problem.is_stated:
             # A good fit by chance does not make deviations smaller than the table states.
             self.scale = max(self.scale, 1.0)
-            self.rise = float(scipy.stats.chi2.ppf(0.95, 1))
+            self.rise = float(scipy.stats.chi2.ppf(DESCENT.level, 1))
 
     def information(self) -> Array:
         """Return the information of the logarithms, clocks projected out, (parameters,) * 2."""
@@ -130,7 +130,7 @@ class Profiler:
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
-            tries = (self.problem.bounded(at.unknowns + part * step) for part in (1.0, 0.3))
+            tries = (self.problem.bounded(at.unknowns + part * step) for part in DESCENT.parts)
             better = None
             if not gain < DESCENT.held_converged * self.scale * self.rise:
                 points = filter(None, map(self.problem.point, tries))
@@ -174,11 +174,13 @@ class Profiler:
 def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -> float:
     """Return the next distance to evaluate, from those on either side of the goal."""
     if math.isinf(above[0]):
-        return below[0] * float(np.clip(1.05 * goal / max(below[1], 1e-6), 1.1, 2.0))
+        return below[0] * float(
+            np.clip(DESCENT.beyond * goal / max(below[1], 1e-6), *DESCENT.onward)
+        )
     if above[1] > DESCENT.steep * goal:
         return 0.5 * (below[0] + above[0])
     part = (goal - below[1]) / (above[1] - below[1])
-    return below[0] + float(np.clip(part, 0.1, 0.9)) * (above[0] - below[0])
+    return below[0] + float(np.clip(part, *DESCENT.within)) * (above[0] - below[0])
 
 
 def in_words(names: Sequence[str], direction: Array) -> str:

@@ -60,7 +60,7 @@ class Window:
 
     def placed(self, p: Parameters, start: float, reach: float, steps: int) -> Placed:
         """Return the best place within reach (s) of a start (s). ParameterError, SolverError."""
-        ringing = max(Plant.of(p).ringing_frequency, 10.0 * self.run.frequency)
+        ringing = max(Plant.of(p).ringing_frequency, SEARCH.least_ringing * self.run.frequency)
         only = replace(
             self._experiment, runs=(Stepping(0.0, steps, self.run.frequency),), beyond=False
         )
@@ -131,7 +131,7 @@ def _best(window: Window, begun: Sequence[Placed], p: Parameters, far: float) ->
     try:
         ringing = Plant.of(p).ringing_frequency
         near = max(SEARCH.swings / max(ringing, window.run.frequency), SEARCH.periods * period)
-        reach = max(min(near, 0.45 * period), far * period)
+        reach = max(min(near, SEARCH.within * period), far * period)
         found = [window.placed(p, one.start, reach, one.steps) for one in begun]
     except (ParameterError, SolverError):
         return begun[0]
@@ -221,7 +221,7 @@ def search(
         list(zip(free.low, free.high, strict=True)),
         init=members,
         maxiter=SEARCH.generations,
-        tol=0.01,
+        tol=SEARCH.tolerance,
         atol=SEARCH.agree,
         polish=False,
         seed=random,

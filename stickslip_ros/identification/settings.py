@@ -24,6 +24,8 @@ class RecordSettings:
     samples_a_swing: float = 4.0  #: of ringing: two are the least, means over slips take as many
     few_steps: int = 4  #: below which frequency and size of a run scatter too much to be trusted
     noise_factor: float = 3.0  #: a stated noise may differ so: filters of sensors do that
+    beyond: float = 1.1  #: periods after a run within which a record may end with another cycle
+    about_slips: float = 1.5  #: bins before and after a slip that are computed finely
     longest_step: float = 1.1  #: of the way of the actuator; no step is longer
     shortest_step: float = 1e-3  #: of that way; no drive that steps makes shorter ones
     bins_a_swing: float = 12.0  #: bins in a swing, which show its shape
@@ -63,6 +65,8 @@ class SearchSettings:
     most_shifts: int = 4000  #: in all
     at_once: int = 256  #: shifts, to bound the memory
     most_samples: int = 40_000  #: of the model
+    least_ringing: float = 10.0  #: times the drive, by which models without ringing are sampled
+    within: float = 0.45  #: periods that the start may be off by at most
     swings: float = 2.0  #: that the start may be off by
     periods: float = 0.06  #: of the drive, likewise
     far: float = 1.3  #: periods, where the steps were not separated well
@@ -76,6 +80,7 @@ class SearchSettings:
     members: int = 15  #: for each parameter
     generations: int = 100  #: at most
     impossible: float = 1e12  #: cost of parameters that make no contact
+    tolerance: float = 0.01  #: part of the mean cost by which costs spread in the end
     agree: float = 3.0  #: spread of costs at which all members lie about one minimum
     distinct: float = 0.2  #: logarithm by which members differ that are handed on
     handed_on: int = 6  #: members
@@ -100,6 +105,13 @@ class DescentSettings:
     too_much: float = 1.25  #: structure of the noise from which on it is searched for again
     searches: int = 3  #: at most
     again: int = 3  #: descents from better optima that profiles have met
+    level: float = 0.95  #: of intervals
+    parts: tuple[float, float] = (1.0, 0.3)  #: of a step with one parameter held that are tried
+    #: Part of the rise that the next look aims at; factors by which it goes on from an end that is
+    #: below the rise; parts of the way between two ends that it keeps to.
+    beyond: float = 1.05
+    onward: tuple[float, float] = (1.1, 2.0)
+    within: tuple[float, float] = (0.1, 0.9)
     end_accuracy: float = 0.04  #: of the rise at an end, as a part of it
     profile_looks: int = 14  #: at a side
     steep: float = 1.1  #: times the root of the rise; beyond, a look is taken again from nearer by
@@ -110,6 +122,7 @@ class DescentSettings:
     unknown: float = 0.7  #: standard deviation (logarithm) of a direction that is not known
     share_named: float = 0.25  #: share of a parameter in a direction from which on it is named
     curve_deviation: float = 0.02  #: part of the median, where the table states none, to begin with
+    least_deviation: float = 1e-4  #: part of the largest value, where residuals tell it
     no_value: float = 100.0  #: standard deviations that a point without a value counts
     curve_difference: float = 3e-3  #: logarithm: searches for a 0-amplitude are not smooth
     trace_difference: float = 3e-4  #: the same for traces
@@ -120,7 +133,9 @@ class MisfitSettings:
     """Limits for tests of residuals and for messages about misfits, and the ranking of laws."""
 
     chance: float = 1e-3  #: probability over all tests of a fit
-    phases: int = 120  #: of a cycle at most
+    phases: tuple[int, int] = (8, 120)  #: of a cycle at least and at most
+    bins: int = 10  #: of a cycle at least
+    per_fitted: int = 4  #: means at least for each parameter that is fitted
     fewest: int = 3  #: cycles
     parts: int = 3  #: of a run
     of_a_part: int = 2  #: cycles at least

@@ -101,7 +101,8 @@ class Bins:
         _, few, _, close = _means(t, x, 1.0 / fine)
         spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
         dense = np.zeros(len(middle), dtype=bool)  # about the slip of a cycle
-        begin, end = experiment.slip[0] - 1.5 * width, experiment.slip[1] + 1.5 * width
+        about = RECORD.about_slips * width
+        begin, end = experiment.slip[0] - about, experiment.slip[1] + about
         for run in experiment.runs:
             place = (middle - run.start) * run.frequency
             since = np.mod(middle - run.start - begin, 1.0 / run.frequency)

@@ -49,10 +49,12 @@ _STILL = 0.005
 _MOST, _SOUGHT = 20_000, 20_000
 #: What counts as noise in a spike, as share of the range: a spike is eight times as far off.
 _RIPPLE = 0.006
+#: The range of a recording but for its spikes.
+_RANGE = (0.001, 0.999)
 #: Least weight of the voltage itself, as part of the mean slope: it moves every actuator.
 _STIFFEST = 1e-3
 #: Largest creep per decade in the search; a larger lag is not creep.
-_MOST_CREEP, _BOUND = 0.1, 0.98
+_MOST_CREEP, _BOUND, _TRIED = 0.1, 0.98, 11
 #: Creep is fitted if the voltage rests for this many times `creep_start`,
 #: and if creep takes this share off the deviations.
 _LONG, _GAIN = 10.0, 0.02
@@ -124,7 +126,7 @@ def record(times: Array | None, volts: Array, deflection: Array) -> ActuatorReco
     if not float(np.ptp(deflection)) > 0.0:
         raise ParameterError("the deflection never changes; is it in the second column, in m?")
     kept = np.logical_and(
-        *(without_spikes(one, _RIPPLE * float(np.ptp(np.quantile(one, [0.001, 0.999]))))
+        *(without_spikes(one, _RIPPLE * float(np.ptp(np.quantile(one, _RANGE))))
           for one in (volts, deflection))
     )  # fmt: skip
     volts, deflection = volts[kept], deflection[kept]
@@ -358,7 +360,7 @@ def _creep_of(without: _Solver, lagging: _Solver) -> float:
     def left(creep: float) -> float:
         return lagging(creep)[1]
 
-    tried = np.linspace(0.0, _MOST_CREEP, 11)
+    tried = np.linspace(0.0, _MOST_CREEP, _TRIED)
     best = tried[int(np.argmin([left(one) for one in tried.tolist()]))]
     step = float(tried[1])
     bounds = (max(0.0, best - step), min(_MOST_CREEP, best + step))

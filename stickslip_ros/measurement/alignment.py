@@ -44,6 +44,11 @@ class AlignmentSettings:
     #: Part of a period: the rest before the first step that pins the clock, and by which the times
     #: from the first step to the last may differ.
     rest: float = 0.2
+    fewest: int = 8  #: distances of samples that the cross-correlation takes
+    #: Periods, or samples where no steps are seen, that candidates of it are apart.
+    apart: tuple[float, int] = (0.25, 5)
+    dense: float = 0.05  #: swings of the ringing between samples of a trace
+    bent: float = 0.01  #: part by which another period of the ringing moves where it begins
     missed: float = 2.0  #: times the difference that another first step has to leave
     moved: float = 0.01  #: part of its stroke by which an actuator leaves a rest
     reach: float = 0.55  #: part of a period about the start found in which the clock is looked for
@@ -176,14 +181,16 @@ class ClockSearch:
         for motion in (pair.measurement, pair.run):
             grid = np.arange(motion.t[0], motion.t[-1], spacing)
             speeds.append(np.diff(np.interp(grid, motion.t, motion.x)))
-        if min(map(len, speeds)) < 8:
+        if min(map(len, speeds)) < SETTINGS.fewest:
             raise ComparisonError(
-                "run and measurement have fewer than 8 samples in common; sample more often"
+                f"run and measurement have fewer than {SETTINGS.fewest} samples in common; sample "
+                "more often"
             )
         correlation = scipy.signal.correlate(*speeds, method="fft")
         lags = scipy.signal.correlation_lags(*map(len, speeds)) * spacing
         lags += pair.measurement.t[0] - pair.run.t[0]
-        apart = max(1, round((0.25 * steps.period if steps else 5.0 * spacing) / spacing))
+        cycles, samples = SETTINGS.apart
+        apart = max(1, round(cycles * steps.period / spacing if steps else samples))
         candidates = []
         for _ in range(SETTINGS.candidates):
             best = int(np.argmax(correlation))
@@ -211,7 +218,10 @@ class ClockSearch:
             replace(found, offset=found.offset + k * period) for k in range(-reach, reach + 1)
         ]
         candidates.sort(
-            key=lambda one: (-round(pair.overlap(one) / (0.25 * period)), abs(one.offset))
+            key=lambda one: (
+                -round(pair.overlap(one) / (SETTINGS.apart[0] * period)),
+                abs(one.offset),
+            )
         )
         good = [
             one
@@ -233,7 +243,7 @@ class ClockSearch:
         run, measurement, middle = self.pair.run, self.pair.measurement, found.middle - found.offset
         clock, x = measurement.t, measurement.x
         if measurement.v is not None:  # a trace, denser in the slips; the fit weighs samples alike
-            tick = min(self.pair.spacing, 0.05 / own.frequency)
+            tick = min(self.pair.spacing, SETTINGS.dense / own.frequency)
             clock = np.arange(measurement.t[0], measurement.t[-1], tick)
             x = measurement.position_at(clock)
         # Both at the same places of the cycle: what the distance of samples does cancels.
@@ -253,7 +263,7 @@ class ClockSearch:
             onsets.append(find_onset(t, x, slips, steps.period, ringing, drift, middle))
         in_run, in_measurement = onsets
         turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
-        bent = 0.01 * abs(1.0 / other.frequency - 1.0 / own.frequency)
+        bent = SETTINGS.bent * abs(1.0 / other.frequency - 1.0 / own.frequency)
         between = SETTINGS.straight * run.spacing if run.v is None else 0.0
         return replace(
             found,

@@ -50,6 +50,9 @@ _MET = 0.25
 _CLEAR = 0.1
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98
+#: Periods before and after a slip between which the deflection of its cycle lies; decimals (m) to
+#: which deflections are the same.
+_DEFLECTED, _SAME = (0.9, 0.1), 10
 
 
 @dataclass(frozen=True)
@@ -386,7 +389,7 @@ def deflections_of(motion: Motion, steps: Run) -> Array:
     """Return the actuator's deflection (m, peak to peak) in each cycle; nan in a cut one."""
     found = []
     for slip in steps.slips:
-        first, last = slip - 0.9 * steps.period, slip + 0.1 * steps.period
+        first, last = slip - _DEFLECTED[0] * steps.period, slip + _DEFLECTED[1] * steps.period
         u = motion.between(first, last).u
         whole = motion.t[0] <= first and last <= motion.t[-1]
         found.append(np.ptp(u) if u is not None and len(u) and whole else math.nan)
@@ -407,7 +410,7 @@ def zero_crossing(deflection: Array, step: Array) -> MeasuredValue:
     """
     clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
     deflection, step = deflection[clear], step[clear]
-    if len(np.unique(np.round(deflection, 10))) < _AMPLITUDES:
+    if len(np.unique(np.round(deflection, _SAME))) < _AMPLITUDES:
         return MeasuredValue(math.nan, math.nan)
     (slope, cut), covariance = np.polyfit(deflection, step, 1, cov="unscaled")
     zero = -cut / slope

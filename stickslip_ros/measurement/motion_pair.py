@@ -28,6 +28,8 @@ _FEWEST = 8
 ORDER = 4
 #: Samples are even if their distances are within this part.
 _EVEN = 1e-3
+#: Highest corner of a filter, as part of the sampling rate.
+_HIGHEST = 0.45
 
 
 class ComparisonError(StickslipError, ValueError):
@@ -176,10 +178,10 @@ def low_pass(pairs: Pairs, cutoff: float) -> Pairs:
     """
     distances = np.diff(pairs.t)
     tick = float(np.median(distances))
-    if not 0.0 < cutoff < 0.45 / tick:
+    if not 0.0 < cutoff < _HIGHEST / tick:
         raise ComparisonError(
-            f"the filter is {cutoff:g} Hz; it has to lie above 0 and below {0.45 / tick:g} Hz, "
-            "0.45 of the sampling rate"
+            f"the filter is {cutoff:g} Hz; it has to lie above 0 and below {_HIGHEST / tick:g} "
+            f"Hz, {_HIGHEST} of the sampling rate"
         )
     if np.ptp(distances) > _EVEN * tick:
         t = np.arange(pairs.t[0], pairs.t[-1], tick)

@@ -52,8 +52,8 @@ from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, settled_from
 STAGES = REPORTS + 1
 #: Part by which a run may be off a frequency that was given, as clocks and short runs are.
 AS_GIVEN = 0.02
-#: Samples in which runs are looked for; of more, neighbours are averaged.
-_MOST = 2**21
+#: Samples in which runs are looked for, at least and at most; of more, neighbours are averaged.
+_LEAST, _MOST = 32, 2**21
 #: How many times steps, drift and hum are fitted at most, as the number of cycles changes.
 _RECOUNTS = 2
 #: Part of a period, and of a step, by which runs that follow each other differ if they are one.
@@ -221,7 +221,7 @@ def find_steps(
     report is called with each stage of the search, `STAGES` times where all are needed. Raises
     TraceError for a period that is longer than the record.
     """
-    if len(t) < 32 or not np.ptp(x) > 0.0:
+    if len(t) < _LEAST or not np.ptp(x) > 0.0:
         return Findings([], Disturbances())
     if period is not None and t[-1] - t[0] < period:
         raise TraceError(
@@ -396,8 +396,8 @@ def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Ar
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise TraceError(f"{name} sample {bad[0]} is {values[bad[0]]}; leave such samples out")
-    if len(time) < 32:
-        raise TraceError(f"the trace has {len(time)} samples; at least 32 are needed")
+    if len(time) < _LEAST:
+        raise TraceError(f"the trace has {len(time)} samples; at least {_LEAST} are needed")
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if len(back):
         raise TraceError(

@@ -39,11 +39,18 @@ class BackstepSettings:
     bottom: float = 0.2  #: half the width of the bottom: a fourth order fits a swing there to 0.1 %
     lowest: tuple[float, float] = (0.1, 0.9)  #: where the deepest point may lie after the slip
     before: float = 1.5  #: what line and ringing before the slip are fitted to
+    after: float = 1.2  #: how long after the slip the fall is looked at
     pulled: float = 0.25  #: how long after the slip the runner is pulled back about evenly
     onset: float = 0.15  #: by how much the slip may begin earlier or later than was found
     places: int = 61  #: of it that are tried
     most: int = 4000  #: samples that tell the level
     samples: int = 10  #: in the bottom, at least: two for each of the five unknowns
+    smooth: float = 0.25  #: of half the width of the bottom, by which it is smoothed to be found
+    looks: int = 60  #: places at which the smoothed fall is looked at
+    dense: float = 0.1  #: samples about such a place that show it, at least
+    order: int = 4  #: of the arc
+    fine: int = 201  #: places of the arc of which the deepest one counts
+    settled: float = 0.02  #: by so little the deepest point moves in the end
     gap: float = 0.08  #: longest gap in the bottom, over which an arc bends by 3 % of its depth
     #: Error of the method as part of the backstep: bend of the arc beyond fourth order, and the
     #: ringing left of the cycle before. From the study in the tests.
@@ -119,7 +126,9 @@ def _by_arc(
     slips = cycles.slips[settled]
     lasts = float(np.median(cycles.ends - cycles.slips))
     slips = slips[np.unique(np.linspace(0, len(slips) - 1, SETTINGS.cycles).astype(int))]
-    after, place = _lay_over(t, forward, slips, -SETTINGS.before * swing, 1.2 * swing + lasts)
+    after, place = _lay_over(
+        t, forward, slips, -SETTINGS.before * swing, SETTINGS.after * swing + lasts
+    )
     level = _level_at_slip(after, place, ringing)
     if level is None:
         return None
@@ -171,7 +180,7 @@ def _level_at_slip(t: Array, x: Array, ringing: Ringing) -> MeasuredValue | None
         levels.append(float(at @ found))
         squares.append(float(np.sum((x - design @ found) ** 2)))
         widths.append(float(at @ np.linalg.pinv(design.T @ design) @ at))
-    variance = max(min(squares) / max(len(x) - 7, 1), 1e-40)
+    variance = max(min(squares) / max(len(x) - design.shape[1] - 1, 1), 1e-40)
     likely = np.exp(0.5 * (min(squares) - np.array(squares)) / variance)
     likely /= likely.sum()
     level = float(likely @ levels)
@@ -189,27 +198,28 @@ def _fit_bottom(t: Array, x: Array, swing: float, lasts: float) -> MeasuredValue
     if inside.sum() < SETTINGS.samples:
         return None
     width = SETTINGS.bottom * swing
-    grid = np.linspace(first, last, 60)
-    weights = np.exp(-0.5 * ((grid[:, None] - t[inside]) / (0.25 * width)) ** 2)
+    grid = np.linspace(first, last, SETTINGS.looks)
+    weights = np.exp(-0.5 * ((grid[:, None] - t[inside]) / (SETTINGS.smooth * width)) ** 2)
     smooth = weights @ x[inside] / np.maximum(weights.sum(axis=1), 1e-30)
-    smooth[weights.sum(axis=1) < 0.1] = np.inf
+    smooth[weights.sum(axis=1) < SETTINGS.dense] = np.inf
     at = float(grid[int(np.argmin(smooth))])
     for _ in range(3):
         near = np.abs(t - at) <= width
         edges = np.concatenate(([at - width], t[near], [at + width]))
         if near.sum() < SETTINGS.samples or np.diff(edges).max() > SETTINGS.gap * swing:
             return None
-        arc = np.polynomial.Polynomial.fit(t[near], x[near], 4)
-        fine = np.linspace(max(at - width, t[near][0]), min(at + width, t[near][-1]), 201)
+        arc = np.polynomial.Polynomial.fit(t[near], x[near], SETTINGS.order)
+        bounds = max(at - width, t[near][0]), min(at + width, t[near][-1])
+        fine = np.linspace(*bounds, SETTINGS.fine)
         moved = float(fine[int(np.argmin(arc(fine)))])
-        if abs(moved - at) < 0.02 * swing:
+        if abs(moved - at) < SETTINGS.settled * swing:
             break
         at = moved
     near = np.abs(t - at) <= width
-    t, x = t[near], x[near]
-    design = np.vander((t - at) / (float(np.max(np.abs(t - at))) or 1.0), 5, increasing=True)
+    t, x, unknowns = t[near], x[near], SETTINGS.order + 1
+    design = np.vander((t - at) / (float(np.max(np.abs(t - at))) or 1.0), unknowns, increasing=True)
     found, *_ = np.linalg.lstsq(design, x, rcond=None)
     left = x - design @ found
-    variance = float(left @ left) / max(len(x) - 5, 1)
+    variance = float(left @ left) / max(len(x) - unknowns, 1)
     error = math.sqrt(variance * float(np.linalg.pinv(design.T @ design)[0, 0]))
     return MeasuredValue(float(found[0]), error)

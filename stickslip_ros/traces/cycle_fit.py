@@ -39,6 +39,9 @@ class CycleFitSettings:
     cells: int = 100  #: of a cycle at most: finer ones cost time and do not improve rise and fall
     cycles: int = 40  #: that one fit takes at most, the first and the last ones of a long run
     tuning: int = 16  #: cycles that the clock is fitted to
+    cut: float = 0.1  #: periods before and after a slip in which a long run is not cut in two
+    lead: float = 1.5  #: periods before its first slip that belong to a run
+    tail: float = 0.3  #: periods after the last slip that tell the clock of many cycles
     beyond: int = 2  #: cycles fitted beyond either end of a run, which must not rise
     shared: float = 0.99  #: part of its neighbour's noise that a cell has at most
     exact: float = 1e-3  #: part of the motion that no fit explains: slips are not instant
@@ -52,6 +55,7 @@ class CycleFitSettings:
     #: Part by which rise and fall of the first and the last cycles may differ from the others: a
     #: first one has no ringing before it, and a drive that stops within a cycle bends the rise.
     end: float = 0.15
+    few: int = 4  #: cycles, of which the first and the last one, too, tell what is usual
     unlike: float = 0.1  #: part of the cycles that rises or falls by any part of what is usual
     left: float = 4.0  #: times the noise that a fit leaves at most
     left_of_fall: float = 0.25  #: or this part of the falls
@@ -62,17 +66,21 @@ class CycleFitSettings:
     rest: float = 1e-6  #: standard deviation of the place beforehand, m
     drift: float = 3e-7  #: standard deviation of the drift beforehand, m/s, as on a bench
     hum_seen: float = 3e-3  #: s, from which on hum is separated from a trend
-    #: By how much first slip and period (in tenths of a period, the latter over all cycles),
-    #: frequency of the ringing (in hundredths) and logarithm of its decay may be corrected.
-    corrections: tuple[float, float, float, float] = (1.0, 2.0, 1.0, 0.3)
+    #: By how much first slip and period (the latter over all cycles; in periods), frequency of the
+    #: ringing (as a part) and logarithm of its decay may be corrected, and units of each.
+    corrections: tuple[float, float, float, float] = (0.1, 0.2, 0.01, 0.3)
+    units: tuple[float, float, float, float] = (0.1, 0.1, 0.01, 1.0)
     low_pass: float = 0.1  #: standard deviation of the low-pass, in periods of the ringing
     thinned: float = 0.15  #: distance of samples behind it, in the same
     dense: float = 100.0  #: samples in a swing that it needs at most
+    support: float = 8.0  #: standard deviations of the low-pass that are looked at
     gone: float = 40.0  #: decays after which nothing of the ringing is left but rounding
 
 
 SETTINGS = CycleFitSettings()
 
+#: How the clock is fitted: few steps bring it to a part of its error.
+_DESCENT = {"diff_step": 1e-2, "max_nfev": 6, "xtol": 1e-4, "ftol": 1e-4}
 #: Error of the clock of a known period, s/s.
 CLOCK = 5e-4
 #: Ringing blurs the clock of the slips where fewer of its periods fit into a cycle.
@@ -103,7 +111,7 @@ class CycleFit:
         the drive stopped, is no step, but only a last one can be: the next cycle follows a slip.
         """
         count = self.grid.count
-        ends = int(count > 4)  # they differ most, but of few cycles they tell what is usual, too
+        ends = int(count > SETTINGS.few)  # they differ most
         inner = (self.number >= ends) & (self.number < count - ends)
         if not inner.any():
             return np.zeros(len(self.number))
@@ -171,7 +179,7 @@ def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
         )
         return np.asarray(place + (2.0 * ringing.decay * rate + acceleration) / omega_0**2)
 
-    impulse = np.zeros(2 * int(8.0 * width) + 3)
+    impulse = np.zeros(2 * int(SETTINGS.support * width) + 3)
     impulse[len(impulse) // 2] = 1.0
     every = max(1, int(SETTINGS.thinned / SETTINGS.low_pass * width))
     return EvenSamples(
@@ -261,7 +269,7 @@ def split_parts(
     beyond = SETTINGS.beyond
     if grid.count <= most:
         return [_part(even, grid, np.arange(-beyond, grid.count + beyond), begin, end)]
-    half, inner = most // 2, 0.1 * grid.period
+    half, inner = most // 2, SETTINGS.cut * grid.period
     head = np.arange(-beyond, half + 1)  # the last one rises and is cut off before its fall
     tail = np.arange(grid.count - half + 1, grid.count + beyond)
     return [
@@ -285,7 +293,7 @@ def _part(
     if not len(slips):
         return _Stretch(number, np.zeros(1), np.zeros(0), 0.0, 0.0)
     tick = max(even.tick, grid.period / SETTINGS.cells)
-    first = max(begin, float(slips[0]) - 1.5 * grid.period)
+    first = max(begin, float(slips[0]) - SETTINGS.lead * grid.period)
     edges = np.arange(first, min(end, float(slips[-1]) + grid.period), tick)
     noise = even.noise / math.sqrt(tick / even.tick)
     x = even.means(edges)
@@ -409,7 +417,7 @@ def _tune(
     def tune(near: SlipGrid) -> tuple[SlipGrid, Ringing, float]:
         begin, end = span
         if swings >= BLURRED and near.count >= SETTINGS.alone:  # surely cycles of the run
-            begin, end = max(begin, near.begin), min(end, near.end + 0.3 * near.period)
+            begin, end = max(begin, near.begin), min(end, near.end + SETTINGS.tail * near.period)
         few = split_parts(even, near, begin, end, SETTINGS.tuning)
         trial = _fit_clock(few if _enough(few) else parts, near, ringing, known)
         return *trial, float(np.std(_fit_alike(parts[0], *trial)[2]))
@@ -468,25 +476,23 @@ def _fit_clock(
     All parts count: an error of the period adds up from the first cycle to the last.
     """
     cycles = max(float(parts[-1].number[-1] - parts[0].number[0]), 1.0)
-    most = np.array(SETTINGS.corrections)
+    most, units = np.array(SETTINGS.corrections), np.array(SETTINGS.units)
     if known:
-        most[1] = min(most[1], 10.0 * cycles * CLOCK)
+        most[1] = min(most[1], cycles * CLOCK)
+    most /= units
 
     def trial(by: Array) -> tuple[SlipGrid, Ringing]:
-        late, longer, higher, steeper = by.tolist()
+        late, longer, higher, steeper = (by * units).tolist()
         moved = replace(
             grid,
-            first=grid.first + 0.1 * late * grid.period,
-            period=grid.period * (1.0 + 0.1 * longer / cycles),
+            first=grid.first + late * grid.period,
+            period=grid.period * (1.0 + longer / cycles),
         )
         decay = ringing.decay * math.exp(steeper)
-        return moved, Ringing(ringing.frequency * (1.0 + 0.01 * higher), decay)
+        return moved, Ringing(ringing.frequency * (1.0 + higher), decay)
 
     def left(by: Array) -> Array:
         return np.concatenate([_fit_alike(part, *trial(by))[2] / part.noise for part in parts])
 
-    found = scipy.optimize.least_squares(
-        left,
-        np.zeros(4), diff_step=1e-2, max_nfev=6, bounds=(-most, most), xtol=1e-4, ftol=1e-4,
-    )  # fmt: skip
+    found = scipy.optimize.least_squares(left, 0.0 * most, bounds=(-most, most), **_DESCENT)
     return trial(found.x)

@@ -26,6 +26,13 @@ class TraceError(StickslipError, ValueError):
     """The trace cannot be analysed; the message says what is missing."""
 
 
+#: Parts of the deflection that a stroke goes through; parts between which all of it lies, of many
+#: samples: a few may be spikes.
+_LEVELS, _OUTER, _MANY = (0.25, 0.75), (0.001, 0.999), 10_000
+#: Samples of a cycle that show it; part of its range within which a runner gets nowhere.
+_SAMPLES, _NOWHERE = 10.0, 1e-2
+
+
 @dataclass(frozen=True)
 class Cycles:
     """Whole cycles of a trace, each array of shape (cycles,)."""
@@ -70,7 +77,7 @@ def cycles_of_actuator(
     frequency (Hz) and start of the first cycle (s) are taken as they are where given. Raises
     TraceError.
     """
-    low, high = np.quantile(u, [0.001, 0.999]) if len(u) > 10_000 else np.array([u.min(), u.max()])
+    low, high = np.quantile(u, _OUTER) if len(u) > _MANY else np.array([u.min(), u.max()])
     strokes = find_strokes(t, (u - low) / (high - low))
     falls, rises = strokes[strokes[:, 2] < 0], strokes[strokes[:, 2] > 0]
     if len(falls) + len(rises) < 2:
@@ -112,8 +119,8 @@ def too_slow(t: Array) -> str:
     """Return what helps if the drive is too fast for the samples at times t (s)."""
     rate = 1.0 / float(np.median(np.diff(t)))
     return (
-        f"if the drive is faster than {rate / 10.0:.3g} Hz, {FASTER}: {rate:.4g} samples a second "
-        "are too few for it"
+        f"if the drive is faster than {rate / _SAMPLES:.3g} Hz, {FASTER}: {rate:.4g} samples a "
+        "second are too few for it"
     )
 
 
@@ -139,7 +146,7 @@ def find_strokes(t: Array, share: Array) -> Array:
     Noise that crosses one of the two levels back and forth makes no stroke.
     """
     times, levels = [], []
-    for level in (0.25, 0.75):
+    for level in _LEVELS:
         above = share >= level
         at = np.flatnonzero(above[1:] != above[:-1])
         part = (level - share[at]) / (share[at + 1] - share[at])
@@ -156,6 +163,6 @@ def direction_of(t: Array, x: Array) -> int:
     """Return the way the runner goes; where it gets nowhere, against its fastest moves."""
     way = x[-1] - x[0]
     speed = np.diff(x) / np.diff(t)
-    if abs(way) < 1e-2 * np.ptp(x):
+    if abs(way) < _NOWHERE * np.ptp(x):
         way = -np.sum((speed - np.mean(speed)) ** 3)
     return -1 if way < 0.0 else 1

@@ -44,6 +44,11 @@ class DoubtSettings:
     rest: float = 0.5  #: periods of rest beside a run that separate its steps from drift
     #: Periods after a run that may hold a rise without a slip, and ringing.
     after: float = 1.2
+    apart: tuple[float, float] = (0.05, 0.1)  #: periods before and after a run that are no rest
+    short: int = 40  #: samples of a rest that show it, however short; samples of a place in it
+    place: int = 8
+    places: tuple[int, int] = (4, 20)  #: of a rest, at least and at most
+    range: tuple[float, float] = (0.02, 0.98)  #: of such places, from which to which count
     #: Of a step: how far the runner may move in what is called a rest. A missed cycle moves it by
     #: one, drift and hum of a bench by less than a third.
     moved: float = 0.6
@@ -57,6 +62,7 @@ class DoubtSettings:
     #: Steps by which the distance between the rests may miss the number of steps: the first cycles
     #: get up to half a step less far than the settled ones.
     miscounted: float = 0.75
+    growing: float = 0.02  #: the same, and for each cycle
     confirmed: float = 0.5  #: the same below which that distance confirms the number
     #: Steps that it may lack if the last cycle is one: a rise without a slip gets about as far.
     lacking: float = 0.1
@@ -66,6 +72,7 @@ class DoubtSettings:
     #: Samples in a row that a record which is cut off stays at its outermost value, and times as
     #: many as at any other: the steps of a converter make such stretches everywhere.
     held: tuple[int, float] = (12, 20.0)
+    rounded: float = 4.0  #: steps of the converter that are no move
     stops: float = 0.5  #: of the usual way in so many samples, after which no runner rests at once
     #: Times the step between samples that all but this part keep below, and part by which jumps may
     #: miss whole multiples of the least one: no contact moves its runner so.
@@ -109,7 +116,7 @@ def doubts_of(
     if before is None and after is None:
         found.append("no rest beside the run, so step and drift cannot be told apart")
     for rest, name in ((before, "before"), (after, "after")):
-        moved = 0.0 if rest is None else float(np.quantile(rest, 0.98) - np.quantile(rest, 0.02))
+        moved = 0.0 if rest is None else float(np.diff(np.quantile(rest, SETTINGS.range))[0])
         if moved > SETTINGS.moved * abs(step.value):
             found.append(
                 f"the runner moves by {1e9 * moved:.1f} nm {name} the run, about as far as in a "
@@ -127,7 +134,7 @@ def doubts_of(
             first = (fit.number >= 0) & (fit.number < settled_from(run.count))
             distance += float(np.sum(abs(step.value) - (fit.rise - fit.fall)[first]))
             counted = distance / abs(step.value)
-        missing = SETTINGS.miscounted + 0.02 * run.count + uncertain
+        missing = SETTINGS.miscounted + SETTINGS.growing * run.count + uncertain
         rise = 0.0 if fit is None else float(np.sum((fit.rise - fit.fall)[fit.number == run.count]))
         without_slip = max(rise, 0.0) / abs(step.value)  # which is no step
         if not -missing < counted - run.count < missing + without_slip:
@@ -189,7 +196,7 @@ def find_clipping(x: Array, noise: float) -> tuple[str, ...]:
     if noise < max(SETTINGS.exact, rounded):
         moved = np.abs(x[least:] - x[:-least])
         before = ends - long - least
-        usual = max(float(np.median(moved[moved > 0.0])), 4.0 * rounded)
+        usual = max(float(np.median(moved[moved > 0.0])), SETTINGS.rounded * rounded)
         held &= (before >= 0) & (moved[np.maximum(before, 0)] > SETTINGS.stops * usual)
     else:
         held &= long >= times * int(np.max(long[~outer], initial=1))
@@ -228,14 +235,14 @@ def _rests_beside(
     begin = max([even.begin, *(one.end + SETTINGS.after * one.period for one in others
                                if one.first < run.first)])  # fmt: skip
     end = min([even.end, *(one.begin for one in others if one.first > run.first)])
-    late = run.end + SETTINGS.after * run.period
-    if run.end + SETTINGS.rest * run.period < end < late + 0.1 * run.period:
-        late = run.end + 0.1 * run.period  # nothing but the first period of the rest is seen
+    late, (close, soon) = run.end + SETTINGS.after * run.period, SETTINGS.apart
+    if run.end + SETTINGS.rest * run.period < end < late + soon * run.period:
+        late = run.end + soon * run.period  # nothing but the first period of the rest is seen
     rests = []
-    for first, last in ((begin, run.begin - 0.05 * run.period), (late, end)):
-        long = last - first > SETTINGS.rest * run.period or last - first > 40 * even.tick
-        width = max(8 * even.tick, 0.0 if ringing is None else 1.0 / ringing.frequency)
-        count = int(np.clip((last - first) / width, 4, 20)) if long else 0
+    for first, last in ((begin, run.begin - close * run.period), (late, end)):
+        long = last - first > min(SETTINGS.rest * run.period, SETTINGS.short * even.tick)
+        width = max(SETTINGS.place * even.tick, 0.0 if ringing is None else 1.0 / ringing.frequency)
+        count = int(np.clip((last - first) / width, *SETTINGS.places)) if long else 0
         places = even.means(np.linspace(first, last, count + 1)) if long else np.empty(0)
         places = places[np.isfinite(places)]
         rests.append(places if len(places) > 2 else None)

@@ -20,7 +20,7 @@ from stickslip_ros.arrays import Array
 #: times the difference of all but a hundredth of the samples; and by this many times that of three
 #: quarters of those beside it.
 _SPIKE, _USUAL, _ALONE = 8.0, 3.0, 4.0
-_NEIGHBOURS = 5
+_NEIGHBOURS, _ALL_BUT_FEW, _MOST_BESIDE = 5, 0.99, 0.75
 #: Least differences within which most neighbours are on a coarse converter; part of one by which
 #: they may miss whole numbers of it, as printed.
 _COARSE, _WHOLE = 20.0, 0.1
@@ -28,6 +28,9 @@ _COARSE, _WHOLE = 20.0, 0.1
 _LOOKED_AT, _GAP = 2**20, 4.0
 #: Samples of one spectrum of the noise; times the noise beside its lines that is no noise alone.
 _STRETCH_OF_NOISE, _LINE = 1024, 1.5
+#: Fewest samples that show noise; fewest means that neighbours are averaged to; times as many even
+#: times as samples at most.
+_SHORT, _MEANS, _FINER = 8, 16, 4
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ def noise_of(x: Array) -> float:
 
 
 def _scatter_of(x: Array) -> float:
-    if len(x) < 8:
+    if len(x) < _SHORT:
         return 0.0
     if len(x) > _LOOKED_AT:  # stretches of neighbouring samples from all over
         count = _LOOKED_AT // _STRETCH_OF_NOISE
@@ -171,11 +174,11 @@ def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
     middle = scipy.ndimage.median_filter(x, size=_NEIGHBOURS, mode="nearest")
     away = np.abs(x - middle)
     sample = away[:: max(1, len(away) // _LOOKED_AT)]
-    usual = max(_SPIKE * robust_std(sample), _USUAL * float(np.quantile(sample, 0.99)))
+    usual = max(_SPIKE * robust_std(sample), _USUAL * float(np.quantile(sample, _ALL_BUT_FEW)))
     far = np.flatnonzero(away > max(usual, _SPIKE * noise))
     beside = np.delete(np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1), _NEIGHBOURS)
     others = away[np.clip(far[:, None] + beside, 0, len(x) - 1)]
-    alone = away[far] > _ALONE * np.quantile(others, 0.75, axis=1)
+    alone = away[far] > _ALONE * np.quantile(others, _MOST_BESIDE, axis=1)
     return ~np.isin(np.arange(len(x)), far[alone])
 
 
@@ -188,9 +191,9 @@ def resample_evenly(t: Array, x: Array, most: int, noise: float | None = None) -
     noise, apart = noise_of(x) if noise is None else noise, np.diff(t)
     usual = float(np.median(apart))
     # Traces are denser in the slips, by far: that fine a grid would be needless elsewhere.
-    tick = max(usual, float(t[-1] - t[0]) / (4 * len(t)))
+    tick = max(usual, float(t[-1] - t[0]) / (_FINER * len(t)))
     every = math.ceil((t[-1] - t[0]) / tick / most)
-    if every > 1 and len(t) >= every * 16:
+    if every > 1 and len(t) >= every * _MEANS:
         count = len(t) // every * every
         t = t[:count].reshape(-1, every).mean(axis=1)
         x = x[:count].reshape(-1, every).mean(axis=1)
@@ -204,8 +207,9 @@ def resample_evenly(t: Array, x: Array, most: int, noise: float | None = None) -
     return EvenSamples(float(t[0]), tick, even, known, noise)
 
 
-#: Phases of a mean cycle at most; part of a period after the slip that belongs to a cycle, too.
-PHASES, _PHASES_BEYOND = 200, 0.25
+#: Phases of a mean cycle at most, and at least; part of a period after the slip that belongs to a
+#: cycle, too; part of a row that is known if its gaps are filled.
+PHASES, _FEWEST, _PHASES_BEYOND, _KNOWN = 200, 8, 0.25, 0.75
 #: Cycles that are used, and consecutive cycles in each stretch of them.
 ROWS, _STRETCH = 128, 16
 
@@ -248,7 +252,7 @@ class SlipGrid:
 
 def phases_of(even: EvenSamples, period: float, most: int = PHASES) -> Array:
     """Return phases from one slip (-1) to a little after the next (0), in periods."""
-    count = int(np.clip(period / even.tick, 8, most))
+    count = int(np.clip(period / even.tick, _FEWEST, most))
     return np.asarray((np.arange(math.ceil((1.0 + _PHASES_BEYOND) * count)) + 0.5) / count - 1.0)
 
 
@@ -324,7 +328,7 @@ def fill_gaps(rows: Array) -> Array:
     place = np.arange(rows.shape[1])
     for row in result:
         known = np.isfinite(row)
-        if 0.75 * len(row) < known.sum() < len(row):
+        if _KNOWN * len(row) < known.sum() < len(row):
             row[~known] = np.interp(place[~known], place[known], row[known])
     return result
 

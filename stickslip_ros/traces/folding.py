@@ -29,6 +29,8 @@ class FoldingSettings:
     fewest: float = 4.0  #: samples of a period: what is faster is ringing or cannot be told
     parts: int = 12  #: of a period at most that are tried where samples are dense
     dense: float = 150.0  #: samples of a cycle from which on they are
+    near: float = 0.25  #: periods by which the clock of a run may be off over it, to either side
+    clocks: int = 9  #: that are tried there
     longer: float = 0.8  #: periods above this part of the run's own are its own
     together: int = 20_000  #: positions that are folded at a time: so many stay in the cache
     #: Of a fall of the criterion by chance, among all parts of the period or all other periods.
@@ -59,7 +61,7 @@ def shorter_period(even: EvenSamples, run: SlipGrid) -> float | None:
     own = 1.0 / run.period
     # From one to the next, the phase moves by half a cell at either end of the run.
     step, last = 1.0 / (SETTINGS.cells * (end - begin)), 1.0 / (SETTINGS.fewest * tick)
-    near = own * (1.0 + 0.25 * np.linspace(-1.0, 1.0, 9) / run.count)
+    near = own * (1.0 + np.linspace(-SETTINGS.near, SETTINGS.near, SETTINGS.clocks) / run.count)
     number = np.arange(2.0, min(SETTINGS.parts, last / own) + 1.0)
     parts = (number[:, None] * near).ravel()
     others = np.empty(0) if dense else np.arange(own / SETTINGS.longer, last, step)

@@ -44,10 +44,16 @@ _HIGHEST, _DETERMINING = 0.45, 4.0
 #: Ringing is visible if it explains this many times the sum of squares that chance would explain,
 #: and its frequency has at most this relative error.
 _CLEAR_GAIN, _UNCERTAIN = 25.0, 0.02
-#: Cycles that take part in the fit, first samples of each, samples of a window's spectrum.
-_CYCLES, _SAMPLES, _SPECTRUM = 20, 20_000, 4096
+#: Cycles that take part in the fit, first samples of each, and fewest of a window; samples of a
+#: window's spectrum, and times as many frequencies as it has.
+_CYCLES, _SAMPLES, _FEWEST, _SPECTRUM, _FINER = 20, 20_000, 8, (16, 4096), 4
+#: Decays that are tried first, in windows; the least one, in units of the least frequency, and the
+#: least damping ratio, as noise may make it negative. Unknowns of a window: trend and swing.
+_DECAYS, _LEAST_DECAY, _UNDAMPED, _UNKNOWNS = (0.3, 1.0, 3.0, 10.0, 30.0), 0.1, -0.01, 5
 #: Decays after which nothing is left of the ringing; samples of a swing that are kept.
 _GONE, _DENSE = 6.0, 40.0
+#: Swings that count however fast they decay; samples by which the clock of slips may be off.
+_SWINGS, _OFF = 4.0, 1.5
 #: No axis rings faster (Hz): 1 g on 16 N/µm; twice the logarithm of how many times as likely a
 #: frequency has to be as a faster one.
 _FASTEST, _SURELY = 2e4, 2.0 * math.log(1e3)
@@ -99,7 +105,7 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     if first is None:
         return None
     period = 1.0 / first.frequency
-    last = period + max(_GONE / max(first.decay, 1e-9), 4.0 * period)
+    last = period + max(_GONE / max(first.decay, 1e-9), _SWINGS * period)
     found = _fit_from([_cut(window, period, last) for window in windows], first) or first
     later = _fit_from([_cut(window, 2.0 * period, last) for window in windows], found)
     interval = max(float(np.median(np.diff(t))) for t, _ in windows if len(t) > 1)
@@ -116,7 +122,7 @@ def _some(windows: Sequence[Window]) -> list[Window]:
     # Every second sample of a slow cycle would show another frequency; later ones do not ring.
     some = np.unique(np.linspace(0, max(len(windows) - 1, 0), _CYCLES).astype(int))
     chosen = [windows[k] for k in some if k < len(windows)]
-    return [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in chosen if len(t) >= 8]
+    return [(t[:_SAMPLES], x[:_SAMPLES]) for t, x in chosen if len(t) >= _FEWEST]
 
 
 def may_be_folded(windows: Sequence[Window], ringing: Ringing) -> bool:
@@ -137,7 +143,7 @@ def may_be_folded(windows: Sequence[Window], ringing: Ringing) -> bool:
         return False
     flat = [_without_trend(t, x) for t, x in windows]
     total = sum(float(x @ x) for _, x, _ in flat)
-    about = np.linspace(-1.5, 1.5, len(windows)) * interval
+    about = np.linspace(-_OFF, _OFF, len(windows)) * interval
 
     def left(frequency: float) -> float:
         """Return the squares left by swings of a frequency that begin alike, at the best clock."""
@@ -174,7 +180,7 @@ def _fit_from(
     windows: Sequence[Window], start: Ringing | float, whole: float = 0.0
 ) -> Ringing | None:
     """Fit the ringing from a start, or from its frequency (Hz) in windows of whole length (s)."""
-    flat = [_without_trend(t, x) for t, x in windows if len(t) >= 8]
+    flat = [_without_trend(t, x) for t, x in windows if len(t) >= _FEWEST]
     if not flat:
         return None
     lowest = _FEWEST_PERIODS / (whole or float(np.median([t[-1] for t, *_ in flat])))
@@ -182,7 +188,7 @@ def _fit_from(
         if start.frequency < 2.0 * lowest:
             return None
     else:
-        trials = [Ringing(start, factor / whole) for factor in (0.3, 1.0, 3.0, 10.0, 30.0)]
+        trials = [Ringing(start, factor / whole) for factor in _DECAYS]
         trials = [trial for trial in trials if trial.damping_ratio < _DAMPED_OUT]
         if not trials:
             return None
@@ -197,7 +203,7 @@ def _fit_from(
         return _residuals(flat, ringing) / size  # of order one, for the fit to know its end
 
     # Noise may make the decay of a first fit vanish or less; its scale has to be above 0.
-    scaled = np.array([start.frequency / lowest, max(start.decay / lowest, 0.1)])
+    scaled = np.array([start.frequency / lowest, max(start.decay / lowest, _LEAST_DECAY)])
     found = scipy.optimize.least_squares(
         residuals, scaled, bounds=([1.0, -1.0], [np.inf, np.inf]), x_scale=scaled
     )
@@ -211,8 +217,8 @@ def _if_clear(windows: Sequence[_Flat], ringing: Ringing, jacobian: Array) -> Ri
     with_ringing = float(left @ left)
     without = float(np.sum(_residuals(windows, None) ** 2))
     samples = sum(len(t) for t, *_ in windows)
-    free = samples - 5 * len(windows) - 2
-    if free < 1 or not -0.01 < ringing.damping_ratio < _DAMPED_OUT:
+    free = samples - _UNKNOWNS * len(windows) - 2
+    if free < 1 or not _UNDAMPED < ringing.damping_ratio < _DAMPED_OUT:
         return None
     interval = max(float(np.median(np.diff(t))) for t, *_ in windows)
     if ringing.frequency * interval > _HIGHEST:
@@ -256,9 +262,9 @@ def _without(x: Array, column: Array) -> Array:
 def _from_spectrum(windows: Sequence[Window], span: float) -> float | None:
     """Return the frequency (Hz) of the peak of the spectra of windows of some length (s)."""
     interval = float(np.median([np.median(np.diff(t)) for t, _ in windows]))
-    count = int(np.clip(span / interval, 16, _SPECTRUM))
+    count = int(np.clip(span / interval, *_SPECTRUM))
     grid = np.linspace(0.0, span, count)
-    size = scipy.fft.next_fast_len(4 * count, real=True)
+    size = scipy.fft.next_fast_len(_FINER * count, real=True)
     basis, _ = np.linalg.qr(np.vander(grid / span, 3))
     even = np.array([np.interp(grid, t, x - x[0]) for t, x in windows])
     even -= (even @ basis) @ basis.T
@@ -284,8 +290,10 @@ _CYCLE_BEFORE = 0.3
 _ONSET_SAMPLES, _ONSET_CYCLES = 20_000, 8
 #: So many samples of a swing show about where they are.
 _ONSET_SEEN = 12.0
-#: Added to what is fitted: far more than it reaches.
+#: Added to what is fitted: far more than it reaches. Steps of the derivative are parts of a trial:
+#: of one near 0, as where all agrees, a step would be lost to rounding.
 _AWAY = 10.0
+_DESCENT = {"diff_step": 1e-3 / _AWAY, "xtol": 1e-6 / _AWAY, "ftol": 1e-10}
 
 
 @dataclass(frozen=True)
@@ -370,15 +378,11 @@ def find_onset(
     tried = [np.array([place, *zeros]) for place in places]
     first = min(tried, key=lambda one: float(np.sum(left(one, few) ** 2)))
     scale = float(np.std(position)) or 1.0
-    # Steps of the derivative are parts of a trial: of one near 0, as where all agrees, a step would
-    # be lost to rounding.
     found = scipy.optimize.least_squares(
         lambda moved: left(moved - _AWAY) / scale,
         first + _AWAY,
         jac="3-point",
-        diff_step=1e-3 / _AWAY,
-        xtol=1e-6 / _AWAY,
-        ftol=1e-10,
+        **_DESCENT,
     )
     jacobian, rest = found.jac, found.fun
     # Cycles count as independent of each other; samples do not, because they share the ringing.

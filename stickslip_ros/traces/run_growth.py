@@ -37,6 +37,8 @@ from stickslip_ros.traces.steps import SETTLING
 class GrowthSettings:
     """Limits for extending cycles to a run, and for runs of steps; phases are in periods."""
 
+    #: Parts of a period before and after a run that the record may lack of a further cycle.
+    lacking: tuple[float, float] = (0.8, 0.3)
     rounds: int = 40  #: of growth at most; each adds up to half its length at either end
     similar: float = 0.5  #: part of the mean cycle that a cycle holds at least; rest holds none
     #: The rise of a cycle, by which it is known: the ringing begins it and the slip ends it.
@@ -46,13 +48,23 @@ class GrowthSettings:
     tuned: float = 0.3  #: periods over the run by which its period may be off, to either side
     places: int = 31  #: periods tried there
     tuning_cycles: int = 40  #: that tell the period
+    slip: int = 25  #: parts of a cycle, one of which a slip takes
     fall: float = 0.2  #: phases about the slip in which the fastest fall is looked for
+    refinements: int = 4  #: of the clock, at most
+    outlying: float = 4.0  #: times the median distance from a line beyond which slips are left out
+    known: float = 0.6  #: part of a cycle that tells how late it is
+    late: float = 0.1  #: periods that it is late by, at most
     refined: float = 1e-3  #: periods over the run by which the last refinement moves the clock
     #: Part of the variance of its cycles that the mean cycle leaves unexplained at most.
     dissimilar: float = 0.35
     least_dissimilar: float = 3e-3  #: part that a mean cycle leaves in any case: ringing, noise
     alike: float = 0.85  #: part of the neighbours that count, those most alike
     #: Power of all harmonics but the strongest as part of that one: a sine alone is no step.
+    visible: float = 25.0  #: times their chance from which on harmonics are seen
+    #: Periods before the first and after the last slip about which there may be a rest; parts of
+    #: the motion of a cycle, and of a step, that the runner moves there at most.
+    beside: tuple[float, float] = (1.3, 2.3)
+    resting: tuple[float, float] = (0.5, 0.2)
     harmonics: float = 0.02
     apart: int = 8  #: largest n for the test whether only every n-th cycle falls at its slip
     about: float = 0.15  #: phases about the slip that show its fall
@@ -76,8 +88,8 @@ def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
     for _ in range(SETTINGS.rounds):
         phases = phases_of(even, grid.period)
         reach = max(3, min(grid.count // 2, ROWS))
-        before = min(reach, int((grid.begin - even.begin) / grid.period + 0.8))
-        after = min(reach, int((even.end - grid.end) / grid.period + 0.3))
+        before = min(reach, int((grid.begin - even.begin) / grid.period + SETTINGS.lacking[0]))
+        after = min(reach, int((even.end - grid.end) / grid.period + SETTINGS.lacking[1]))
         number = np.concatenate(
             [np.arange(-max(before, 0), 0), sample_cycles(grid.count),
              grid.count + np.arange(max(after, 0))]
@@ -149,7 +161,7 @@ def move_to_fall(even: EvenSamples, grid: SlipGrid, within: float = SETTINGS.fal
     slips = grid.slips[sample_cycles(grid.count)]
     rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
     mean = mean_cycle(rows[1:] if grid.count > 2 else rows)
-    width = max(2, len(phases) // 25)
+    width = max(2, len(phases) // SETTINGS.slip)
     # A fall at the end of a cycle is seen from both sides; so the search is about there.
     fall = np.convolve(mean, edge_kernel(width)[::-1], mode="valid")
     place = phases[width : width + len(fall)] - 0.5 * (phases[1] - phases[0])
@@ -167,7 +179,7 @@ def refine(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     shifts lie on a line.
     """
     number = sample_cycles(grid.count)
-    for _ in range(4):
+    for _ in range(SETTINGS.refinements):
         phases = phases_of(even, grid.period)
         slips = grid.slips[number]
         rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
@@ -189,7 +201,7 @@ def fit_line(x: Array, y: Array) -> tuple[float, float]:
     slope, cut = 0.0, float(np.median(y))
     for _ in range(3):
         away = np.abs(y - cut - slope * x)
-        near = away <= 4.0 * float(np.median(away)) + 1e-30
+        near = away <= SETTINGS.outlying * float(np.median(away)) + 1e-30
         middle, level = float(x[near].mean()), float(y[near].mean())
         about = x[near] - middle
         square = float(about @ about)
@@ -208,9 +220,10 @@ def find_shifts(rows: Array, mean: Array, phases: Array, period: float) -> Array
     rate = np.where(known, -np.gradient(smooth, phases * period), 0.0)
     rate = np.where(known, rate - rate.sum(axis=1, keepdims=True) / count, 0.0)
     square = np.sum(rate**2, axis=1)
-    enough = (count[:, 0] > 0.6 * len(phases)) & (square > 0.0)
+    enough = (count[:, 0] > SETTINGS.known * len(phases)) & (square > 0.0)
     delay = np.sum(rate * left, axis=1) / np.where(enough, square, 1.0)
-    return np.where(enough, np.clip(delay, -0.1 * period, 0.1 * period), np.nan)
+    most = SETTINGS.late * period
+    return np.where(enough, np.clip(delay, -most, most), np.nan)
 
 
 def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGrid | None:
@@ -336,7 +349,8 @@ def count_falls(even: EvenSamples, run: SlipGrid) -> int:
 def _has_rest(even: EvenSamples, grid: SlipGrid, ripple: Array, step: float) -> bool:
     """Return whether the axis rests beside the run: it neither swings nor advances there."""
     phases = phases_of(even, grid.period)
-    beside = [grid.first - 1.3 * grid.period, grid.end + 2.3 * grid.period]
+    before, after = SETTINGS.beside
+    beside = [grid.first - before * grid.period, grid.end + after * grid.period]
     rows = grid.direction * cycles_on_grid(even, np.array(beside), grid.period, phases)
     rows = rows[np.isfinite(rows).all(axis=1)]
     if not len(rows):
@@ -344,7 +358,9 @@ def _has_rest(even: EvenSamples, grid: SlipGrid, ripple: Array, step: float) -> 
     rows = rows - rows.mean(axis=1, keepdims=True)
     about = phases - phases.mean()
     ahead = np.abs(rows @ about) / float(about @ about)
-    quiet = (np.std(rows, axis=1) < 0.5 * float(np.std(ripple))) & (ahead < 0.2 * step)
+    swing, advance = SETTINGS.resting
+    quiet = np.std(rows, axis=1) < swing * float(np.std(ripple))
+    quiet &= ahead < advance * step
     return bool(quiet.any())
 
 
@@ -352,5 +368,5 @@ def is_no_sine(ripple: Array, error: float) -> bool:
     """Return whether a cycle has more than one harmonic; error (m) is that of its samples."""
     power = np.abs(np.fft.rfft(ripple - ripple.mean())[1:]) ** 2
     first, *others = np.sort(power)[::-1]
-    clear = 25.0 * error**2 * len(ripple)
+    clear = SETTINGS.visible * error**2 * len(ripple)
     return bool(sum(others) > max(SETTINGS.harmonics * first, clear))

@@ -35,12 +35,14 @@ class RunSearchSettings:
     candidates: int = 16  #: chains of falls that are tried, the most significant ones
     longest: int = 6  #: and those of most falls
     #: A run of a shorter period is preferred if it explains this part of the motion at least, and
-    #: its cycles differ by at most this more: a period also repeats after twice its time.
+    #: its cycles differ by at most so many times as much and this more: a period also repeats
+    #: after twice its time.
     rival: float = 0.6
-    rival_differs: float = 0.015
+    rival_differs: tuple[float, float] = (1.5, 0.015)
     #: By how much less a run has to leave of the motion, in the logarithm of its mean square, to be
     #: preferred to one whose cycles are more similar.
     clearly: float = 0.7
+    same_chain: float = 0.03  #: part by which periods of chains of falls differ that are one
     same_period: float = 0.05  #: part by which a period that is seen may be off one that is known
     off: float = 0.5  #: periods at most that this difference adds up to over a run
     clocks: float = 2e-3  #: part by which clocks differ, which is tolerated over any run
@@ -52,6 +54,8 @@ class RunSearchSettings:
     around: float = 0.1
     tried: tuple[int, int] = (12, 5)
     clear: float = 8.0
+    uneven: float = 1.5  #: samples by which such slips may be
+    between: tuple[float, float] = (0.1, 0.9)  #: part of a cycle that rings, where no rest does
     rings_for: float = 5e-3  #: s, in which ringing dies away
     slow_slips: int = 8  #: last slips of a slow drive, after each of which the ringing dies away
     samples: int = 16  #: that ringing is fitted to, at least
@@ -174,10 +178,12 @@ def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None
             add([even.between(begin, min(begin + SETTINGS.rings_for, rest))])
         if grid.period > SETTINGS.rings_for:
             begins = grid.slips[-SETTINGS.slow_slips - 1 : -1] + SETTINGS.late
-            add([even.between(one, one + 0.9 * SETTINGS.rings_for) for one in begins])
+            last = SETTINGS.between[1] * SETTINGS.rings_for
+            add([even.between(one, one + last) for one in begins])
     for grid in grids if not found else ():  # the record ends with the last slip, say
         period = grid.period
-        add([even.between(one + 0.1 * period, one + 0.9 * period) for one in grid.slips[:-1]])
+        early, late = (part * period for part in SETTINGS.between)
+        add([even.between(one + early, one + late) for one in grid.slips[:-1]])
     alike = [
         sum(abs(one.frequency / other.frequency - 1.0) < SETTINGS.same_ringing for other in found)
         for one in found
@@ -211,7 +217,8 @@ def place_on_falls(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     # Of lines through any two falls, the one that most others lie on, by how far they fall.
     a, b = np.nonzero(turn - turn[:, None] > 0.5 * (number[-1] - number[0]))
     slope = (place[b] - place[a]) / (turn[b] - turn[a])
-    along = np.abs((place[a] - slope * turn[a])[:, None] + slope[:, None] * turn - place) <= 1.5
+    late = (place[a] - slope * turn[a])[:, None] + slope[:, None] * turn - place
+    along = np.abs(late) <= SETTINGS.uneven
     total = along @ height
     if not np.max(total, initial=0.0) > SETTINGS.clear * math.sqrt(len(number)):
         return grid
@@ -344,13 +351,14 @@ def _find_all(
                 consider(replace(best, period=factor * best.period, count=count))
         best = max(grids, key=lambda one: one.score)
         # A motion with a period also repeats after twice the period.
+        times, more = SETTINGS.rival_differs
         rivals = [
             one
             for one in grids
             if do_overlap(one, best)
             and one.period < best.period
             and one.score > SETTINGS.rival * best.score
-            and one.dissimilarity < 1.5 * best.dissimilarity + SETTINGS.rival_differs
+            and one.dissimilarity < times * best.dissimilarity + more
         ]
         best = min(rivals, key=lambda one: one.period, default=best)
         # But a run that leaves far less of the motion, whatever its period, is more likely.
@@ -374,9 +382,9 @@ def may_have_period(grid: SlipGrid, period: float) -> bool:
 
 def are_same(one: SlipGrid, other: SlipGrid) -> bool:
     """Return whether two are of one direction and period and lie about one another."""
-    if one.direction != other.direction or abs(one.period / other.period - 1.0) > 0.03:
-        return False
-    return bool(one.begin < other.end and other.begin < one.end)
+    alike = abs(one.period / other.period - 1.0) <= SETTINGS.same_chain
+    about = one.begin < other.end and other.begin < one.end
+    return bool(one.direction == other.direction and alike and about)
 
 
 def do_overlap(one: SlipGrid, other: SlipGrid) -> bool:

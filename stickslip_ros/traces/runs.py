@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 #: Cycles that the mean slip comes from at most, samples of one at least, points of it at most.
 _CYCLES, _SAMPLES, _POINTS = 200, 8, 1000
+#: Parts of a period that it shows before and after the slip at most; swings of the ringing after
+#: it, and part of a period that counts as one where there is none.
+_BEFORE, _AFTER, _SWINGS, _NO_SWING = 0.2, 0.5, 8.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -311,9 +314,9 @@ def after_slip(t: Array, x: Array, run: Run) -> tuple[Array, Array]:
     where there are too few samples; at most half a period of the drive, eight of the ringing.
     """
     period, ringing = 1.0 / run.frequency, run.ringing_frequency
-    swing = 1.0 / ringing if ringing > 0.0 else 0.05 * period
+    swing = 1.0 / ringing if ringing > 0.0 else _NO_SWING * period
     slips = run.slips[run.first_cycle : run.first_cycle + _CYCLES]
-    begin, end = -min(swing, 0.2 * period), min(8.0 * swing, 0.5 * period)
+    begin, end = -min(swing, _BEFORE * period), min(_SWINGS * swing, _AFTER * period)
     inside = [slice(*np.searchsorted(t, [slip + begin, slip + end])) for slip in slips]
     parts = [(t[one] - slip, x[one]) for one, slip in zip(inside, slips, strict=True)]
     parts = [(since, place) for since, place in parts if len(since) > _SAMPLES]

@@ -18,14 +18,18 @@ from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 
 #: Fewest samples of a cycle in which a slip can be seen; widths of the edge filters in samples.
 COARSEST, _NARROWEST, _WIDEST = 6, 2, 24
-#: Least height of an edge, in standard deviations and as part of the highest edges.
-_CLEAR, _PART = 4.5, 0.35
+#: Least heights of edges, in standard deviations and as parts, tried in turn, of this quantile.
+_CLEAR, _PARTS, _HIGH = 4.5, (0.35, 0.245, 0.0), 0.9
+#: Fall (m) that rounding makes.
+_ROUNDING = 1e-12
 #: Chains of edges that are handed on of each width and least height.
 _CHAINS = 20
 #: Distances of slips are equal within this part of them plus this many samples.
 _EVEN, _EVEN_SAMPLES = 0.15, 1.5
 #: Falls of a comb; combs handed on of each width.
 _TEETH, _COMBS = 4, 6
+#: Widths that slips are apart by, at least; periods that combs are.
+_WIDTHS, _APART = 1.6, 0.7
 
 
 def edge_kernel(width: int) -> Array:
@@ -46,19 +50,19 @@ def find_edges(even: EvenSamples, period: float | None = None) -> Iterator[SlipG
     Those of runs forward and backward.
     """
     width: float = _NARROWEST
-    while len(even.x) > 4 * width:
+    while len(even.x) > _TEETH * width:
         if width > _WIDEST:
             even, width = even.halved, 0.5 * width
         w = round(width)
         kernel = edge_kernel(w)
         x = even.x - even.x.mean()
         forward = np.convolve(x, kernel[::-1], mode="valid")  # the fall of the edge at k + w
-        spread = max(even.noise, 1e-15) * float(np.linalg.norm(kernel))
-        least = max(_CLEAR * spread, 1e-12)
+        spread = max(even.noise, 1e-3 * _ROUNDING) * float(np.linalg.norm(kernel))
+        least = max(_CLEAR * spread, _ROUNDING)
         for direction, fall in ((1, forward), (-1, -forward)):
             if float(np.max(fall, initial=0.0)) > least:
                 yield from _chains(even, fall, w, spread, least, direction)
-            if period is not None and period >= max(COARSEST, 1.6 * w) * even.tick:
+            if period is not None and period >= max(COARSEST, _WIDTHS * w) * even.tick:
                 yield from _combs(even, fall, w, spread, direction, period)
         width *= math.sqrt(2.0)
 
@@ -72,8 +76,8 @@ def _combs(
     if count < 1:
         return
     together = np.sum([fall[k : k + count] for k in apart], axis=0)
-    least = max(_CLEAR * spread * math.sqrt(_TEETH), 1e-12)
-    near = max(1, round(0.7 * period / even.tick))
+    least = max(_CLEAR * spread * math.sqrt(_TEETH), _ROUNDING)
+    near = max(1, round(_APART * period / even.tick))
     peaks, seen = scipy.signal.find_peaks(together, height=least, distance=near)
     height = seen["peak_heights"]
     for k in np.argsort(-height, kind="stable")[:_COMBS]:
@@ -89,8 +93,8 @@ def _chains(
     heights = seen["peak_heights"]
     if len(peaks) < 2:
         return
-    for part in (_PART, 0.7 * _PART, 0.0):
-        kept = heights >= part * np.quantile(heights, 0.9)
+    for part in _PARTS:
+        kept = heights >= part * np.quantile(heights, _HIGH)
         if kept.sum() < 2:
             continue
         place, height = peaks[kept], heights[kept]
@@ -106,7 +110,7 @@ def _chains(
         for k in np.argsort(-squares, kind="stable")[:_CHAINS]:
             a, b = begins[k], ends[k]
             every = float(place[b] - place[a]) / (b - a)
-            if every < max(COARSEST, 1.6 * width):
+            if every < max(COARSEST, _WIDTHS * width):
                 continue
             yield SlipGrid(
                 even.begin + even.tick * (place[a] + width),

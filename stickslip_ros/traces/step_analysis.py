@@ -28,6 +28,9 @@ from stickslip_ros.traces.steps import estimate_settled_mean, settled_from, sett
 _RUN_UP, _RINGING_BEFORE, _RINGING_AFTER = 0.1, 1.5, 1.5
 #: Part of a period of ringing after a slip in which the contact slides.
 _SLIDING = 0.3
+#: Part of a period of the drive after the last slip that is looked at; swings of the ringing after
+#: a slip where few samples show it, and that it has to be seen for.
+_NEARLY, _SWINGS, _SEEN = 0.98, 4.0, 0.75
 #: Where nothing rings: parts of a period for the run before a slip, and for means after it.
 _QUIET_RUN_UP, _QUIET_MEAN = 0.02, 0.005
 #: Time in which ringing dies away, s.
@@ -118,7 +121,7 @@ def _after(t: Array, x: Array, cycles: Cycles, k: int) -> Window:
     """Return the samples after slip k, up to the next slip; times from the end of the slip."""
     begin = float(cycles.ends[k])
     last = k + 1 == len(cycles.slips)
-    end = begin + 0.98 * cycles.period if last else float(cycles.slips[k + 1])
+    end = begin + _NEARLY * cycles.period if last else float(cycles.slips[k + 1])
     times, positions = _between(t, x, begin, end)
     if cycles.ends[k] == cycles.slips[k]:  # found to a sample only: that one may lie in the slip
         times, positions = times[1:], positions[1:]
@@ -213,11 +216,11 @@ def _after_fit(window: Window, ringing: Ringing) -> Array | None:
     """
     t, x = window
     scale = 1.0 / ringing.frequency
-    for first, last in ((_SLIDING, _RINGING_AFTER), (0.0, _RINGING_AFTER), (0.0, 4.0)):
+    for first, last in ((_SLIDING, _RINGING_AFTER), (0.0, _RINGING_AFTER), (0.0, _SWINGS)):
         kept = (t >= first * scale) & (t <= last * scale)
         if kept.sum() >= 2 * _FEWEST:
             break
-    if kept.sum() < _FEWEST or t[kept][-1] < 0.75 * scale:
+    if kept.sum() < _FEWEST or t[kept][-1] < _SEEN * scale:
         return None
     found, *_ = np.linalg.lstsq(_design(t[kept], 0.0, scale, ringing), x[kept], rcond=None)
     return found.astype(np.float64)
