@@ -23,7 +23,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import rounding_of
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import MeasuredValue, estimate_settled_mean, settled_from
+from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, estimate_settled_mean, settled_from
 
 #: Positions without noise, as those of a simulation, m.
 EXACT = 1e-11
@@ -61,6 +61,7 @@ class BackstepSettings:
     #: a runner that rings falls up to twice as far as its mean.
     by_few: float = 0.5
     few: float = 4.0
+    alike: float = 0.5  #: part of the backstep by which falls without visible ringing differ
     swings: float = 3.0  #: of a cycle, in fewer of which nothing shows where the slip begins
 
 
@@ -95,7 +96,10 @@ def estimate_backstep(
         found = _by_arc(t, forward, cycles, slice(settled_from(count), count), ringing)
         if found is not None:
             depth, chance = max(found.value, 0.0), math.hypot(found.error, shared)
-            return Backstep(depth, math.hypot(chance, SETTINGS.by_arc * depth), chance, ARC)
+            error = math.hypot(chance, SETTINGS.by_arc * depth)
+            if found.value < -COVERAGE * chance:  # the slip is not where it was found
+                error = math.inf
+            return Backstep(depth, error, chance, ARC)
     mean = estimate_settled_mean(singles[:count], exact)
     if exact:
         return Backstep(mean.value, mean.error, mean.error, SAMPLES)
@@ -111,6 +115,9 @@ def estimate_backstep(
     resolved = ringing is not None and ringing.frequency * interval * SETTINGS.few < 1.0
     part = SETTINGS.by_ringing if resolved else SETTINGS.by_few
     error = math.hypot(chance, part * mean.value)
+    scatter = float(np.std(singles[settled_from(count) : count]))
+    if ringing is None and scatter > SETTINGS.alike * mean.value:
+        error = math.inf  # a swing between the samples is seen at other places in each cycle
     return Backstep(mean.value, error, chance, SAMPLES if ringing is None else RINGING)
 
 

@@ -14,6 +14,7 @@ from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.backstep import ARC, RINGING, SAMPLES, Backstep
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.step_analysis import analyse_cycles
+from validation.campaigns.lab_traces import lab_trace
 
 COUNT, PAUSE = 14, 2e-3
 
@@ -126,4 +127,20 @@ def test_folded_ringing_tells_no_backstep_without_noise_either() -> None:
     bench = bench_trace(Axis(mass=1.5e-3), (Drive(12, pause=0.03),), Sensor(1.9e4), 0.03, 1)
     (run,) = find_runs(bench.t, bench.x)
     assert run.ringing is not None and run.ringing.folded
+    assert math.isinf(run.backstep_error)
+
+
+def test_falls_that_samples_meet_at_other_places_tell_no_backstep() -> None:
+    """Of 5 kHz at 7.6 kS/s no ringing is seen, and 6.5 +- 4.1 nm were told for 28.5."""
+    trace = lab_trace("1.5 to 3 samples a swing", 52001)
+    (run,) = find_runs(trace.t, trace.x)
+    assert (run.steps * run.direction, run.ringing) == (-24, None)
+    assert math.isinf(run.backstep_error)
+
+
+def test_a_slip_on_the_wrong_swing_of_the_ringing_tells_no_backstep() -> None:
+    """The deepest point lies above the runner just before such a slip: 0.0 +- 0.9 nm for 41.9."""
+    trace = lab_trace("no rest after", 51009)
+    (run,) = find_runs(trace.t, trace.x)
+    assert run.backstep == 0.0
     assert math.isinf(run.backstep_error)
