@@ -370,7 +370,12 @@ def _search(even: EvenSamples, period: float | None, report: Report) -> list[Sli
 
 def _shorter(even: EvenSamples, run: SlipGrid) -> float | None:
     """Return the shorter period (s) at which a run repeats better, or falls; None if none."""
-    shorter = shorter_period(even, run)
+    shorter, squares = shorter_period(even, run), Squares(even)
+    if shorter is not None and squares.samples_few(run):
+        count = round(run.count * run.period / shorter)
+        less = squares.tune(replace(run, period=shorter, count=count))
+        if not squares.differing(less) < squares.differing(squares.tune(run)):
+            return None
     if shorter is None and (falls := count_falls(even, run)) > 1:
         # Ringing falls at even times, too.
         shorter = run.period / falls if fit_ringing_down(even, [run]) is None else None

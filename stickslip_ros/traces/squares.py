@@ -174,13 +174,17 @@ class Squares:
         apart = math.log((before + least) / (after + least))
         return 0.5 * len(place) * apart - math.log(len(self._t) / SETTINGS.chance)
 
+    def samples_few(self, run: SlipGrid) -> bool:
+        """Return whether so few samples show a cycle that those of all cycles count together."""
+        return run.period < SETTINGS.few * self.even.tick
+
     def tune(self, run: SlipGrid) -> SlipGrid:
         """Return a run of few samples a cycle with the period at which its cycles tell most.
 
         They lie at other phases in each cycle, so neighbours differ; all cycles tell the shape.
         """
         own, part = self._own(run)
-        if own is None or run.period >= SETTINGS.few * self.even.tick:
+        if own is None or not self.samples_few(run):
             return run
         period = part.period
         for reach in SETTINGS.off:
@@ -202,8 +206,7 @@ class Squares:
 
     def explains(self, run: SlipGrid) -> bool:
         """Return whether cycles of few samples tell each other, which their ringing hides."""
-        few = run.period < SETTINGS.few * self.even.tick
-        return few and self.differing(run) < SETTINGS.differing
+        return self.samples_few(run) and self.differing(run) < SETTINGS.differing
 
     def _own(self, run: SlipGrid) -> tuple[Squares | None, SlipGrid]:
         """Return the motion in a run, or in its middle; None if no samples show it."""

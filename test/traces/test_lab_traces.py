@@ -25,12 +25,14 @@ FOUND = [
     ("plain", 48201), ("polynomial drift", 48200), ("creep", 48200), ("3 to 5 cycles", 48201),
     ("pink noise", 48200), ("hum", 48202), ("hum", 49206), ("strong hum", 51),
     ("strong hum", 48202), ("part of a last cycle", 92), ("at random", 49500),
+    ("10 to 14 samples a cycle", 51003), ("10 to 14 samples a cycle", 51015), ("jitter", 51003),
 ]  # fmt: skip
 #: Traces that hold too little, or that something hides: they have to be doubted.
 HIDDEN = [
     ("no rest", 51), ("3 to 5 samples a cycle", 51), ("5 to 9 samples a cycle", 51),
     ("5 to 9 samples a cycle", 48200), ("fringe jumps", 62), ("1 to 2 cycles", 63),
     ("random walk", 62), ("random walk", 8104), ("white noise", 49706),
+    ("3 to 5 samples a cycle", 52006), ("part of a last cycle", 51013),
 ]  # fmt: skip
 #: Traces that are found and take seconds.
 LONG = [
