@@ -131,8 +131,12 @@ def doubts_of(
         confirmed = abs(counted - run.count) + uncertain < SETTINGS.confirmed
         complete = confirmed and run.count - counted + uncertain < SETTINGS.lacking
         if fit is not None:  # the first steps are other ones
-            first = (fit.number >= 0) & (fit.number < settled_from(run.count))
-            distance += float(np.sum(abs(step.value) - (fit.rise - fit.fall)[first]))
+            settled, steps = settled_from(run.count), fit.rise - fit.fall
+            first = (fit.number >= 0) & (fit.number < settled)
+            later = (fit.number >= settled) & (fit.number < run.count - 1)
+            # All of a fit may rise by a part of the drift.
+            usual = float(np.median(steps[later])) if later.any() else abs(step.value)
+            distance += float(np.sum(usual - steps[first]))
             counted = distance / abs(step.value)
         missing = SETTINGS.miscounted + SETTINGS.growing * run.count + uncertain
         rise = 0.0 if fit is None else float(np.sum((fit.rise - fit.fall)[fit.number == run.count]))

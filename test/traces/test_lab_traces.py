@@ -26,6 +26,7 @@ FOUND = [
     ("pink noise", 48200), ("hum", 48202), ("hum", 49206), ("strong hum", 51),
     ("strong hum", 48202), ("part of a last cycle", 92), ("at random", 49500),
     ("10 to 14 samples a cycle", 51003), ("10 to 14 samples a cycle", 51015), ("jitter", 51003),
+    ("tiny steps", 52002),
 ]  # fmt: skip
 #: Traces that hold too little, or that something hides: they have to be doubted.
 HIDDEN = [
