@@ -52,8 +52,11 @@ _CYCLES, _SAMPLES, _FEWEST, _SPECTRUM, _FINER = 20, 20_000, 8, (16, 4096), 4
 _DECAYS, _LEAST_DECAY, _UNDAMPED, _UNKNOWNS = (0.3, 1.0, 3.0, 10.0, 30.0), 0.1, -0.01, 5
 #: Decays after which nothing is left of the ringing; samples of a swing that are kept.
 _GONE, _DENSE = 6.0, 40.0
-#: Swings that count however fast they decay; samples by which the clock of slips may be off.
-_SWINGS, _OFF = 4.0, 1.5
+#: Part by which sliding moves the frequency of windows that hold no more than a first swing.
+_SLIDES = 0.005
+#: Swings that count however fast they decay; samples by which the clock of slips may be off,
+#: and rounds in which that is looked for, each finer.
+_SWINGS, _OFF, _ROUNDS = 4.0, 1.5, 2
 #: No axis rings faster (Hz): 1 g on 16 N/µm; twice the logarithm of how many times as likely a
 #: frequency has to be as a faster one.
 _FASTEST, _SURELY = 2e4, 2.0 * math.log(1e3)
@@ -109,12 +112,16 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     found = _fit_from([_cut(window, period, last) for window in windows], first) or first
     later = _fit_from([_cut(window, 2.0 * period, last) for window in windows], found)
     interval = max(float(np.median(np.diff(t))) for t, _ in windows if len(t) > 1)
+    other = first if later is None else later
+    by_sliding = other.frequency - found.frequency if other is not found else _SLIDES * peak
     if later is None or found.frequency * interval * _DETERMINING > 1.0:
-        return replace(found, decay_error=math.inf)
+        error = math.inf
+    else:
+        error = math.hypot(found.decay_error, later.decay - found.decay)
     return replace(
         found,
-        frequency_error=math.hypot(found.frequency_error, later.frequency - found.frequency),
-        decay_error=math.hypot(found.decay_error, later.decay - found.decay),
+        frequency_error=math.hypot(found.frequency_error, by_sliding),
+        decay_error=error,
     )
 
 
@@ -152,15 +159,19 @@ def may_be_folded(windows: Sequence[Window], ringing: Ringing) -> bool:
             one - basis @ (basis.T @ one) for one, (*_, basis) in zip(poles, flat, strict=True)
         ]
         waves = [one @ [1.0, 1.0j] for one in swings]
-        late = np.linspace(-1.0, 1.0, 2 * math.ceil(100.0 * frequency * interval) + 1)
-        turn = np.exp(-2j * math.pi * frequency * late[:, None] * about)
-        seen = turn @ [one @ x for one, (_, x, _) in zip(waves, flat, strict=True)]
-        same = turn**2 @ [one @ one for one in waves]
+        same_all = [one @ one for one in waves]
+        seen_all = [one @ x for one, (_, x, _) in zip(waves, flat, strict=True)]
         size = sum(float(np.vdot(one, one).real) for one in waves)
-        # Least squares of a cosine and a sine, which are not at right angles.
-        told = size * np.abs(seen) ** 2 - (same.conj() * seen**2).real
-        best = np.max(2.0 * told / np.maximum(size**2 - np.abs(same) ** 2, 1e-9 * size**2))
-        return max(total - float(best), 1e-9 * total)
+        half, best, reach = math.ceil(100.0 * frequency * interval), 0.0, 1.0
+        for _ in range(_ROUNDS):
+            late = best + np.linspace(-reach, reach, 2 * half + 1)
+            turn = np.exp(-2j * math.pi * frequency * late[:, None] * about)
+            seen, same = turn @ seen_all, turn**2 @ same_all
+            # Least squares of a cosine and a sine, which are not at right angles.
+            told = size * np.abs(seen) ** 2 - (same.conj() * seen**2).real
+            told *= 2.0 / np.maximum(size**2 - np.abs(same) ** 2, 1e-9 * size**2)
+            best, reach = float(late[int(np.argmax(told))]), reach / half
+        return max(total - float(told.max()), 1e-9 * total)
 
     samples = sum(len(t) for t, _ in windows)
     least = min(map(left, others.tolist()))
