@@ -33,7 +33,8 @@ HIDDEN = [
     ("no rest", 51), ("3 to 5 samples a cycle", 51), ("5 to 9 samples a cycle", 51),
     ("5 to 9 samples a cycle", 48200), ("fringe jumps", 62), ("1 to 2 cycles", 63),
     ("random walk", 62), ("random walk", 8104), ("white noise", 49706),
-    ("3 to 5 samples a cycle", 52006), ("part of a last cycle", 51013),
+    ("3 to 5 samples a cycle", 52006), ("5 to 9 samples a cycle", 53003),
+    ("part of a last cycle", 51013),
 ]  # fmt: skip
 #: Traces that are found and take seconds.
 LONG = [
