@@ -103,8 +103,7 @@ class Squares:
             np.hstack([one[:shared] for one in told]),
             scipy.linalg.block_diag(*[one[shared:] for one in told]),
         ))  # fmt: skip
-        products = columns @ columns.T
-        slow, *_ = np.linalg.lstsq(products[1:, 1:], products[1:, 0], rcond=1e-10)
+        slow = _fit_first(columns)
         left, at = [], shared - 1
         for rows, (part, run) in zip(blocks, spans, strict=True):
             last = at + len(rows) - shared
@@ -232,9 +231,7 @@ class Squares:
         rows = np.vstack((self._rows[:, part], slow))
         left = []
         for told in (rows, self._without_shape(rows, t, run)):
-            products = told @ told.T
-            of_slow, *_ = np.linalg.lstsq(products[1:, 1:], products[1:, 0], rcond=1e-10)
-            left.append(rows[0] - of_slow @ rows[1:])
+            left.append(rows[0] - _fit_first(told) @ rows[1:])
         return left[0], self._unlike(left[1], t, run)
 
     def settle_ends(self, run: SlipGrid, others: Sequence[SlipGrid]) -> SlipGrid:
@@ -259,3 +256,9 @@ class Squares:
                 break
             run, least = near[int(np.argmin(found))], min(found)
         return run
+
+
+def _fit_first(rows: Array) -> Array:
+    """Return how much of each of the other rows the first one holds, by least squares."""
+    products = rows @ rows.T
+    return np.asarray(np.linalg.lstsq(products[1:, 1:], products[1:, 0], rcond=1e-10)[0])
