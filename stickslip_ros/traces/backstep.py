@@ -61,6 +61,7 @@ class BackstepSettings:
     #: a runner that rings falls up to twice as far as its mean.
     by_few: float = 0.5
     few: float = 4.0
+    clock: float = 0.25  #: of a sample, to which slips are known
     alike: float = 0.5  #: part of the backstep by which falls without visible ringing differ
     swings: float = 3.0  #: of a cycle, in fewer of which nothing shows where the slip begins
 
@@ -96,7 +97,7 @@ def estimate_backstep(
         found = _by_arc(t, forward, cycles, slice(settled_from(count), count), ringing)
         if found is not None:
             depth, chance = max(found.value, 0.0), math.hypot(found.error, shared)
-            error = math.hypot(chance, SETTINGS.by_arc * depth)
+            error = math.hypot(chance, (SETTINGS.by_arc + _by_clock(t, cycles, ringing)) * depth)
             if found.value < -COVERAGE * chance:  # the slip is not where it was found
                 error = math.inf
             return Backstep(depth, error, chance, ARC)
@@ -114,11 +115,25 @@ def estimate_backstep(
     interval = float(np.median(np.diff(t)))
     resolved = ringing is not None and ringing.frequency * interval * SETTINGS.few < 1.0
     part = SETTINGS.by_ringing if resolved else SETTINGS.by_few
+    if ringing is not None:
+        part += _by_clock(t, cycles, ringing)
     error = math.hypot(chance, part * mean.value)
     scatter = float(np.std(singles[settled_from(count) : count]))
     if ringing is None and scatter > SETTINGS.alike * mean.value:
         error = math.inf  # a swing between the samples is seen at other places in each cycle
     return Backstep(mean.value, error, chance, SAMPLES if ringing is None else RINGING)
+
+
+def _by_clock(t: Array, cycles: Cycles, ringing: Ringing) -> float:
+    """Return the part of the backstep by which it is off as slips are known to a part of a sample.
+
+    The ringing of the cycle before, half a backstep high at first, moves the runner meanwhile.
+    """
+    if cycles.ends[0] > cycles.slips[0]:  # the actuator tells them
+        return 0.0
+    late = SETTINGS.clock * float(np.median(np.diff(t)))
+    turned = min(2.0 * math.pi * ringing.frequency * late, 1.0)
+    return 0.5 * math.exp(-max(ringing.decay, 0.0) * cycles.period) * turned
 
 
 def _by_arc(
