@@ -20,7 +20,7 @@ from stickslip_ros.axis.command import FLOAT64, INT32, STATES, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.gym import SCORES, TASKS
-from stickslip_ros.measurement.verdict import METRICS
+from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.parameters import PARAMETERS, NodeParameters
 from stickslip_ros.ros.own_parameters import OF_PROCESS
 from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic

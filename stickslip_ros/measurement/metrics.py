@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.alignment import align, align_starts
+from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.measurement.step_count import nearest_run, step_counts
-from stickslip_ros.measurement.verdict import METRICS
 from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of, why_left_out
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator

@@ -50,8 +50,6 @@ from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, settled_from
 
 #: Reports of a search for steps.
 STAGES = REPORTS + 1
-#: Samples of a cycle with fewer of which all cycles have to tell it better than a longer period.
-_THIN = 4.0
 #: Part by which a run may be off a frequency that was given, as clocks and short runs are.
 AS_GIVEN = 0.02
 #: Samples in which runs are looked for, at least and at most; of more, neighbours are averaged.
@@ -372,12 +370,7 @@ def _search(even: EvenSamples, period: float | None, report: Report) -> list[Sli
 
 def _shorter(even: EvenSamples, run: SlipGrid) -> float | None:
     """Return the shorter period (s) at which a run repeats better, or falls; None if none."""
-    shorter, squares = shorter_period(even, run), Squares(even)
-    if shorter is not None and shorter < _THIN * even.tick:  # ringing looks so, too
-        count = round(run.count * run.period / shorter)
-        less = squares.tune(replace(run, period=shorter, count=count))
-        if not squares.differing(less) < squares.differing(squares.tune(run)):
-            return None
+    shorter = shorter_period(even, run) or Squares(even).shorter_part(run)
     if shorter is None and (falls := count_falls(even, run)) > 1:
         # Ringing falls at even times, too.
         shorter = run.period / falls if fit_ringing_down(even, [run]) is None else None

@@ -26,7 +26,7 @@ class FoldingSettings:
     samples: int = 800  #: of a run that are folded, from its middle
     cells: int = 12  #: of the shorter period, where it has as many samples
     slow: int = 5  #: order of the polynomial that is taken out beforehand
-    fewest: float = 2.5  #: samples of a period: what is faster is ringing or cannot be told
+    fewest: float = 4.0  #: samples of a period: what is faster is ringing or cannot be told
     parts: int = 12  #: of a period at most that are tried where samples are dense
     dense: float = 150.0  #: samples of a cycle from which on they are
     near: float = 0.25  #: periods by which the clock of a run may be off over it, to either side

@@ -41,6 +41,7 @@ class SquaresSettings:
     #: and as it is looked at more closely; places tried there.
     off: tuple[float, float] = (0.05, 0.0025)
     tried: int = 41
+    fewest: float = 2.5  #: samples of a cycle that tell its period, if those of all cycles do
     few: float = 24.0  #: samples of a cycle, with fewer of which those of all cycles count together
     differing: float = 0.1  #: part of their motion that may differ if such cycles explain it
     moved: int = 4  #: cycles by which the ends of a run are moved at most
@@ -132,9 +133,9 @@ class Squares:
         """
         turn = (t - run.begin) / run.period
         cycle = np.clip(turn.astype(np.int64), 0, run.count - 1)
-        # Few samples a cycle lie at other phases in each: together they draw it more finely.
-        together = min(len(t) // SETTINGS.together, SETTINGS.fine)
-        cells = max(int(run.period / self._seen.tick), together, SETTINGS.least)
+        cells = max(int(run.period / self._seen.tick), SETTINGS.least)
+        if self.samples_few(run):  # they lie at other phases in each cycle, and draw it more finely
+            cells = max(cells, min(len(t) // SETTINGS.together, SETTINGS.fine))
         best, left = place, math.inf
         while cells >= SETTINGS.least:
             at = np.mod(turn, 1.0) * cells
@@ -192,6 +193,20 @@ class Squares:
             left = [float(np.sum(own._told_apart(one)[1] ** 2)) for one in tried]
             period = tried[int(np.argmin(left))].period
         return run.about_middle(period)
+
+    def shorter_part(self, run: SlipGrid) -> float | None:
+        """Return the part (s) of a period of few samples by which cycles tell each other better.
+
+        None if none does: ringing between the samples hides no whole part of its period.
+        """
+        if not self.samples_few(run):
+            return None
+        most = int(run.period / (SETTINGS.fewest * self.even.tick))
+        parts = [
+            replace(run, period=run.period / n, count=run.count * n) for n in range(1, most + 1)
+        ]
+        best = min(parts, key=lambda one: self.differing(self.tune(one)), default=run)
+        return best.period if best.period < run.period else None
 
     def differing(self, run: SlipGrid) -> float:
         """Return which part of the motion of a run its other cycles do not tell, noise apart."""

@@ -20,8 +20,8 @@ from stickslip_ros.measurement import (
     judge,
 )
 from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
+from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.metrics import significant
-from stickslip_ros.measurement.verdict import METRICS
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.analysis import find_runs
