@@ -62,7 +62,9 @@ class BackstepSettings:
     by_few: float = 0.5
     few: float = 4.0
     clock: float = 0.25  #: of a sample, to which slips are known
-    alike: float = 0.5  #: part of the backstep by which falls without visible ringing differ
+    #: Part of the backstep, and times the noise, by which falls without visible ringing differ.
+    alike: float = 0.5
+    loud: float = 2.0
     swings: float = 3.0  #: of a cycle, in fewer of which nothing shows where the slip begins
 
 
@@ -119,7 +121,7 @@ def estimate_backstep(
         part += _by_clock(t, cycles, ringing)
     error = math.hypot(chance, part * mean.value)
     scatter = float(np.std(singles[settled_from(count) : count]))
-    if ringing is None and scatter > SETTINGS.alike * mean.value:
+    if ringing is None and scatter > max(SETTINGS.alike * mean.value, SETTINGS.loud * noise):
         error = math.inf  # a swing between the samples is seen at other places in each cycle
     return Backstep(mean.value, error, chance, SAMPLES if ringing is None else RINGING)
 
