@@ -49,9 +49,8 @@ def misfit_of(problem: Problem, best: Point, effects: Sequence[SeenEffect]) -> M
         for run, start in zip(fit.experiment.runs, starts.tolist(), strict=True):
             place = (fit.bins.t - start) * run.frequency
             inside = (place >= 0.0) & (place < abs(run.steps)) & (fit.kept > 0.0)
-            if abs(run.steps) < MISFIT.fewest or np.count_nonzero(inside) < MISFIT.bins * abs(
-                run.steps
-            ):
+            cycles = abs(run.steps)
+            if cycles < MISFIT.fewest or np.count_nonzero(inside) < MISFIT.bins * cycles:
                 continue
             white = best.residuals[rows][: len(inside)][inside]
             left = fit.unprojected(best.seen[k])[inside]

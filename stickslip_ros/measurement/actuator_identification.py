@@ -53,7 +53,8 @@ _RIPPLE = 0.006
 _RANGE = (0.001, 0.999)
 #: Least weight of the voltage itself, as part of the mean slope: it moves every actuator.
 _STIFFEST = 1e-3
-#: Largest creep per decade in the search; a larger lag is not creep.
+#: Largest creep per decade in the search, as a larger lag is not creep; part of it that is at the
+#: bound; values that are tried first.
 _MOST_CREEP, _BOUND, _TRIED = 0.1, 0.98, 11
 #: Creep is fitted if the voltage rests for this many times `creep_start`,
 #: and if creep takes this share off the deviations.

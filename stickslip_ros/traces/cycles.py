@@ -18,19 +18,19 @@ from stickslip_ros.errors import StickslipError
 #: Part of a period by which a trace may be short of a whole cycle at its ends, and by which a
 #: frequency that is given may be off: clocks agree far better, single samples do not.
 SHORT = 0.01
+#: Parts of the deflection that a stroke goes through; parts between which all of it lies, of many
+#: samples: a few may be spikes.
+_LEVELS, _OUTER, _MANY = (0.25, 0.75), (0.001, 0.999), 10_000
+#: Part of its range within which a runner gets nowhere.
+_NOWHERE = 1e-2
+#: Samples of a cycle; with fewer, faster drives look like slower ones.
+SAMPLES = 10.0
 #: What helps against too few samples in a cycle.
 FASTER = "sample faster (a bag: raise publish_rate, or stickslip bag resimulate)"
 
 
 class TraceError(StickslipError, ValueError):
     """The trace cannot be analysed; the message says what is missing."""
-
-
-#: Parts of the deflection that a stroke goes through; parts between which all of it lies, of many
-#: samples: a few may be spikes.
-_LEVELS, _OUTER, _MANY = (0.25, 0.75), (0.001, 0.999), 10_000
-#: Samples of a cycle that show it; part of its range within which a runner gets nowhere.
-_SAMPLES, _NOWHERE = 10.0, 1e-2
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def too_slow(t: Array) -> str:
     """Return what helps if the drive is too fast for the samples at times t (s)."""
     rate = 1.0 / float(np.median(np.diff(t)))
     return (
-        f"if the drive is faster than {rate / _SAMPLES:.3g} Hz, {FASTER}: {rate:.4g} samples a "
+        f"if the drive is faster than {rate / SAMPLES:.3g} Hz, {FASTER}: {rate:.4g} samples a "
         "second are too few for it"
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles
-from stickslip_ros.traces.cycles import FASTER
+from stickslip_ros.traces.cycles import FASTER, SAMPLES
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
@@ -40,7 +40,6 @@ class DoubtSettings:
     """Limits beyond which a run is not determined."""
 
     cycles: int = 3  #: two cycles have one distance, which nothing confirms
-    samples: float = 10.0  #: of a cycle; with fewer, faster drives look like slower ones
     rest: float = 0.5  #: periods of rest beside a run that separate its steps from drift
     #: Periods after a run that may hold a rise without a slip, and ringing.
     after: float = 1.2
@@ -123,6 +122,7 @@ def doubts_of(
                 "step"
             )
             break
+    steps = np.zeros(0) if fit is None else fit.rise - fit.fall
     confirmed = complete = False
     if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
@@ -131,7 +131,7 @@ def doubts_of(
         confirmed = abs(counted - run.count) + uncertain < SETTINGS.confirmed
         complete = confirmed and run.count - counted + uncertain < SETTINGS.lacking
         if fit is not None:  # the first steps are other ones
-            settled, steps = settled_from(run.count), fit.rise - fit.fall
+            settled = settled_from(run.count)
             first = (fit.number >= 0) & (fit.number < settled)
             later = (fit.number >= settled) & (fit.number < run.count - 1)
             # All of a fit may rise by a part of the drift.
@@ -139,16 +139,16 @@ def doubts_of(
             distance += float(np.sum(usual - steps[first]))
             counted = distance / abs(step.value)
         missing = SETTINGS.miscounted + SETTINGS.growing * run.count + uncertain
-        rise = 0.0 if fit is None else float(np.sum((fit.rise - fit.fall)[fit.number == run.count]))
+        rise = 0.0 if fit is None else float(np.sum(steps[fit.number == run.count]))
         without_slip = max(rise, 0.0) / abs(step.value)  # which is no step
         if not -missing < counted - run.count < missing + without_slip:
             found.append(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
-    if fit is not None and not unlikely:
+    if fit is not None and not (unlikely or complete):
         numbers = {run.count}
         for number, odd, seen in zip(fit.number, fit.odds, fit.seen, strict=True):
-            if complete or (confirmed and number != run.count - 1):
+            if confirmed and number != run.count - 1:
                 continue
             if number in (0, run.count - 1) and seen and odd < SETTINGS.likely:
                 numbers.add(run.count - 1)
@@ -178,10 +178,10 @@ def too_few(cycles: int, frequency: float, rate: float) -> tuple[str, ...]:
     found = []
     if cycles < SETTINGS.cycles:
         found.append(f"{cycles} cycles; {SETTINGS.cycles} are needed")
-    if round(rate / frequency, 1) < SETTINGS.samples:  # as it is printed
+    if round(rate / frequency, 1) < SAMPLES:  # as it is printed
         found.append(
             f"{rate:.4g} samples a second are {rate / frequency:.1f} a cycle at {frequency:.6g} "
-            f"Hz; {SETTINGS.samples:g} are needed: {FASTER}"
+            f"Hz; {SAMPLES:g} are needed: {FASTER}"
         )
     return tuple(found)
 

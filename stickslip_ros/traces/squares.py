@@ -183,8 +183,10 @@ class Squares:
 
         They lie at other phases in each cycle, so neighbours differ; all cycles tell the shape.
         """
+        if not self.samples_few(run):
+            return run
         own, part = self._own(run)
-        if own is None or not self.samples_few(run):
+        if own is None:
             return run
         period = part.period
         for reach in SETTINGS.off:

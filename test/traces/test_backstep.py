@@ -157,7 +157,9 @@ def test_a_drive_nearly_in_step_with_the_sampling_tells_no_ringing_apart() -> No
 def test_ringing_that_the_next_slip_ends_has_an_error_of_the_method() -> None:
     """Less than two swings in a cycle: 5940 +- 4 Hz were told for 5965."""
     trace = lab_trace("at random", 52001)
-    for run in find_runs(trace.t, trace.x):
+    runs = find_runs(trace.t, trace.x)
+    assert len(runs) == len(trace.runs) == 2
+    for run in runs:
         assert run.ringing is not None
         error = run.ringing.frequency - trace.axis.ringing[0]
         assert 0.002 * run.ringing.frequency < run.ringing.frequency_error
