@@ -274,3 +274,49 @@ def test_what_a_room_offers_is_there(path: Path) -> None:
     room = importlib.import_module(".".join(names))
     missing = [name for name in getattr(room, "__all__", ()) if not hasattr(room, name)]
     assert missing == []
+
+
+#: NumPy chooses the code of these by the processor, which rounds the last digit.
+BY_PROCESSOR = {
+    "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "power", "float_power", "cbrt",
+    "sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh", "arcsinh",
+    "arccosh", "arctanh", "hypot", "dot", "vdot", "inner", "matmul", "tensordot", "einsum",
+    "convolve", "correlate", "linalg", "fft", "polyfit", "poly", "roots", "polynomial",
+}  # fmt: skip
+#: What is recorded, or simulated again bit for bit, is computed here.
+REPEATED_ROOMS = ("parameters", "laws", "waveforms", "model", "solver", "axis")
+#: Decisions, not values
+RANKS = {"np.linalg.matrix_rank"}
+
+
+def rounded_by_processor(tree: ast.Module) -> list[str]:
+    """Return what a file computes in a way that depends on the processor, outside compiled code."""
+    compiled = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        and any(ast.unparse(one).startswith("compiled") for one in node.decorator_list)
+        for inner in ast.walk(node)
+    }
+    found = []
+    for node in ast.walk(tree):
+        text = ast.unparse(node) if isinstance(node, ast.Attribute) else ""
+        if (isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult)) or text.startswith(
+            "scipy."
+        ):
+            found.append(ast.unparse(node))
+        elif text.startswith("np.") and text.split(".")[1] in BY_PROCESSOR and node not in compiled:
+            found.append(text)
+    return [one for one in found if one not in RANKS and one != "np.linalg"]
+
+
+def test_what_is_repeated_to_the_bit_is_rounded_alike_on_every_processor() -> None:
+    for room in REPEATED_ROOMS:
+        for file in sorted((SOURCES / room).glob("*.py")):
+            found = rounded_by_processor(ast.parse(file.read_text(encoding="utf-8")))
+            assert found == [], file
+
+
+@pytest.mark.parametrize("code", ["a @ b", "np.exp(x)", "np.linalg.solve(a, b)", "scipy.signal"])
+def test_arithmetic_that_depends_on_the_processor_is_seen(code: str) -> None:
+    assert rounded_by_processor(ast.parse(f"def f(a, b, x):\n    return {code}"))

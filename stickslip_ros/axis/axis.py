@@ -115,7 +115,7 @@ class Axis(Device):
             spare.command_steps(1)
             spare.advance(3.5 * cycle)
             spare.actuation.halt()  # the chain in the middle of a window
-            spare.set_parameters({"sensor_bandwidth": 1e3})  # loads the filters of scipy, too
+            spare.set_parameters({"sensor_bandwidth": 1e3})
             spare.advance(3.5 * cycle + 1e-4)
 
     def take_events(self) -> list[Event]:

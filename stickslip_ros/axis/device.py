@@ -26,6 +26,7 @@ from stickslip_ros.axis.events import (
 )
 from stickslip_ros.axis.faults import Moment
 from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supervisor
+from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.version import __version__
@@ -56,6 +57,7 @@ class Device:
         self._last_error = ""
         self._events: list[Event] = []
         versions = {"version": __version__, "model_version": MODEL_VERSION}
+        versions["arithmetic"] = arithmetic()
         self.note(START, "applied", **p.flat(), **digests_of(p), **versions)
         self.take_faults()
 

@@ -3,8 +3,8 @@
 
 The event "start" holds every parameter, and each applied command its arguments and time. Files that
 parameters name have to exist with the same content. The axis starts at rest, reads no clock and
-draws its noise from a seed, so the same version on the same machine gives the same states to the
-last bit.
+draws its noise from a seed, so the same version gives the same states to the last bit wherever
+`model.arithmetic` has the same digest.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ class NotRepeatable(StickslipError, ValueError):
     """The run cannot be repeated from its events; the message says what is missing."""
 
 
-def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str]:
-    """Return the parameters at the start of a run and the version that it ran with."""
+def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str, str]:
+    """Return the parameters at the start of a run, and the version and arithmetic of its axis.
+
+    The arithmetic is the digest of `model.arithmetic`, empty in recordings before 2.0.0.
+    """
     first = events[0] if events else None
     if first is None or first.name != START:
         found = "there are none" if first is None else f"they begin with {first.name!r}"
@@ -39,7 +42,8 @@ def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str]:
             "on, or within its last thousand messages with events"
         )
     given = {name: value for name, value in first.details.items() if name in PARAMETERS}
-    return given, str(first.details.get("version", ""))
+    version, arithmetic = (str(first.details.get(one, "")) for one in ("version", "arithmetic"))
+    return given, version, arithmetic[:_SHOWN]
 
 
 def parameters_of(
@@ -85,7 +89,7 @@ class Rerun:
         Raises NotRepeatable if the events do not begin with the start or a file that the run used
         is not there as it was, ParameterError for bad changes.
         """
-        given, _ = start_of(events)
+        given = start_of(events)[0]
         self._changes = {name: parameter(name).check(v) for name, v in (changes or {}).items()}
         for event, p in parameters_of(events, self._changes):
             try:

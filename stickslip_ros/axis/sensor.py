@@ -4,16 +4,12 @@
 Reading number k is taken at k / rate seconds of simulation. Its noise depends only on the seed
 and k, so a reading does not depend on which others are taken.
 
-Motion between readings counts only with a bandwidth, a low-pass before the readings:
-
-    first order:   y' = omega (x - y)
-    second order:  y'' = omega^2 (x - y) - 2 zeta omega y'
-
-The position is then sampled on a grid that is fine compared with the ringing. Between samples it is
-taken for the cubic with the same positions and velocities, for which the filter is exact. The grid
-follows the readings, not the calls, so the filter does not depend on how often the state is read.
-Once the runner stands still and the filter has settled, only the positions at readings that are
-asked for are computed.
+Motion between readings counts only with a bandwidth, a low-pass before the readings, see
+`model.low_pass`. The position is then sampled on a grid that is fine compared with the ringing.
+Between samples it is taken for the cubic with the same positions and velocities, for which the
+filter is exact. The grid follows the readings, not the calls, so the filter does not depend on how
+often the state is read. Once the runner stands still and the filter has settled, only the positions
+at readings that are asked for are computed.
 """
 
 from __future__ import annotations
@@ -22,10 +18,10 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.model.low_pass import LowPass
 from stickslip_ros.parameters import ParameterError, SensorParameters
 
 #: Readings whose noise is drawn together: one call of the generator costs as much as hundreds
@@ -133,70 +129,9 @@ def _flicker_of(seed: int, block: int) -> Array:
     return noise
 
 
-class LowPass:
-    """The low-pass of a sensor on even samples, exact for cubics between them."""
-
-    def __init__(self, p: SensorParameters, dt: float, x: float) -> None:
-        """Start settled at x (m); dt is the time (s) between samples."""
-        omega, order = 2.0 * math.pi * (p.sensor_bandwidth or 0.0) * dt, p.sensor_order
-        rates = np.array([[-omega]])  # a sample
-        if order == 2:
-            rates = np.array([[0.0, omega], [-omega, -2.0 * p.sensor_damping * omega]])
-        # Taylor coefficients of the input follow the states of the filter.
-        taylor = np.diag(np.ones(order + 3), 1)
-        taylor[:order, :order] = rates
-        taylor[:order, order] = np.eye(order)[-1] * omega
-        end = scipy.linalg.expm(taylor)
-        held = end[:order, order:] @ _HERMITE
-        # Two sections with a pole each: the coefficients of both poles in one, near 1, would leave
-        # the gain of a slow filter nothing but rounding.
-        self._poles = np.exp(np.linalg.eigvals(rates).astype(np.complex128))
-        self._numerators = [
-            _numerator(end[:order, :order], held[:, k], held[:, k + 2], self._poles) for k in (0, 1)
-        ]
-        self._dt = dt
-        self.settle(x)
-
-    def settle(self, x: float) -> None:
-        """Continue as after a long time at x (m)."""
-        order = len(self._poles)
-        self._inputs = np.zeros((2, order))
-        self._states = np.zeros((order, 1), dtype=np.complex128)
-        self._zero = x  # filtered values are small, and so is their rounding
-
-    def filter(self, x: Array, v: Array) -> Array:
-        """Return the output (m) at the next samples x (m) with the rates v (m/s), (samples,)."""
-        y = np.zeros(len(x))
-        for k, values in enumerate((x - self._zero, v * self._dt)):
-            part, self._inputs[k] = scipy.signal.lfilter(
-                self._numerators[k], [1.0], values, zi=self._inputs[k]
-            )
-            y = y + part
-        for k, pole in enumerate(self._poles):
-            y, self._states[k] = scipy.signal.lfilter([1.0], [1.0, -pole], y, zi=self._states[k])
-        return np.asarray(y.real + self._zero)
-
-
-#: Value and derivatives at the start of the cubic between two samples, by value and rate at its
-#: start and value and rate at its end; time in samples
-_HERMITE = np.array(
-    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-6.0, -4.0, 6.0, -2.0], [12.0, 6.0, -12.0, 6.0]]
-)
-
-
-def _numerator(
-    a: Array,
-    start: Array,
-    end: Array,
-    poles: NDArray[np.complex128],
-) -> Array:
-    """Return the numerator, (order + 1,), of the filter from an input u to its first state.
-
-    y[k + 1] = a y[k] + start u[k] + end u[k + 1],  a: (order, order), start and end: (order,).
-    """
-    b = a @ end + start
-    adjugate = b if len(b) == 1 else np.array([b[0], a[0, 1] * b[1] - a[1, 1] * b[0]])
-    return np.asarray(end[0] * np.poly(poles).real + np.append(0.0, adjugate))
+def low_pass_of(p: SensorParameters, dt: float, x: float) -> LowPass:
+    """Return the low-pass of a sensor, settled at x (m), for samples every dt (s)."""
+    return LowPass(p.sensor_bandwidth or 0.0, p.sensor_order, p.sensor_damping, dt, x)
 
 
 def has_bandwidth(p: SensorParameters) -> bool:
@@ -232,7 +167,7 @@ class SensorDynamics:
         self._still = False  # runner and output, in the last group
         self._settled = True  # the filter has to start from `_x`
         self._range = (-math.inf, math.inf)  # of both in this group, m; not of the first
-        self._low_pass = LowPass(p, 1.0 / (self._rate * self._samples), x)
+        self._low_pass = low_pass_of(p, 1.0 / (self._rate * self._samples), x)
         self._x = x  # at the last sample, m
         self.sensed = x  #: filtered position at the last reading, m
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.arrays import Array, weighted_sum
 from stickslip_ros.parameters import ActuatorParameters, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_files import FileVersion, load_values, read_small_text
 
@@ -68,12 +68,12 @@ class Actuator:
 
     def deflection(self, memory: Memory) -> float:
         """Return the deflection (m)."""
-        return float(self.elastic * memory.volts + self.weights @ memory.plays)
+        return self.elastic * memory.volts + weighted_sum(self.weights, memory.plays)
 
     def stroke(self, volts: float) -> float:
         """Return the stroke (m) of the closed loop between 0 and volts (V)."""
         moved = np.maximum(volts - 2.0 * self.thresholds, 0.0)
-        return float(self.elastic * volts + self.weights @ moved)
+        return float(self.elastic * volts) + weighted_sum(self.weights, moved)
 
     def volts_for(self, stroke: float) -> float:
         """Return the voltage (V) of the closed loop from 0 that has a stroke (m)."""
@@ -171,7 +171,7 @@ def _even(width: float, full: float) -> tuple[float, Array, Array]:
     share = (np.arange(OPERATORS) + 0.5) / OPERATORS  # of the full voltage that a gap takes
     weight = width / float(np.minimum(share, 1.0 - share).sum())
     weights = np.full(OPERATORS, weight)
-    return 1.0 - float(weights @ (1.0 - share)), 0.5 * full * share, weights
+    return 1.0 - weighted_sum(weights, 1.0 - share), 0.5 * full * share, weights
 
 
 def read_hysteresis(path: Path) -> tuple[float, Array, Array]:

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.arrays import Array, weighted_sum
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.actuator import Actuator
@@ -88,7 +88,8 @@ class Chain(NamedTuple):
         if p.creep and creeping:
             # Exponentials of all times from e^0.5772 t0 on add up to the logarithm of t / t0.
             first = p.creep_start * math.exp(np.euler_gamma)
-            times = first * 10.0 ** ((np.arange(_DECADES * _PER_DECADE) + 0.5) / _PER_DECADE)
+            places = range(_DECADES * _PER_DECADE)
+            times = np.array([first * 10.0 ** ((k + 0.5) / _PER_DECADE) for k in places])
         error, mean_only_rate, runner = limits_of_pieces(p, plant)
         slew = PER_MICROSECOND * (p.amplifier_slew or 0.0)  # V/s
         return cls(
@@ -175,7 +176,7 @@ def static_deflection(chain: Chain, state: Array) -> float:
     """Return the deflection (m) that hysteresis and creep give at present, without resonance."""
     plays, creep = np.split(state[PLAYS:], [len(chain.thresholds)])
     slow = chain.creep_weight * float(creep.sum())
-    return float(chain.elastic * state[DRIVEN] + chain.weights @ plays) + slow
+    return float(chain.elastic * state[DRIVEN]) + weighted_sum(chain.weights, plays) + slow
 
 
 def motion_left(chain: Chain, state: Array) -> float:

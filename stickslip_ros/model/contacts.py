@@ -101,9 +101,14 @@ def _each(p: Parameters) -> list[tuple[FrictionParameters, Any]]:
     # The legacy generator: its numbers are the same in every version of numpy.
     normals = np.random.RandomState([f.surface_seed, _OF_CONTACTS]).standard_normal(count)
     return [
-        (replace(f, preload=f.preload * (count * share)), np.exp(f.contact_spread * chance))
+        (replace(f, preload=f.preload * (count * share)), _exp(f.contact_spread * chance))
         for share, chance in zip(shares_of(p), normals.tolist(), strict=True)
     ]
+
+
+def _exp(x: Any) -> Any:
+    """Return the exponential of a number or a column (points,), not by NumPy, see `arithmetic`."""
+    return np.array([math.exp(one) for one in x]) if np.ndim(x) else math.exp(x)
 
 
 def _part(contact: Contact, count: int, factor: Any) -> Contact:
@@ -213,7 +218,7 @@ class ContactForces:
                 f"the equations of the guide are singular: rank {rank} of {len(right)}; contacts "
                 "that coincide do not guide a runner"
             )
-        forces = ContactForces(*np.linalg.solve(matrix, right).tolist())
+        forces = ContactForces(*_solve(matrix.tolist(), right.tolist()))
         if not math.isfinite(forces.total):
             raise ParameterError(
                 "the forces of the guide are not finite; check its lengths, mass and preload"
@@ -229,6 +234,19 @@ class ContactForces:
                 "raise the preload, or make the runner lighter or its overhang a - b smaller"
             )
         return forces
+
+
+def _solve(matrix: list[list[float]], right: list[float]) -> list[float]:
+    """Return the solution of a regular system (n, n), (n,), by elimination in a fixed order."""
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    for k in range(len(rows)):
+        pivot = max(range(k, len(rows)), key=lambda i: abs(rows[i][k]))
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        for i in range(len(rows)):
+            if i != k:
+                factor = rows[i][k] / rows[k][k]
+                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
+    return [row[-1] / row[k] for k, row in enumerate(rows)]
 
 
 def preload_ratio(forces: ContactForces, preload: float) -> float:

@@ -50,6 +50,16 @@ def _ages(p: Parameters) -> bool:
     return p.friction.model == "ceim_ageing"
 
 
+def _is_summed(p: Parameters) -> bool:
+    """Return whether weighted sums or exponentials stand between voltage, contact and reading."""
+    spread = p.friction.contacts > 1 and bool(p.value("contact_spread"))
+    return (
+        p.actuator.actuator == "hysteresis"
+        or spread
+        or _has("creep", "spring", "sensor_bandwidth")(p)
+    )
+
+
 #: The commands of the closed loop, as `axis.commands` has them, which this room does not know
 CLOSED_LOOP = frozenset(("position", "trajectory", "joint_command"))
 _CHANGES = frozenset(("parameters", "amplitude", "frequency"))
@@ -100,6 +110,13 @@ CHANGES: tuple[ModelChange, ...] = (
         "ringing, and judges by its last ten readings alone",
         lambda p: True, "the path to its target, and 25 nm or its tolerance once there",
         CLOSED_LOOP,
+    ),
+    ModelChange(
+        16,
+        "sums over plays, creep and contacts and the low-pass of the sensor are rounded alike on "
+        "every processor",
+        _is_summed,
+        "the last digits",
     ),
 )  # fmt: skip
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates recorded axes again: compares every state, or changes parameters.
 
-The same version on the same machine gives every recorded state again, to the last bit. With
-changed parameters it is another run under the same commands.
+The same version gives every recorded state again: to the last bit where the arithmetic is that of
+the recording, see `model.arithmetic`, elsewhere up to rounding. With changed parameters it is
+another run under the same commands.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import Event, event_texts, is_set_point
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
+from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
 from stickslip_ros.recordings.cdr import encoder_for
 from stickslip_ros.recordings.reader import BagReader
@@ -30,6 +32,9 @@ from stickslip_ros.recordings.runs import (
 )
 from stickslip_ros.recordings.writer import BagWriter
 from stickslip_ros.version import __version__
+
+#: Differences within this fraction of the largest recorded value of a quantity are rounding
+_ROUNDING = 1e-12
 
 #: The fields of a JointState, and their units
 _UNITS = {"position": "m", "velocity": "m/s", "effort": "N"}
@@ -46,15 +51,23 @@ class Difference:
     unequal: int = 0  #: not the same to the last bit
     largest: float = 0.0  #: difference, in the unit of the quantity
     at: float = float("nan")  #: s of simulation at which it is largest, nan if there is none
+    scale: float = 0.0  #: largest recorded value, in that unit
 
     def note(self, recorded: float, again: float, time_ns: int) -> None:
         """Add one pair of states."""
         self.values += 1
+        if abs(recorded) > self.scale:
+            self.scale = abs(recorded)
         if recorded == again:
             return
         self.unequal += 1
         if not abs(again - recorded) <= self.largest:
             self.largest, self.at = abs(again - recorded), time_ns * 1e-9
+
+    @property
+    def is_rounding(self) -> bool:
+        """Whether the difference may come from rounding alone."""
+        return self.largest <= _ROUNDING * self.scale
 
 
 @dataclass
@@ -63,6 +76,7 @@ class Resimulated:
 
     axis: str
     version: str  #: of this package that the axis ran with
+    arithmetic: str  #: digest of the arithmetic of its machine; empty in bags before 2.0.0
     model_version: int  #: of the model that it ran with
     #: what this model computes otherwise of the run, none if all is the same
     model_changes: list[ModelChange]
@@ -78,17 +92,26 @@ class Resimulated:
         """Whether every recorded state came out again."""
         return not any(difference.unequal for difference in self.differences.values())
 
+    @property
+    def same_up_to_rounding(self) -> bool:
+        """Whether every state came out again, but for the rounding of another processor."""
+        if self.arithmetic == arithmetic():
+            return self.bit_for_bit
+        return all(difference.is_rounding for difference in self.differences.values())
+
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values, SI units."""
         return {
             **asdict(self),
             "this_version": __version__,
             "this_model_version": MODEL_VERSION,
+            "this_arithmetic": arithmetic(),
             "model_changes": [
                 {"version": change.version, "what": change.what, "largest": change.largest}
                 for change in self.model_changes
             ],
             "bit_for_bit": self.bit_for_bit,
+            "same_up_to_rounding": self.same_up_to_rounding,
             "differences": {
                 name: {
                     **asdict(difference),
@@ -136,9 +159,9 @@ def _resimulate_run(
 ) -> Resimulated:
     rerun = Rerun(run.events, changes)
     applied = sum(event.outcome == "applied" for event in run.events)
-    version = start_of(run.events)[1]
+    _, version, digest = start_of(run.events)
     model = model_changes(run.events)
-    found = Resimulated(run.node, version, *model, applied - 1, rerun.left_out)
+    found = Resimulated(run.node, version, digest, *model, applied - 1, rerun.left_out)
     for sample in recorded_states(bag, run):
         axis = rerun.advance(sample.time_ns * 1e-9)
         values = _values(axis, sample, run)

@@ -130,10 +130,12 @@ TIMES = np.sum(A, axis=1)
 
 def _powers() -> Array:
     """Return the output's functions x, x (1 - x), x^2 (1 - x), ... as powers of x, (7, DEGREES)."""
-    found, function = np.zeros((7, DEGREES)), np.polynomial.Polynomial([1.0])
+    found, function = np.zeros((7, DEGREES)), [1.0]
     for k in range(7):
-        function *= np.polynomial.Polynomial([0.0, 1.0] if k % 2 == 0 else [1.0, -1.0])
-        found[k, : len(function.coef)] = function.coef
+        same, risen = [*function, 0.0], [0.0, *function]
+        less = [a - b for a, b in zip(same, risen, strict=True)]
+        function = risen if k % 2 == 0 else less
+        found[k, : len(function)] = function
     return found
 
 

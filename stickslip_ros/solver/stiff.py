@@ -29,7 +29,8 @@ _A = np.array(
         [(16 - _ROOT) / 36, (16 + _ROOT) / 36, 1 / 9],
     ]
 )
-_A_A = _A @ _A
+#: Its square, written out: a product of linear algebra rounds differently with the processor
+_A_A = np.array([[sum(row[k] * _A[k][j] for k in range(3)) for j in range(3)] for row in _A])
 _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
 #: Newton's iterations, at most
 _ITERATIONS = 15

@@ -39,9 +39,14 @@ from stickslip_ros.solver.taylor import (
     taylor_end,
 )
 
-#: Gauss points in (0, 1)
-_GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.leggauss(8))
-_GAUSS = _GAUSS + 0.5
+#: Gauss points in (0, 1) and their weights, as numbers: NumPy finds them by linear algebra, which
+#: rounds differently with the processor
+_HALF = np.array([0.18343464249564978, 0.525532409916329, 0.7966664774136267, 0.9602898564975362])
+_SHARES = np.array(
+    [0.36268378337836166, 0.3137066458778869, 0.22238103445337443, 0.10122853629037706]
+)
+_GAUSS = 0.5 * np.concatenate([-_HALF[::-1], _HALF]) + 0.5
+_WEIGHTS = 0.5 * np.concatenate([_SHARES[::-1], _SHARES])
 #: Error of a step of a series on the way to a table, as a fraction of the tolerance per cycle
 _PER_STEP = 1e-4
 #: What a slide may leave out, as the same fraction
@@ -52,8 +57,9 @@ _TAIL = 0.02
 _SKEW = 0.03
 _ANGLES = (np.arange(NODES) + 0.5) * math.pi / NODES
 #: Chebyshev points in (-1, 1), and the matrix from values there to coefficients
-_POINTS = np.cos(_ANGLES)
-_TO_COEFFICIENTS = np.cos(np.outer(np.arange(NODES), _ANGLES)) * 2.0 / NODES
+_POINTS = np.array([math.cos(angle) for angle in _ANGLES])
+_TO_COEFFICIENTS = np.array([[math.cos(k * angle) for angle in _ANGLES] for k in range(NODES)])
+_TO_COEFFICIENTS = _TO_COEFFICIENTS * 2.0 / NODES
 _TO_COEFFICIENTS[0] *= 0.5
 #: Steps of a series to the next turn; most take a few
 _MOST_STEPS = 1000

@@ -15,10 +15,10 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.axis.sensor import (
-    LowPass,
     Sensor,
     SensorDynamics,
     has_bandwidth,
+    low_pass_of,
     samples_per_reading,
 )
 from stickslip_ros.files import whole_file
@@ -180,7 +180,10 @@ def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
         return motion
     looks = samples_per_reading(p.sensor, Plant.of(p).ringing_frequency)
     dt = 1.0 / (p.sensor.sensor_rate * looks)
-    position, velocity = LowPass(p.sensor, dt, float(motion.x[0])), LowPass(p.sensor, dt, 0.0)
+    position, velocity = (
+        low_pass_of(p.sensor, dt, float(motion.x[0])),
+        low_pass_of(p.sensor, dt, 0.0),
+    )
     x, v = np.empty_like(motion.x), np.empty_like(motion.x)
     done, first, last = 0, 0, math.ceil(motion.duration / dt) + 1
     ends = np.empty((3, 0))  # time, position and velocity at the last look

@@ -12,6 +12,7 @@ from table_1 import TABLE_1, table_1
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import Rerun
+from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.solver import State
 from stickslip_ros.version import __version__
@@ -115,5 +116,6 @@ def test_random_runs_go_through_every_state_and_ending() -> None:
 def test_the_first_event_tells_all_that_the_axis_was_made_of() -> None:
     start = Axis({**TABLE_1, **PARAMETERS}).take_events()[0]
     assert (start.time, start.name, start.outcome) == (0.0, "start", "applied")
-    versions = {"version": __version__, "model_version": MODEL_VERSION}
+    versions: dict[str, object] = {"version": __version__, "model_version": MODEL_VERSION}
+    versions["arithmetic"] = arithmetic()
     assert start.details == {**table_1(**PARAMETERS).flat(), **versions}

@@ -67,7 +67,7 @@ def test_a_bad_change_is_the_users() -> None:
 
 def test_the_start_tells_parameters_and_version() -> None:
     given: dict[str, Any] = {"preload": 0.7, "axis_name": "z"}
-    values, version = start_of(Axis(given).take_events())
+    values, version, _ = start_of(Axis(given).take_events())
     assert {name: values[name] for name in given} == given
     assert version
 

@@ -9,24 +9,24 @@ Renew only what a change means to change, and say in its commit what moved and b
 
 import argparse
 import contextlib
-import hashlib
 import io
 import json
 import math
 import os
 import shutil
-import struct
 import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 # As the tests have it: threads of linear algebra would add up in another order.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from llvmlite.binding import llvm_version_info  # type: ignore[import-untyped]
-
+from stickslip_ros.axis.sensor import Sensor, low_pass_of
 from stickslip_ros.cli.main import main
-from stickslip_ros.model.friction import alpha, z_limit
+from stickslip_ros.model.arithmetic import arithmetic
+from stickslip_ros.parameters import Parameters
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -60,7 +60,7 @@ AXES: dict[str, tuple[Path, dict[str, Any]]] = {
 
 _TABLE_1 = "preload=0.4 mass=4e-3 amplitude=300 slewrate=100"
 _VIBRATION = "model=epm_fix mass=3e-3 sigma_0=1e6 sigma_1=5 v_stribeck=1e-3 preload=1"
-#: Runs of ``simulate``: name, options. Those of the plain drive are held to the last bit.
+#: Runs of ``simulate``: name, options
 SIMULATED = {
     "table 1": f"--steps 12 --set {_TABLE_1}",
     "backward": f"--steps -12 --set {_TABLE_1}",
@@ -93,6 +93,14 @@ WITH_EFFECTS = {
     "surface": "--steps 12 --set surface_spread=0.1 slip_spread=0.02",
     "three contacts": "--steps 12 --set contacts=3 contact_spread=0.1",
     "six contacts of a guide": "--steps 6 --set contacts=6 contact_shares=guide",
+    "everything": f"--steps 12 --config {PRESET}",
+}
+#: Sensors whose readings of a made-up motion are kept: name, parameters
+SENSORS: dict[str, dict[str, Any]] = {
+    "noise and drift": {"sensor_noise": 1e-9, "sensor_noise_corner": 10.0, "sensor_drift": 1e-9},
+    "first order": {"sensor_bandwidth": 5e3},
+    "second order": {"sensor_bandwidth": 5e3, "sensor_order": 2, "sensor_damping": 0.3},
+    "overdamped": {"sensor_bandwidth": 5.0, "sensor_order": 2, "sensor_damping": 2.0},
 }
 #: What reads measurements and searches: name, arguments, the part of its JSON that is kept
 STUDIED = {
@@ -128,10 +136,33 @@ def output_of(arguments: list[str]) -> Any:
 
 def simulated(options: str) -> dict[str, Any]:
     """Return positions after each cycle and backstep, as texts that hold every bit."""
-    found = output_of(["simulate", "--config", str(POINT), *command_line(options)])
+    given = command_line(options)
+    point = [] if "--config" in given else ["--config", str(POINT)]
+    found = output_of(["simulate", *point, *given])
     return {
         "position": [float(x).hex() for x in found["position"]],
         "backstep": float(found["backstep"] or math.nan).hex(),
+    }
+
+
+def sensed(values: dict[str, Any]) -> list[str]:
+    """Return readings of a motion that is made of whole numbers, as texts that hold every bit."""
+    p = Parameters.of({"sensor_resolution": 0.0, **values}).sensor
+    k = np.arange(2000)
+    x = np.cumsum((k * 7919) % 101 - 50).astype(float) * 1e-11
+    v = ((k * 104729) % 97 - 48).astype(float) * 1e-6
+    y = low_pass_of(p, 4e-6, 0.0).filter(x, v) if p.sensor_bandwidth else x
+    sensor = Sensor(p)
+    return [sensor.reading(float(y[at]), at).hex() for at in range(0, len(k), 100)]
+
+
+def results() -> dict[str, Any]:
+    """Return what repeats to the last bit where the arithmetic is the same, and its digest."""
+    return {
+        "arithmetic": arithmetic(),
+        "plain": {name: simulated(options) for name, options in SIMULATED.items()},
+        "effects": {name: simulated(options) for name, options in WITH_EFFECTS.items()},
+        "sensors": {name: sensed(values) for name, values in SENSORS.items()},
     }
 
 
@@ -142,27 +173,6 @@ def studied(name: str) -> Any:
     for metric in found.get("metrics", {}).values():  # of each the values and the verdict
         del metric["difference"], metric["tolerance"]
     return {key: found[key] for key in kept} if kept else found
-
-
-def arithmetic() -> str:
-    """Return a digest of the compiler and of what this machine makes of exponentials and cosines.
-
-    Processors and mathematical libraries round them differently in the last bit, and compilers
-    arrange expressions differently. Results repeat to the bit where this digest is the same.
-    """
-    found = hashlib.sha256(str(llvm_version_info).encode())
-    for k in range(1, 2001):
-        x = k * 1.37e-3
-        values = (
-            z_limit(x, 1.0, 2.0, 0.7),
-            alpha(1.0 + 1e-4 * k, 1.0, 0.99, 1.3, 0),
-            math.exp(-x),
-            math.sin(x),
-            math.cos(x),
-            math.log(x),
-        )
-        found.update(struct.pack("6d", *values))
-    return found.hexdigest()
 
 
 def record(name: str, folder: Path) -> None:
@@ -222,12 +232,7 @@ def main_of_this(arguments: list[str] | None = None) -> None:
                 shutil.rmtree(BAGS / name, ignore_errors=True)
                 shutil.copytree(Path(place) / name, BAGS / name)
                 print(f"recorded {name}", flush=True)
-    found = {
-        "arithmetic": arithmetic(),
-        "plain": {name: simulated(options) for name, options in SIMULATED.items()},
-        "effects": {name: simulated(options) for name, options in WITH_EFFECTS.items()},
-        "studies": {name: studied(name) for name in STUDIED},
-    }
+    found = {**results(), "studies": {name: studied(name) for name in STUDIED}}
     RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 

@@ -1,17 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What comes out stays what it was: recordings and results against the golden files.
 
-`python test/golden/renew.py` writes them anew. The drive without effects repeats to the last bit
-wherever the arithmetic is that of the machine that wrote the files; elsewhere, and with effects,
-within a bound that lies far below what is claimed.
+`python test/golden/renew.py` writes them anew. All but studies of measurements repeats to the last
+bit wherever the arithmetic is that of the machine that wrote the files, whatever the processor can
+do beside; elsewhere within a bound that lies far below what is claimed.
 """
 
 import json
 import math
-import os
-import platform
-import subprocess
-import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,21 +17,21 @@ from renew import (
     AXES,
     BAGS,
     RESULTS,
-    SIMULATED,
     STUDIED,
-    WITH_EFFECTS,
-    arithmetic,
-    simulated,
+    results,
     studied,
 )
+from variants import HAS_UNFUSED, LEAST, SAME_LIBRARY, UNFUSED, Variant
 
+from stickslip_ros.cli.main import main
+from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.recordings import BagReader, open_bag, resimulate, statuses
 
 GOLDEN: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
-#: Largest difference of a position (m), where rounding differs and with effects
+#: Largest difference of a position (m) where rounding differs
 ROUNDING = 1e-13
 #: Largest difference of a position (m) of a recording that the model computes otherwise today
-MENDED = 2e-9
+CORRECTED = 2e-9
 #: Largest relative difference of what is found in measurements: threads of linear algebra add up in
 #: another order
 FOUND = 1e-4
@@ -43,14 +40,16 @@ FOUND = 1e-4
 ENDS = 1e-3
 
 
-def same_arithmetic() -> bool:
-    """Return whether this machine rounds as the one that wrote the files."""
-    return arithmetic() == GOLDEN["arithmetic"]
+@cache
+def found_here() -> dict[str, Any]:
+    """Return the results of this machine."""
+    found: dict[str, Any] = json.loads(json.dumps(results()))
+    return found
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", AXES)
-def test_recorded_axes_resimulate(name: str, tmp_path: Path) -> None:
+def test_axes_recorded_by_version_1_resimulate(name: str, tmp_path: Path) -> None:
     with open_bag(BAGS / name) as bag:
         (again,) = resimulate(bag, {}, tmp_path / "again")
         with open_bag(tmp_path / "again") as copy:
@@ -58,12 +57,9 @@ def test_recorded_axes_resimulate(name: str, tmp_path: Path) -> None:
             assert _levels(copy).items() <= _levels(bag).items()
     assert again.states > 100 and again.commands > 10 and again.left_out == []
     positions = [d for key, d in again.differences.items() if key.endswith("position")]
-    if again.model_changes:
-        assert max(d.largest for d in positions) < MENDED
-    elif same_arithmetic():
-        assert again.bit_for_bit, again.differences
-    else:
-        assert positions and max(d.largest for d in positions) < ROUNDING
+    assert positions and max(d.largest for d in positions) < CORRECTED
+    if [change.version for change in again.model_changes] in ([], [16]):  # rounding alone
+        assert again.same_up_to_rounding, again.differences
 
 
 def _levels(bag: BagReader) -> dict[str, int]:
@@ -71,35 +67,52 @@ def _levels(bag: BagReader) -> dict[str, int]:
     return {one.message: one.level for one in statuses(bag, "/stickslip_axis/events")}
 
 
-def test_runs_of_the_plain_drive_are_what_they_were() -> None:
-    for name, options in SIMULATED.items():
-        found, golden = simulated(options), GOLDEN["plain"][name]
-        if same_arithmetic():
-            assert found == golden, name
-        else:
-            assert positions_of(found) == pytest.approx(positions_of(golden), abs=ROUNDING), name
+def test_results_are_what_they_were() -> None:
+    assert_same_bits(found_here(), {key: GOLDEN[key] for key in found_here()})
 
 
-def test_runs_with_effects_are_what_they_were() -> None:
-    for name, options in WITH_EFFECTS.items():
-        found, golden = simulated(options), GOLDEN["effects"][name]
-        assert positions_of(found) == pytest.approx(positions_of(golden), abs=ROUNDING), name
+def assert_same_bits(found: dict[str, Any], golden: dict[str, Any]) -> None:
+    """Hold results against others: bits, or positions where the arithmetic differs."""
+    if found["arithmetic"] == golden["arithmetic"]:
+        assert found == golden
+        return
+    for kind in ("plain", "effects"):
+        for name, run in golden[kind].items():
+            near = pytest.approx(positions_of(run), abs=ROUNDING)
+            assert positions_of(found[kind][name]) == near, name
 
 
-@pytest.mark.long
-@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="not that processor")
-def test_code_for_an_old_processor_gives_the_same_bits(tmp_path: Path) -> None:
-    """All of it compiled anew, without what newer processors can do, such as fused operations."""
-    test = f"{__file__}::{test_runs_of_the_plain_drive_are_what_they_were.__name__}"
-    run = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", test],
-        env={**os.environ, "NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "1 passed" in run.stdout, run.stdout
-    assert list(tmp_path.rglob("*.nbc"))
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "variant",
+    [
+        pytest.param(one, id=one.name, marks=() if one is LEAST else pytest.mark.long)
+        for one in SAME_LIBRARY
+    ],
+)
+def test_another_processor_gives_the_same_bits(variant: Variant, tmp_path: Path) -> None:
+    there = variant.results(tmp_path)
+    assert there["arithmetic"] == found_here()["arithmetic"]
+    assert_same_bits(there, found_here())
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not HAS_UNFUSED, reason="this library has one version of its functions")
+def test_a_run_of_another_library_is_the_same_up_to_rounding_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Computed with the functions for processors without fused operations."""
+    assert_same_bits(UNFUSED.results(tmp_path), found_here())
+    UNFUSED.record_again(BAGS / "everything", tmp_path / "there")
+    assert main(["bag", "resimulate", str(tmp_path / "there"), "--json"]) == 0
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert run["same_up_to_rounding"]
+    if arithmetic() == run["arithmetic"]:  # a processor without fused operations
+        assert run["bit_for_bit"]
+        return
+    assert not run["bit_for_bit"] and run["this_arithmetic"] == arithmetic()
+    assert main(["bag", "resimulate", str(tmp_path / "there")]) == 0
+    assert "same up to rounding" in capsys.readouterr().out
 
 
 def positions_of(run: dict[str, Any]) -> list[float]:

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import lsim
 
 import stickslip_ros as ss
-from stickslip_ros.axis.sensor import LowPass
+from stickslip_ros.axis.sensor import low_pass_of
 from stickslip_ros.library.exchange import SampledAxis
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import ramp
@@ -184,5 +184,5 @@ def test_the_reading_is_that_of_the_sensor(order: int) -> None:
     times = np.arange(5000) * 1e-7
     pushed = np.column_stack([np.zeros_like(times), np.full_like(times, 1e-3)])
     _, linear, _ = lsim(tuple(axis), pushed, times)
-    seen = LowPass(p.sensor, 1e-7, 0.0).filter(linear[:, 0], np.gradient(linear[:, 0], times))
+    seen = low_pass_of(p.sensor, 1e-7, 0.0).filter(linear[:, 0], np.gradient(linear[:, 0], times))
     np.testing.assert_allclose(linear[:, 2], seen, atol=1e-14)

@@ -6,6 +6,7 @@ import math
 import random
 import re
 import shutil
+import struct
 import textwrap
 from collections.abc import Callable
 from dataclasses import replace
@@ -35,6 +36,7 @@ from stickslip_ros.axis.resimulation import NotRepeatable, model_changes
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.model import versions
+from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
 from stickslip_ros.parameters import PARAMETERS, read_yaml
 from stickslip_ros.recordings import BagError, BagWriter, open_bag, resimulate
@@ -184,6 +186,35 @@ def test_a_state_that_was_tampered_with_is_found(
     assert main(["bag", "resimulate", str(tmp_path / "run.mcap")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "holds no events of an axis; record the topic" in line
+
+
+@pytest.mark.parametrize(
+    ("digest", "off", "code"),
+    [("other", 1e-13, 0), (None, 1e-13, 0), ("other", 1e-9, 1), ("this", 1e-13, 1)],
+)
+def test_rounding_passes_for_that_of_another_processor_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], digest: str | None, off: float, code: int
+) -> None:
+    def change(number: int, texts: Texts) -> Texts:
+        if digest == "this" or number:
+            return texts
+        kept = {key: text for key, text in texts.items() if key != "arithmetic"}
+        return {**kept, **({"arithmetic": digest} if digest else {})}
+
+    def joints(number: int, data: bytes) -> bytes:
+        (force,) = struct.unpack("<d", data[-8:])
+        return data[:-8] + struct.pack("<d", force * (1.0 + off))
+
+    record_axis(tmp_path / "run", change, joints)
+    assert main(["bag", "resimulate", str(tmp_path / "run"), "--json"]) == code
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert run["this_arithmetic"] == arithmetic() and not run["bit_for_bit"]
+    assert run["arithmetic"] == {"this": arithmetic(), "other": "other", None: ""}[digest]
+    assert run["same_up_to_rounding"] == (code == 0)
+    main(["bag", "resimulate", str(tmp_path / "run")])
+    said = capsys.readouterr().out
+    assert ("same up to rounding" in said) == (code == 0)
+    assert ("arithmetic of the recording" in said) == (digest != "this")
 
 
 DEEP = "[" * 100_000

@@ -103,6 +103,10 @@ CAMPAIGNS: dict[str, Campaign] = {
     "resimulation": _tests(
         "test_resimulate.py", "a run of a minute repeats", STICKSLIP_RESIMULATE_S="60"
     ),
+    "processors": Campaign(
+        "the same bits with other features of the processor, and a digest that says where not",
+        ("pytest", "-n", "0", "test/golden", "-k", "another"),
+    ),
     "warm-up": _tests("test_warm_up.py", "nothing is left to compile", STICKSLIP_WARM_UP="1"),
     "mutations": _tests("test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"),
     "endurance": _tests(
