@@ -7,7 +7,7 @@ RUN apt-get update \
     && apt-get install --yes --no-install-recommends python3-venv ros-jazzy-robot-state-publisher \
     && rm -rf /var/lib/apt/lists/*
 COPY . /src
-# Beside ROS' own Python packages; numba, plotly and shtab are on PyPI alone.
+# Beside ROS' own Python packages; numba and plotly are on PyPI alone.
 RUN python3 -m venv --system-site-packages /opt/stickslip \
     && /opt/stickslip/bin/pip install --no-cache-dir /src \
     && /opt/stickslip/bin/stickslip warm-up

@@ -31,7 +31,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-quick test-slow lint bench soak campaigns control site clean
+.PHONY: help demo test test-quick test-slow lint bench soak campaigns site clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -68,9 +68,6 @@ soak: $(STAMP)  ## run axis and recorder for hours under random commands (ARGS="
 
 campaigns: $(STAMP)  ## run long studies (ARGS="intervals fuzz" for some, ARGS=--help lists them)
 	@$(PY) -m validation.campaigns $(ARGS)
-
-control: $(VENV)/policies  ## score the baselines of control on every task; writes docs/control.md
-	@$(PY) -m validation.control $(ARGS)
 
 site: $(STAMP)  ## build the documentation as pages: docs/_build/site/index.html
 	@$(PY) -m sphinx -q -W -b html docs docs/_build/site
@@ -114,8 +111,4 @@ $(VENV)/peers: $(STAMP)
 	@for peer in $(PEERS); do \
 	  $(PY) -m pip install -qq --prefer-binary $$peer || echo "make: $$peer is left out; to try again: rm $@" >&2; \
 	done
-	@touch $@
-
-$(VENV)/policies: $(STAMP)
-	@$(PY) -m pip install -qq cma
 	@touch $@

@@ -129,7 +129,6 @@ setup(
         "jinja2>=3.1.2",
         "plotly>=5.18",
         "rich>=13.7.1",
-        "shtab>=1.6.5",
         "tqdm>=4.66.2",
     ],
     extras_require={
@@ -148,18 +147,9 @@ setup(
             "mermaidx",
             "ziamath",
         ],
-        # Tables of results in a notebook, and the design of controllers.
+        # Tables of results in a notebook.
         "notebook": [
             "pandas",
-            "control",
-        ],
-        # Environments of control: stickslip_ros.gym.
-        "gym": [
-            "gymnasium>=1.0",
-        ],
-        # Units for co-simulation: write_fmu.
-        "fmu": [
-            "pythonfmu3",
         ],
         # stickslip bag export to Parquet.
         "parquet": [
@@ -195,10 +185,7 @@ setup(
             "pipython",
             "pylablib-lightweight",
             "pandas",
-            "control",
             "gymnasium>=1.0",
-            "fmpy",
-            "pythonfmu3",
             "sphinx",
             "myst-parser",
             "furo",
@@ -214,10 +201,6 @@ setup(
             "ruff",
             "types-PyYAML",
             "types-tqdm",
-        ],
-        # The search for settings of `make control`.
-        "policies": [
-            "cma",
         ],
         # General solvers that ours is measured against.
         "bench": [

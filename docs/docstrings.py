@@ -18,7 +18,7 @@ from numpydoc.hooks.validate_docstrings import parse_config
 from numpydoc.validate import validate
 
 #: Rooms whose public functions have sections for parameters, results and errors.
-ROOMS = ("library",)
+ROOMS = ("simulation",)
 
 
 def findings() -> Iterator[str]:

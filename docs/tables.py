@@ -19,7 +19,6 @@ from pathlib import Path
 from stickslip_ros.axis.command import FLOAT64, INT32, STATES, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
-from stickslip_ros.gym import SCORES, TASKS
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.parameters import PARAMETERS, NodeParameters
 from stickslip_ros.ros.own_parameters import OF_PROCESS
@@ -84,26 +83,6 @@ def _faults() -> Iterator[Sequence[str]]:
         yield f"`{name}`", value, fault.meaning
 
 
-def _tasks() -> Iterator[Sequence[str]]:
-    yield "task", "what", "target", "within", "at most", "hidden, drawn", "changes to", "score"
-    for task in TASKS.values():
-        target = " to ".join(f"{1e6 * end:g}" for end in task.target) + " µm"
-        hidden = (f"`{name}` {low:g} to {high:g}" for name, (low, high) in task.draws.items())
-        changes = (f"`{name}` times {a:g} to {b:g}" for name, (a, b) in task.changes.items())
-        yield (
-            f"`{task.name}`", task.about,
-            f"moves at {1e6 * task.speed:g} µm/s" if task.speed else target,
-            f"{1e9 * task.tolerance:g} nm", f"{task.limit:g} s",
-            ", ".join(hidden), ", ".join(changes), f"{task.score}, {SCORES[task.score][0]}",
-        )  # fmt: skip
-
-
-def _scores() -> Iterator[Sequence[str]]:
-    yield "score", "unit", "what it is"
-    for name, (unit, what) in SCORES.items():
-        yield name, unit, what
-
-
 def _metrics() -> Iterator[Sequence[str]]:
     yield "metric", "limit", "tolerance at least", "what it is"
     for row in METRICS:
@@ -164,7 +143,6 @@ TABLES: dict[str, list[Callable[[], str]]] = {
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
     "compare.md": [_table(_metrics)],
-    "control.md": [_table(_tasks), _table(_scores)],
     # What an axis offers, publishes and hears; what a recorder hears; what a commander may ask;
     # what a twin publishes, and hears of other programs.
     "../config/sros2_policy.xml": [

@@ -16,7 +16,7 @@ docs/library.md shows them at work and says what stays the same between versions
 
 from typing import TYPE_CHECKING
 
-from stickslip_ros import library
+from stickslip_ros import simulation
 from stickslip_ros.lazy_names import lazy_names
 from stickslip_ros.version import __version__ as __version__
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
     # Not from the room: its module of the same name would be found first.
     from stickslip_ros.identification.identify import identify
-    from stickslip_ros.library import *  # noqa: F403
     from stickslip_ros.measurement import Comparison, ComparisonError, ComparisonMetric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
     from stickslip_ros.measurement.reading import MeasurementError
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
     from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
+    from stickslip_ros.simulation import *  # noqa: F403
     from stickslip_ros.traces import Trace, TraceError
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
@@ -45,11 +45,28 @@ __all__ = [
     "Parameters", "Prior", "Run", "StickslipError", "Trace", "TraceError",
     "identify", "open_bag", "read_yaml", "recorded_runs", "resimulate",
 ]  # fmt: skip
-__all__ += library.__all__
+__all__ += simulation.__all__
+
+_PLACES = {
+    "axis": "Axis AxisStatus CommandRefused Event",
+    "client": "AxisClient AxisFault",
+    "errors": "StickslipError",
+    "identification": "Experiment Fit IdentificationError Prior",
+    "identification.identify": "identify",
+    "simulation": " ".join(simulation.__all__),
+    "measurement": "Comparison ComparisonError ComparisonMetric",
+    "measurement.actuator_identification": "IdentifiedActuator",
+    "measurement.reading": "MeasurementError",
+    "parameters": "PARAMETERS ParameterError Parameters read_yaml",
+    "recordings": "BagError open_bag recorded_runs resimulate",
+    "traces": "Trace TraceError",
+    "traces.motion": "Motion",
+    "traces.runs": "Run",
+}
 
 # Type checkers must not see it: to them, any name would then be one of ours.
 if not TYPE_CHECKING:
-    __getattr__ = lazy_names(__name__)
+    __getattr__ = lazy_names(__name__, _PLACES)
 
 
 def __dir__() -> list[str]:

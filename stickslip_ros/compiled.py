@@ -38,7 +38,7 @@ except ImportError:  # all of it runs as plain Python too, a hundred times slowe
     Listener = object
 
 _PACKAGE = Path(__file__).parent
-_ROOMS = ("gym", "laws", "model", "solver")
+_ROOMS = ("laws", "model", "solver")
 
 F = TypeVar("F", bound=Callable[..., Any])
 

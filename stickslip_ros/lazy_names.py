@@ -4,49 +4,30 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
 from stickslip_ros.errors import libraries_for
 
 
-def lazy_names(package: str) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package, which loads the names of its ``__all__``.
+def lazy_names(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` (PEP 562) of a package.
 
-    The imports below ``if TYPE_CHECKING:`` say where from.
+    places names the modules below the package, each with the names that it defines, in one text.
     """
+    modules = {name: module for module, names in places.items() for name in names.split()}
 
     def load(name: str) -> Any:
-        module = sys.modules[package]
-        known = [] if name.startswith("_") else module.__all__
-        if name in known:
+        if name in modules:
             with libraries_for(f"{package}.{name}"):
-                found = getattr(import_module(_modules(package)[name]), name)
-            setattr(module, name, found)
+                found = getattr(import_module(f"{package}.{modules[name]}"), name)
+            setattr(sys.modules[package], name, found)
             return found
         import difflib  # here, so that importing the package does not load it
 
-        near = difflib.get_close_matches(name, known, 3)
+        near = difflib.get_close_matches(name, modules, 3) if name[:1] != "_" else []
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")
 
     return load
-
-
-@cache
-def _modules(package: str) -> dict[str, str]:
-    """Return the modules that a package imports names from for type checkers, by name."""
-    import ast  # here, too
-    import inspect
-
-    found: dict[str, str] = {}
-    for block in ast.parse(inspect.getsource(sys.modules[package])).body:
-        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
-            for line in block.body:
-                if isinstance(line, ast.ImportFrom) and line.module:
-                    names = [one.name for one in line.names]
-                    names = import_module(line.module).__all__ if names == ["*"] else names
-                    found |= dict.fromkeys(names, line.module)
-    return found

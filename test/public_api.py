@@ -11,7 +11,7 @@ RECORD = Path(__file__).with_suffix(".txt")
 
 
 #: The rooms whose names are promised beside those of the package, as docs/library.md says.
-PROMISED = ["emulator", "gym", "laws", "recordings", "twin", "waveforms"]
+PROMISED = ["emulator", "laws", "recordings", "twin", "waveforms"]
 
 
 def _parameters(function: Any) -> str:

@@ -33,9 +33,9 @@ ORDER = (
     ("traces",),
     ("recordings",),
     ("measurement",),
-    ("library",),
+    ("simulation",),
     ("identification",),
-    ("twin", "gym"),
+    ("twin",),
     ("pages",),
     ("paper", "workbench"),
     ("emulator",),
@@ -51,9 +51,9 @@ MAY_USE = {
 MAY_USE["cli"] -= {"ros", "testing"}  # late only, and not at all
 MAY_USE["testing"].remove("ros")  # late only
 #: The package shows the names of this room, which loads nothing by itself.
-MAY_USE["__init__"] = {"library"}
+MAY_USE["__init__"] = {"simulation"}
 #: The public name of the client in `ros`, and what a shell starts.
-MAY_USE |= {"client": {"ros"}, "executables": set(), "__main__": {"cli"}}
+MAY_USE |= {"client": {"ros"}, "library": {"simulation"}, "executables": set(), "__main__": {"cli"}}
 
 #: What a room may import inside functions only, so that it loads without ROS.
 MAY_USE_LATE = {"cli": {"ros", "client"}, "testing": {"ros"}, "executables": {"ros"}}

@@ -11,7 +11,6 @@ import pytest
 
 import stickslip_ros
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.library.ensemble import read_ensemble
 from stickslip_ros.opening import ALWAYS_ALLOWED, UNPACK_FACTOR, Allowance, ReadError, open_regular
 from stickslip_ros.paper.report import CONTENTS, refuse_foreign
 from stickslip_ros.parameters.bounded_files import nodes_in
@@ -23,7 +22,7 @@ WITHOUT = {
     "background_compile.py": "notes of the process that compiles",
     "compiled.py": "sources of the package",
     "numba_internals.py": "sources of the package",
-    "library/sweep_output.py": "the table again that was opened before",
+    "simulation/sweep_output.py": "the table again that was opened before",
     "measurement/reading/arrays.py": "members of an archive, and the answer of our own program",
     "measurement/reading/instruments.py": "a file again whose kind was found out by its head",
     "paper/claim.py": "claims and charts of the package",
@@ -78,7 +77,7 @@ def _reads(tree: ast.AST) -> Iterator[str]:
 
 
 def test_all_who_read_come_in_by_the_door() -> None:
-    """Parameter files, ensembles and tables of sweeps had a way of their own, and waited there."""
+    """Parameter files and tables of sweeps had a way of their own, and waited there."""
     found = {
         str(file.relative_to(PACKAGE))
         for file in PACKAGE.rglob("*.py")
@@ -91,7 +90,6 @@ def test_all_who_read_come_in_by_the_door() -> None:
     ("read", "complaint"),
     [
         (nodes_in, "it is not a regular file"),
-        (read_ensemble, "it is not a regular file"),
         (read_csv, "is not a file but a pipe"),
         (lambda path: refuse_foreign(path.parent), f"holds {CONTENTS}"),
     ],

@@ -67,7 +67,7 @@ def test_names_and_versions_agree(manifest: ET.Element, setup: dict[str, Any]) -
 def test_what_python_needs_rosdep_knows_too(manifest: ET.Element, setup: dict[str, Any]) -> None:
     key_of = {"pyyaml": "python3-yaml"}
     key_of |= dict.fromkeys(("mcap", "mcap-ros2-support", "zstandard", "lz4"), "mcap-ros2-support")
-    without_key = {"numba", "plotly", "shtab"}
+    without_key = {"numba", "plotly"}
     keys = {depend.text for depend in manifest.findall("exec_depend")}
     for name in map(project_name, setup["install_requires"]):
         if name not in without_key:

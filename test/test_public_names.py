@@ -15,6 +15,7 @@ import pytest
 from child import python
 
 import stickslip_ros as ss
+from stickslip_ros import simulation
 
 ROOT = Path(__file__).parent.parent
 #: Names that are data.
@@ -66,7 +67,7 @@ def test_every_public_method_is_documented() -> None:
 def test_every_function_of_the_library_has_an_example() -> None:
     found = filter(inspect.isroutine, (getattr(ss, name) for name in PLAIN))
     for function in found:
-        if function.__module__.startswith("stickslip_ros.library"):
+        if function.__module__.startswith("stickslip_ros.simulation"):
             assert ">>> " in (function.__doc__ or ""), function
 
 
@@ -77,7 +78,7 @@ def test_the_examples_print_what_they_show(module: str, monkeypatch: pytest.Monk
     found = importlib.import_module(f"stickslip_ros.{module}".rstrip("."))
     results = doctest.testmod(found, optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
     assert results.failed == 0
-    if module.startswith("library"):
+    if module.startswith("simulation"):
         assert results.attempted > 0
 
 
@@ -136,13 +137,17 @@ def test_a_wrong_name_is_answered_with_the_right_one() -> None:
 
 def test_the_room_gives_what_the_package_gives() -> None:
     """Whatever was imported before: no module of the room has the name of a function."""
-    from stickslip_ros import library
-
     assert [
-        name for name in library.__all__ if getattr(library, name) is not getattr(ss, name)
+        name for name in simulation.__all__ if getattr(simulation, name) is not getattr(ss, name)
     ] == []
-    files = {file.stem for file in Path(library.__file__).parent.glob("*.py")}
-    assert not files & set(library.__all__)
+    files = {file.stem for file in Path(simulation.__file__).parent.glob("*.py")}
+    assert not files & set(simulation.__all__)
+
+
+def test_the_old_name_of_the_room_works_with_a_warning() -> None:
+    with pytest.warns(FutureWarning, match=r"stickslip_ros\.simulation since 2\.0\.0"):
+        from stickslip_ros.library import simulate
+    assert simulate is ss.simulate
 
 
 def test_one_base_catches_every_error() -> None:
@@ -159,7 +164,7 @@ def test_the_import_alone_loads_nothing() -> None:
 def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
     found = run(
         "import sys\n"
-        "others = 'mcap mcap_ros2 zstandard lz4 matplotlib jinja2 plotly rich shtab tqdm rclpy'\n"
+        "others = 'mcap mcap_ros2 zstandard lz4 matplotlib jinja2 plotly rich tqdm rclpy'\n"
         "sys.modules.update(dict.fromkeys([*others.split(), 'rcl_interfaces']))\n"
         "import stickslip_ros as ss\n"
         "from stickslip_ros.cli.main import main\n"
@@ -169,7 +174,7 @@ def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
         "        ask()\n"
         "    except ss.StickslipError as error:\n"
         "        print(error)\n"
-        "print(main(['completion', 'bash']), main(['simulate', '--steps', '2']))\n",
+        "print(main(['simulate', '--steps', '2']))\n",
     )
     asked = [
         "a plot needs matplotlib: pip install matplotlib",
@@ -178,9 +183,8 @@ def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
         "stickslip_ros.AxisClient needs rcl_interfaces: "
         "source a ROS, or pip install 'stickslip_ros[ros]'",
     ]
-    assert found.stdout.splitlines() == [*asked, "2 2"], found.stderr
+    assert found.stdout.splitlines() == [*asked, "2"], found.stderr
     assert found.stderr.splitlines() == [
-        "stickslip completion: completion needs shtab: pip install shtab",
         "stickslip simulate: simulate needs tqdm: pip install tqdm",
     ]
 

@@ -49,7 +49,6 @@ SUBCOMMANDS = {
     "emulate": "simulate axes that answer like a real controller, over TCP",
     "demo": "drive a simulated axis over ROS 2, record it and plot the run",
     "warm-up": "compile the solver ahead, for images and caches of CI",
-    "completion": "print a script that completes commands in bash, zsh or fish",
 }
 
 #: Modules that do not have the name of the subcommand, with _ for -.
@@ -59,10 +58,10 @@ _MODULES = {
     "watch": "running_axis",
     "demo": "installation",
     "warm-up": "installation",
-    "completion": "installation",
 }
 #: Old subcommands, and their replacements.
 MOVED = {
+    "completion": "it left in 2.0.0: stickslip COMMAND --help lists the options of a command",
     "bench": 'make bench ARGS="..." in a checkout measures speed and error (docs/benchmark.md)',
     "soak": 'make soak ARGS="--hours 2" in a checkout runs axis and recorder for hours',
 }

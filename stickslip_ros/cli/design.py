@@ -30,7 +30,7 @@ from stickslip_ros.reporting.terminal import announce_if_slow, format_rows
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from stickslip_ros.library.waveform_search import ElongatedStep, ShapedSlip
+    from stickslip_ros.simulation.waveform_search import ElongatedStep, ShapedSlip
 
 
 def predict_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +50,7 @@ def run_predict(args: argparse.Namespace) -> int:
     p = parameters_from(args)
     check_outputs(args)
     with announce_if_slow("predicting", in_pipes=True):
-        from stickslip_ros.library.prediction import plot_steps, predict
+        from stickslip_ros.simulation.prediction import plot_steps, predict
 
         found = predict(p, step=args.step)
     report_left_out("predict", found.left_out)
@@ -128,7 +128,7 @@ elongate_arguments, run_elongate = shape_arguments, run_shape
 
 
 def _draw(before: Parameters, after: Parameters, axes: Axes) -> None:
-    from stickslip_ros.library.run import simulate
+    from stickslip_ros.simulation.run import simulate
 
     lines = []
     for p, colour, name in ((before, MEASURED, "as given"), (after, SIMULATED, "as found")):
@@ -141,7 +141,7 @@ def _draw(before: Parameters, after: Parameters, axes: Axes) -> None:
 
 def _shape(p: Parameters) -> tuple[ShapedSlip, Mapping[str, Any]]:
     """Return the slip, and the parameters to change."""
-    from stickslip_ros.library.waveform_search import shape_slip
+    from stickslip_ros.simulation.waveform_search import shape_slip
 
     with announce_if_slow("searching the slip that leaves the least ringing", in_pipes=True):
         found = shape_slip(p)
@@ -153,7 +153,7 @@ def _shape(p: Parameters) -> tuple[ShapedSlip, Mapping[str, Any]]:
 
 def _elongate(p: Parameters) -> tuple[ElongatedStep, Mapping[str, Any]]:
     """Return the hold times, and the parameters to change."""
-    from stickslip_ros.library.waveform_search import elongate_step
+    from stickslip_ros.simulation.waveform_search import elongate_step
 
     with announce_if_slow("searching the hold times of the largest step", in_pipes=True):
         found = elongate_step(p)

@@ -22,12 +22,12 @@ from stickslip_ros.cli.options import (
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.files import write_text
-from stickslip_ros.library.left_out import OF_A_FIT, left_out
 from stickslip_ros.parameters import PARAMETERS, Parameters, parameter, yaml_text
 from stickslip_ros.parameters.bounded_files import read_values
 from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting import format_si
 from stickslip_ros.shared_files import config_file
+from stickslip_ros.simulation.left_out import OF_A_FIT, left_out
 
 if TYPE_CHECKING:
     from tqdm import tqdm

@@ -20,10 +20,6 @@ from stickslip_ros.reporting.terminal import announce_if_slow
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-    from stickslip_ros.library.ensemble import Ensemble
-
-#: Draws of an ensemble by default, and at most.
-_DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
 _Adds = argparse.ArgumentParser | argparse._ArgumentGroup
 
 
@@ -119,36 +115,6 @@ def report_left_out(command: str, effects: Sequence[str]) -> None:
     """Say on stderr which effects of the parameters a command has left out, if any."""
     if effects:
         print(f"stickslip {command}: leaves out {', '.join(effects)}", file=sys.stderr)
-
-
-def add_ensemble(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add --ensemble and --draws; the help text names the additional output, ``what``."""
-    text = f"a file of stickslip identify --out: {what}"
-    option(parser, "--ensemble", "FITTED.yaml", text, Path)
-    option(parser, "--draws", "N", f"of the ensemble (default: {_DRAWS})", int, default=_DRAWS)
-
-
-def ensemble_of(args: argparse.Namespace) -> Ensemble | None:
-    """Return the ensemble of --ensemble and take its file as --config; None without.
-
-    Raises UsageError and EnsembleError.
-    """
-    if args.ensemble is None:
-        return None
-    if args.config is not None:
-        raise UsageError("--ensemble FITTED.yaml is the parameter file, too; leave --config out")
-    if not _FEWEST_DRAWS <= args.draws <= _MOST_DRAWS:
-        raise UsageError(
-            f"--draws is {args.draws}; it has to be from {_FEWEST_DRAWS} to {_MOST_DRAWS}"
-        )
-    from stickslip_ros.library.ensemble import read_ensemble
-
-    found = read_ensemble(args.ensemble)
-    given = {parse_assignment(text)[0] for text in args.assignments}
-    for name in given & set(found.names):
-        raise UsageError(f"--set {name}: the ensemble draws it; leave one of the two out")
-    args.config = args.ensemble
-    return found
 
 
 def yaml_lines(values: Mapping[str, object]) -> str:

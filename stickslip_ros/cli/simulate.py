@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
     add_drive,
-    add_ensemble,
-    ensemble_of,
     flag,
     option,
     parameters_from,
@@ -26,8 +24,7 @@ from stickslip_ros.parameters import ParameterError
 from stickslip_ros.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
-    from stickslip_ros.library.ensemble import Band
-    from stickslip_ros.library.run import SimulatedRun
+    from stickslip_ros.simulation.run import SimulatedRun
 
 #: Endings of files that hold text, as a trace does.
 _TEXT = ("", ".csv", ".txt", ".dat", ".tsv")
@@ -41,7 +38,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     option(parser, "--steps", "N", "the sign is the direction (default: 30)", int, default=30)
     add_drive(parser)
-    add_ensemble(parser, "also the band in which 95 %% of its draws lie")
     add_outputs(parser, "runner and actuator over time", "the steps")
     text = "write runner, actuator and contact over time"
     option(parser, "--trace", "FILE.csv", text, Path)
@@ -59,8 +55,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--trace is {args.trace}; it writes text: end its name in .csv")
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
-    from stickslip_ros.compiled import plain_until_compiled, report_compilation
-    from stickslip_ros.library.run import SimulatedRun, check_steps
+    from stickslip_ros.compiled import plain_until_compiled
+    from stickslip_ros.simulation.run import SimulatedRun, check_steps
     from stickslip_ros.traces import run_steps, save_csv
     from stickslip_ros.traces.motion import save_readings
 
@@ -70,7 +66,6 @@ def run(args: argparse.Namespace) -> int:
         "--steps",
     )
     check_outputs(args)
-    ensemble = ensemble_of(args)
     p = parameters_from(args)
     with plain_until_compiled(), progress_bar(abs(args.steps), "simulating steps") as bar:
         result = SimulatedRun(p, run_steps(p, args.steps, bar.update), args.steps)
@@ -84,16 +79,9 @@ def run(args: argparse.Namespace) -> int:
     elif args.trace:
         even = args.trace_rate is not None
         save_csv(result.trace_at(args.trace_rate) if even else result.trace, args.trace)
-    band = None
-    if ensemble:
-        from stickslip_ros.library.ensemble import Band
-
-        with report_compilation():
-            band = Band.of(p, ensemble, args.steps, args.draws)
-    text = result.report() + (f"\n{band.report()}" if band else "")
     rows = list(zip(*result.table.values(), strict=True))
     put_out(
-        args, _content(result, zero, band), lambda: text, result.title,
+        args, _content(result, zero), result.report, result.title,
         (list(result.table), rows), draw=result.plot,
     )  # fmt: skip
     if unknown:
@@ -101,8 +89,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _content(run: SimulatedRun, zero: float | None, band: Band | None) -> dict[str, object]:
-    content = {
+def _content(run: SimulatedRun, zero: float | None) -> dict[str, object]:
+    return {
         "steps": run.count,
         "position": run.position,
         "step_size": run.step_size,
@@ -111,4 +99,3 @@ def _content(run: SimulatedRun, zero: float | None, band: Band | None) -> dict[s
         "zero_amplitude": zero,
         "parameters": run.parameters.flat(),
     }
-    return content | ({"ensemble": band.as_json()} if band else {})

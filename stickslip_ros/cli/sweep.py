@@ -10,9 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
-    add_ensemble,
     add_parameters,
-    ensemble_of,
     flag,
     option,
     parameters_from,
@@ -22,12 +20,12 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
 from stickslip_ros.errors import INTERRUPTED, UsageError
-from stickslip_ros.library.left_out import left_out
-from stickslip_ros.library.sweep_metrics import METRICS
+from stickslip_ros.simulation.left_out import left_out
+from stickslip_ros.simulation.sweep_metrics import METRICS
 
 if TYPE_CHECKING:
-    from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
-    from stickslip_ros.library.sweep_plan import Sweep
+    from stickslip_ros.simulation.sweep_output import SweepSummary, SweepTable
+    from stickslip_ros.simulation.sweep_plan import Sweep
 
 #: A point runs this many steps at most.
 _MOST_STEPS = 100_000
@@ -47,7 +45,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--out", "FILE.csv", "table (default: prints the points)", Path)
     option(parser, "--jobs", "N", "number of threads (default: one per processor)", int)
     flag(parser, "--resume", "continue an unfinished FILE.csv")
-    add_ensemble(parser, "each metric with the band in which 95 %% of its draws lie")
     add_outputs(parser, "a line over one parameter, a map over two", "the points")
 
 
@@ -64,18 +61,15 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
     import numpy as np
 
-    from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
-    from stickslip_ros.library.sweep_plan import GridAxis, Sweep
-    from stickslip_ros.library.sweep_result import SweepResult
+    from stickslip_ros.simulation.sweep_output import SweepSummary, SweepTable
+    from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep
+    from stickslip_ros.simulation.sweep_result import SweepResult
 
-    ensemble = ensemble_of(args)
     sweep = Sweep(
         parameters_from(args),
         tuple(GridAxis.parse(text) for text in args.vary),
         tuple(args.metric or ["step_size"]),
         args.steps,
-        ensemble,
-        args.draws,
     )
     sweep.refuse_if_impossible()
     report_left_out("sweep", left_out(sweep.base))
@@ -94,8 +88,8 @@ def run(args: argparse.Namespace) -> int:
             table.close()
     values = found.kept
     if values is not None:
-        from stickslip_ros.library.sweep_plot import picture_of_sweep
         from stickslip_ros.reporting.picture import save_picture
+        from stickslip_ros.simulation.sweep_plot import picture_of_sweep
     if not whole:
         if args.plot and values is not None:
             save_picture(args.plot, picture_of_sweep(sweep, values))
@@ -121,8 +115,8 @@ def _carry_out(
 ) -> bool:
     """Run the sweep; return False if Ctrl-C ended it."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.library.sweep_output import heading, write_rows
-    from stickslip_ros.library.sweep_plan import results, threads
+    from stickslip_ros.simulation.sweep_output import heading, write_rows
+    from stickslip_ros.simulation.sweep_plan import results, threads
 
     workers = args.jobs or os.cpu_count() or 1
     to_stdout = not (args.out or args.json or wants_files(args))

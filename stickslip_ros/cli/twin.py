@@ -55,7 +55,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.library.ensemble import find_ensemble
+    from stickslip_ros.identification.posterior import find_posterior
     from stickslip_ros.pages.twin import TwinStory, twin_page
     from stickslip_ros.twin import Twin, TwinCommand
     from stickslip_ros.twin.recording import read_log
@@ -66,9 +66,9 @@ def run(args: argparse.Namespace) -> int:
     p = parameters_from(args)
     given = {name: getattr(args, name) for name in ASKED if getattr(args, name) is not None}
     settings = TwinSettings(**given)
-    ensemble = find_ensemble(args.config) if args.config else None
+    posterior = find_posterior(args.config) if args.config else None
     log = read_log(args.recording, reading_of(args), args.drive, args.joint)
-    twin = Twin(p, settings, ensemble)
+    twin = Twin(p, settings, posterior)
     updates: list[Update] = []
     with report_compilation(), progress_bar(len(log), "following the axis") as bar:
         for one in log:

@@ -71,5 +71,9 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
     return make(axes)
 
 
+_PLACES = {
+    "controller": "Controller",
+    "server": "OwnAxes Server ServerThread",
+}
 if not TYPE_CHECKING:
-    __getattr__ = lazy_names(__name__)
+    __getattr__ = lazy_names(__name__, _PLACES)

@@ -15,12 +15,12 @@ from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
 from stickslip_ros.identification.settings import DESCENT
 from stickslip_ros.identification.trace_fit import BinnedModel
-from stickslip_ros.library.sweep_metrics import METRICS, Points
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.reading.motion import open_table
 from stickslip_ros.measurement.reading.table import Column, Unit
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.simulation.sweep_metrics import METRICS, Points
 
 #: The metric that no sweep has: it needs no run.
 RINGING = "ringing_frequency"

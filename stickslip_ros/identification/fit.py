@@ -12,8 +12,8 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.free import LAG, unit_of
+from stickslip_ros.identification.posterior import Posterior
 from stickslip_ros.identification.settings import SEARCH
-from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
@@ -212,15 +212,15 @@ class Fit:
         )
 
     @property
-    def ensemble(self) -> Ensemble | None:
-        """The values with their uncertainty, to draw sets from; None after an interruption.
+    def posterior(self) -> Posterior | None:
+        """The values with their uncertainty, as a twin takes them; None after an interruption.
 
         A missing end of an interval counts as a factor of `SEARCH.determined`.
         """
         if not self.complete or not self.correlations:
             return None
         found = [one for one in self.parameters.values() if one.name != LAG]
-        return Ensemble(
+        return Posterior(
             tuple(one.name for one in found),
             tuple(one.value for one in found),
             tuple(one.low or one.value / SEARCH.determined for one in found),
@@ -237,8 +237,8 @@ class Fit:
             low, high = (("-" if end is None else f"{end:.4g}") for end in (one.low, one.high))
             lines.append(f"{name}: {one.value:.5g} {one.unit}, from {low} to {high}")
         lines += [*self.unknown, *self.given]
-        if self.ensemble:
-            lines.append(self.ensemble.comment())
+        if self.posterior:
+            lines.append(self.posterior.comment())
         if self.misfit:
             lines.append(f"MISFIT: {self.misfit.text}")
         return "".join(f"# {line}\n" for line in lines)

@@ -5,13 +5,20 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.lazy_names import lazy_names
 
+_PLACES = {
+    "comparison": "Comparison compare",
+    "metrics": "ComparisonMetric",
+    "motion_pair": "Alignment ComparisonError Fits",
+    "verdict": "LIMITS Judgement judge",
+}
+
 if TYPE_CHECKING:
     from stickslip_ros.measurement.comparison import Comparison, compare
     from stickslip_ros.measurement.metrics import ComparisonMetric
     from stickslip_ros.measurement.motion_pair import Alignment, ComparisonError, Fits
     from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
 else:
-    __getattr__ = lazy_names(__name__)
+    __getattr__ = lazy_names(__name__, _PLACES)
 
 __all__ = [
     "LIMITS",

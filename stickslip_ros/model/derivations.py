@@ -2,7 +2,7 @@
 """Constants of the contact from what can be measured or looked up (section 4.4, Fig. 10).
 
 docs/derivations.md says what these are good for and what the paper leaves out. z_ba from a measured
-0-amplitude needs runs of the model: ``library.operating_points``.
+0-amplitude needs runs of the model: ``simulation.operating_points``.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -151,17 +151,14 @@ def _lowest_z_ss(contact: Contact) -> Any:
 
 # -- the equations, as pure functions of numbers
 
-#: A number, or one with an imaginary part that becomes a derivative, see `solver.complex_steps`
-Number = TypeVar("Number", float, complex)
-
 
 @compiled
-def z_limit(w: Number, z_k: Number, z_s: Number, v_s: Number) -> Number:
+def z_limit(w: float, z_k: float, z_s: float, v_s: float) -> float:
     """Return the deflection (m) that steady plastic sliding at w (m/s) tends to; Eq. 4."""
     if z_s == z_k:
         return z_k
     ratio = w / v_s
-    return z_k + (z_s - z_k) * np.exp(-ratio * ratio)
+    return z_k + (z_s - z_k) * math.exp(-ratio * ratio)
 
 
 @compiled
@@ -180,12 +177,12 @@ def alpha(z: float, w: float, z_ba: float, z_ss: float, printed: int) -> float:
 
 
 @compiled
-def alpha_at(angle: Number) -> tuple[Number, Number]:
+def alpha_at(angle: float) -> tuple[float, float]:
     """Return Dupont's alpha between its ends, and its derivative by the angle.
 
     The angle is pi (|z| - z_ba) / (z_ss - z_ba): 0 at z_ba, pi at z_ss.
     """
-    return 0.5 - 0.5 * np.cos(angle), 0.5 * np.sin(angle)
+    return 0.5 - 0.5 * math.cos(angle), 0.5 * math.sin(angle)
 
 
 @compiled

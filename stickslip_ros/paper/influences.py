@@ -9,10 +9,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Contact, Plant, drive_of, friction_force, z_rate
 from stickslip_ros.paper.claim import Result
 from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Set, columns, one_step
+from stickslip_ros.simulation.operating_points import batch_of
 from stickslip_ros.solver import Simulation
 
 #: A large drive such as those that the sentences of section 2.2 are about: 2 um, a slip of 50 us.

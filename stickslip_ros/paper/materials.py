@@ -16,7 +16,6 @@ from scipy.signal import find_peaks
 from scipy.stats import spearmanr
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.library.operating_points import blocking_preloads, zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.model.surface import CycleStart, Surface
@@ -34,6 +33,7 @@ from stickslip_ros.paper.parameter_sets import (
     steps_and_backsteps,
 )
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.simulation.operating_points import blocking_preloads, zero_amplitudes
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 #: The other body is a ball of ruby: modulus (Pa), radius (m) and Poisson's numbers are chosen here.

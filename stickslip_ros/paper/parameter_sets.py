@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.library.operating_points import generated_forces, steps_of
 from stickslip_ros.model.derivations import sigma_0_of_ringing
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.simulation.operating_points import generated_forces, steps_of
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 Set = Mapping[str, Any]

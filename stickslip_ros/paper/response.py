@@ -9,13 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.library.operating_points import zero_amplitudes
-from stickslip_ros.library.waveform_search import (
-    elongate_step,
-    elongation_map,
-    shape_slip,
-    shaping_map,
-)
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
@@ -30,6 +23,13 @@ from stickslip_ros.paper.parameter_sets import (
     steps_and_backsteps,
 )
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.simulation.operating_points import zero_amplitudes
+from stickslip_ros.simulation.waveform_search import (
+    elongate_step,
+    elongation_map,
+    shape_slip,
+    shaping_map,
+)
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.analysis import analyse_steps
 from stickslip_ros.traces.steps import TRIAL_STEPS

@@ -8,7 +8,6 @@ import math
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.library.operating_points import blocking_preloads, intersections, zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.paper.claim import ClaimVerdict, Result, Values, paired
 from stickslip_ros.paper.parameter_sets import (
@@ -24,6 +23,11 @@ from stickslip_ros.paper.parameter_sets import (
     power,
     steps,
     volts,
+)
+from stickslip_ros.simulation.operating_points import (
+    blocking_preloads,
+    intersections,
+    zero_amplitudes,
 )
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 

@@ -60,5 +60,9 @@ __all__ = [
     "statuses",
 ]
 
+_PLACES = {
+    "resimulation": "Resimulated resimulate",
+    "runs": "describe recorded_axes recorded_runs recorded_states",
+}
 if not TYPE_CHECKING:  # what needs the axis, whose compiled parts take a second to load
-    __getattr__ = lazy_names(__name__)
+    __getattr__ = lazy_names(__name__, _PLACES)

@@ -30,7 +30,7 @@ from stickslip_ros.axis.command import FLOAT64, INT32
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START
 from stickslip_ros.errors import UsageError
-from stickslip_ros.library.ensemble import find_ensemble
+from stickslip_ros.identification.posterior import find_posterior
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.groups import AXIS_NODE, SLIDER
 from stickslip_ros.recordings.cdr import nanoseconds
@@ -93,8 +93,8 @@ class TwinNode(GuardedNode):
             raise UsageError(f"unit is {self._unit:g} m; it has to be a number other than 0")
         axis, config = full_name(self, "axis", given["axis"]), given["config"] or None
         settings = {name: given[name] for name in ASKED}
-        ensemble = find_ensemble(Path(config)) if config else None
-        self.twin = Twin(Parameters.of(config), TwinSettings(**settings), ensemble)
+        posterior = find_posterior(Path(config)) if config else None
+        self.twin = Twin(Parameters.of(config), TwinSettings(**settings), posterior)
         self._origin: int | None = None  # ns that the twin's times count from: the oldest heard
         self._start: int | None = None  # ns, when the simulated time of the axis was 0
         # What waits for its turn: time (ns), whether it is a reading, number of arrival, and itself

@@ -5,12 +5,18 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.lazy_names import lazy_names
 
+_PLACES = {
+    "settings": "TwinSettings",
+    "timeline": "TwinCommand",
+    "twin": "Change Forecast TrackedParameter Twin Update",
+}
+
 if TYPE_CHECKING:
     from stickslip_ros.twin.settings import TwinSettings
     from stickslip_ros.twin.timeline import TwinCommand
     from stickslip_ros.twin.twin import Change, Forecast, TrackedParameter, Twin, Update
 else:
-    __getattr__ = lazy_names(__name__)
+    __getattr__ = lazy_names(__name__, _PLACES)
 
 __all__ = [
     "Change",

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.library.ensemble import Ensemble
+from stickslip_ros.identification.posterior import Posterior
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.twin.response import Blur, Model, parts_of_cycles
@@ -153,9 +153,9 @@ class ReadingFilter:
 class Tracker(ReadingFilter):
     """Position and parameters with their covariance, from reading to reading."""
 
-    def __init__(self, p: Parameters, settings: TwinSettings, ensemble: Ensemble | None) -> None:
+    def __init__(self, p: Parameters, settings: TwinSettings, posterior: Posterior | None) -> None:
         """Start from parameters, and from their covariance where a fit says it."""
-        given = ensemble.names if ensemble else ()
+        given = posterior.names if posterior else ()
         self.names = (*given, *(name for name in WALKING if name not in given))
         super().__init__(len(self.names), settings.noise, (), self.names.index("preload"))
         self._settings, self._origin = settings, Model(p)
@@ -165,10 +165,10 @@ class Tracker(ReadingFilter):
         self._first = self.model  # whose slopes are used
         usual = {"preload": settings.preload_deviation, "gain": settings.gain_deviation}
         prior = np.diag([usual.get(name, 0.0) ** 2 for name in self.names])
-        if ensemble:
+        if posterior:
             n = len(given)
-            deviations = (np.log(ensemble.high) - np.log(ensemble.low)) / (2.0 * CONFIDENCE)
-            prior[:n, :n] = np.array(ensemble.correlations) * np.outer(deviations, deviations)
+            deviations = (np.log(posterior.high) - np.log(posterior.low)) / (2.0 * CONFIDENCE)
+            prior[:n, :n] = np.array(posterior.correlations) * np.outer(deviations, deviations)
         self.prior = np.sqrt(np.diag(prior))
         self.covariance[THETA, THETA] = prior
         self.covariance[RATE, RATE] = _RATE**2

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from stickslip_ros.library.ensemble import Ensemble
+from stickslip_ros.identification.posterior import Posterior
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
@@ -117,11 +117,14 @@ class Twin:
     """The model beside an axis. Time (s) is passed in."""
 
     def __init__(
-        self, p: Parameters, settings: TwinSettings | None = None, ensemble: Ensemble | None = None
+        self,
+        p: Parameters,
+        settings: TwinSettings | None = None,
+        posterior: Posterior | None = None,
     ) -> None:
-        """Start from the parameters of the axis and, if there is one, the ensemble of their fit."""
+        """Start from the parameters of the axis and, if there is one, what their fit knows."""
         self.settings = settings or TwinSettings()
-        self.tracker = Tracker(p, self.settings, ensemble)
+        self.tracker = Tracker(p, self.settings, posterior)
         self.timeline = Timeline(p.drive.amplitude, p.drive.frequency)
         self.detector = ChangeDetector(self.settings.false_alarm_interval)
         self.changes: list[Change] = []

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.library.left_out import OF_A_CYCLE, left_out
-from stickslip_ros.library.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.compared import PHASES
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import format_si, scale_of, to_json
 from stickslip_ros.reporting.page import thin_columns
+from stickslip_ros.simulation.left_out import OF_A_CYCLE, left_out
+from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import TraceError
 from stickslip_ros.traces.analysis import find_runs

@@ -16,8 +16,8 @@ from live import wait_until
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.library import sweep_plan as studies_sweep
-from stickslip_ros.library.sweep_plan import results
+from stickslip_ros.simulation import sweep_plan as studies_sweep
+from stickslip_ros.simulation.sweep_plan import results
 from stickslip_ros.traces import run_steps
 
 REPOSITORY = Path(__file__).parent.parent.parent

@@ -57,7 +57,6 @@ def test_bad_use_ends_with_2_and_one_line(capsys: pytest.CaptureFixture[str]) ->
         ("identify-actuatr", "did you mean 'identify-actuator'?"),
         ("emulate anc350", "did you mean 'anc300'?"),
         ("emulate ANC300", "did you mean 'anc300'?"),
-        ("completion bsh", "did you mean 'bash'?"),
         ("bench --json", "bench has moved: make bench"),
         ("soak --json", "soak has moved: make soak"),
         ("simulate --frequency 1,5kHz", "'1,5kHz' has a comma; write 1.5 with a point"),
@@ -260,7 +259,7 @@ def test_what_needs_no_library_loads_none(option: str) -> None:
         "print(sorted(heavy & set(sys.modules)), sorted(ours), file=sys.stderr)\n"
     )
     child = python("-c", block, option)
-    ours = ["cli", "cli.command_line", "cli.main", "errors", "lazy_names", "library", "version"]
+    ours = ["cli", "cli.command_line", "cli.main", "errors", "lazy_names", "simulation", "version"]
     assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
 
 

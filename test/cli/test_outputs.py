@@ -44,7 +44,7 @@ COMMANDS = [
     ),
 ]  # fmt: skip
 #: Commands without a result that a picture, page or table could hold.
-WITHOUT = {"explore", "bag", "send", "watch", "emulate", "demo", "warm-up", "completion"}
+WITHOUT = {"explore", "bag", "send", "watch", "emulate", "demo", "warm-up"}
 
 
 @pytest.mark.parametrize(("command", "drawn", "tabled"), COMMANDS)

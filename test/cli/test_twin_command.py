@@ -114,13 +114,13 @@ def test_bad_commands_are_bad_use(
     assert "noise is 0" in capsys.readouterr().err
 
 
-def test_a_damaged_ensemble_is_bad_use(
+def test_a_damaged_line_of_a_fit_is_bad_use(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     config = tmp_path / "fitted.yaml"
     config.write_text('# ensemble: {"names": ["preload"]}\n' + yaml_text(Parameters.of()))
     assert main(["twin", str(table), "--config", str(config)]) == 2
-    assert "the ensemble is damaged" in capsys.readouterr().err
+    assert "'# ensemble' is damaged" in capsys.readouterr().err
 
 
 def test_doubled_late_and_missing_rows_are_told(

@@ -130,8 +130,8 @@ def test_a_lag_is_allowed_for_unasked(lag: float, within: float) -> None:
     assert found.parameters["amplifier_lag"].unit == "s"
     bandwidth = 1.0 / (2.0 * np.pi * lag)
     assert found.base.actuator.amplifier_bandwidth == pytest.approx(bandwidth, rel=within)
-    assert found.ensemble is not None
-    assert "amplifier_lag" not in found.ensemble.names
+    assert found.posterior is not None
+    assert "amplifier_lag" not in found.posterior.names
 
 
 @pytest.mark.parametrize("lag", [3e-7, 1.5e-6, 3e-6])

@@ -6,9 +6,9 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.simulation.operating_points import batch_of
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import backstep_into_rest
 

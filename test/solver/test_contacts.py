@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.library.operating_points import steps_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.simulation.operating_points import steps_of
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import regime_now, run_steps

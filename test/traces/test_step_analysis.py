@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.library.operating_points import zero_amplitude
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.simulation.operating_points import zero_amplitude
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
 from stickslip_ros.traces.cycles import Cycles

@@ -17,7 +17,6 @@ import setuptools
 pytest.importorskip("rclpy")
 
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.gym import TASKS
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import run_steps
 from validation import benchmark
@@ -29,7 +28,6 @@ from validation.campaigns import commands, interrupts, parameter_sets, targets
 from validation.campaigns.__main__ import CAMPAIGNS
 from validation.campaigns.__main__ import main as campaigns
 from validation.campaigns.intervals import linear, summary, whole
-from validation.control import axis_loop, learned_feedforward, steps_then_scan
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -162,18 +160,6 @@ def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
     drawn = np.array([linear(seed)["pulls"] for seed in (1000, 1002, 1007, 1010)])
     assert np.abs(drawn).max() < 3.0
     assert np.mean(drawn**2) < 1.9  # 16 values of mean square 1: chance in a hundred
-
-
-def test_the_baselines_of_control_arrive() -> None:
-    assert steps_then_scan.scores(TASKS["vertical"], range(2)).max() < 0.06
-    assert steps_then_scan.scores(TASKS["hold"], range(1)).max() < 1e-9
-    assert axis_loop.scores(TASKS["vertical"], range(2)).max() < 0.1
-    way = np.array([21.3e-6, -40.7e-6])  # learned with steps a fifth smaller than planned
-    move = learned_feedforward.Move(way, 134e-9)
-    for _ in range(learned_feedforward.TRIALS):
-        reached = move.side * (move.steps * 107e-9 + move.rest)
-        move.correct(way - reached, 160e-9)
-    assert np.abs(way - reached).max() < 1e-9
 
 
 def test_soak_commands_all_there_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

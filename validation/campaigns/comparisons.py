@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 from bench_traces import Drive, Sensor, bench_trace, random_axis
 
-from stickslip_ros.library import compare
+from stickslip_ros.simulation import compare
 from stickslip_ros.traces.motion import Motion
 
 

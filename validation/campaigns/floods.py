@@ -36,11 +36,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.library import warm_up
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node, choose_domain
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.process import SpinThread
+from stickslip_ros.simulation import warm_up
 from validation.campaigns.processes import FAKETIME, ended, memory_of, waited, with_clock_of
 from validation.campaigns.tests.hostile import damaged, messages
 

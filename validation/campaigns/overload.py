@@ -30,9 +30,9 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.library import warm_up
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient, CommandRefused
+from stickslip_ros.simulation import warm_up
 from validation.campaigns.processes import ended, memory_of, waited, waited_here
 from validation.draws import even
 

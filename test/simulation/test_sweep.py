@@ -1,0 +1,534 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Grids, metrics, the way of a sweep through an executor, and its CSV."""
+
+import math
+import threading
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from table_1 import table_1
+
+from stickslip_ros.model import LAWS, Plant, drive_of
+from stickslip_ros.model.waveforms import drives_of
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.reporting.picture import save_picture
+from stickslip_ros.simulation import operating_points
+from stickslip_ros.simulation.operating_points import (
+    batch_of,
+    crossings,
+    largest_amplitude,
+    steps_of,
+    zero_amplitude,
+)
+from stickslip_ros.simulation.sweep_metrics import METRICS
+from stickslip_ros.simulation.sweep_output import SweepSummary, SweepTable, write_header, write_rows
+from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep, SweepError, part_size, results
+from stickslip_ros.simulation.sweep_plot import picture_of_sweep
+from stickslip_ros.traces import run_steps
+from stickslip_ros.traces.steps import MEASURABLE
+
+
+def sweep_of(*ranges: str, metrics: tuple[str, ...] = ("step_size",), **values: Any) -> Sweep:
+    base = table_1(**{"frequency": 1000.0, **values})
+    return Sweep(base, tuple(GridAxis.parse(text) for text in ranges), metrics, 12)
+
+
+def value_of(metric: str, **values: Any) -> float:
+    """One metric at one operating point."""
+    mass = values.pop("mass", 4e-3)
+    sweep = sweep_of(f"mass={mass}:{mass}:1", metrics=(metric,), **values)
+    return float(sweep.evaluate(0, 1)[0, 0])
+
+
+# -- columns of parameters
+
+
+@pytest.mark.parametrize("model", LAWS)
+@pytest.mark.parametrize("own", [True, False], ids=["the law's own values", "given values"])
+def test_a_column_of_plants_is_as_one_by_one(model: str, own: bool) -> None:
+    draw = np.random.default_rng(3)
+    p = table_1(model=model)
+    p = p.replace(preload=draw.uniform(0.6, 5.0, 30))
+    p = p.replace(payload=draw.uniform(0.0, 0.01, 30), inclination=draw.uniform(-3.0, 3.0, 30))
+    p = p.replace(sigma_0_cap=draw.choice([0.0, 1.0, 3.0], 30))
+    if not own:
+        p = p.replace(sigma_0=draw.choice([0.0, 2e6], 30), sigma_0ss=draw.choice([0.0, 3e7], 30))
+        p = p.replace(z_ba=draw.choice([0.0, 1e-8], 30), z_ss=draw.choice([0.0, 9e-8], 30))
+    many, possible = batch_of(p.replace(amplitude=np.full(30, 100.0)), 30, 1)
+    for k in range(30):
+        try:
+            plant = Plant.of(p.point(k))
+        except ParameterError:
+            assert not possible[k]
+            continue
+        assert possible[k]
+        assert many.plants[k] == plant
+
+
+def test_a_column_of_drives_is_as_one_by_one() -> None:
+    draw = np.random.default_rng(4)
+    p = table_1(max_frequency=1e6, max_voltage=250.0)
+    p = p.replace(amplitude=draw.uniform(10, 300, 200), frequency=10.0 ** draw.uniform(1, 6.2, 200))
+    p = p.replace(slewrate=draw.uniform(50, 1000, 200), gain=draw.uniform(4e-10, 6e-10, 200))
+    drive_cycle, possible = drives_of(p, 200, -1)
+    assert 0 < possible.sum() < 200
+    for k in range(200):
+        try:
+            wanted = drive_of(p.point(k), -1)
+        except ParameterError:
+            assert not possible[k]
+            continue
+        assert possible[k]
+        assert (drive_cycle.slip[k], drive_cycle.sign) == (wanted.slip, wanted.sign)
+        np.testing.assert_array_equal(drive_cycle.durations[k], wanted.durations)
+        np.testing.assert_array_equal(drive_cycle.rates[k], wanted.rates)
+
+
+@pytest.mark.parametrize("steps", [1, 12, -30])
+def test_steps_of_columns_are_those_of_run_steps(steps: int) -> None:
+    p = table_1(frequency=1000.0)
+    p = p.replace(preload=np.linspace(0.2, 5.0, 15))
+    step_size, backstep = steps_of(p, 15, steps)
+    for k in range(15):
+        run = run_steps(p.point(k), steps)
+        np.testing.assert_array_equal([step_size[k], backstep[k]], [run.step_size, run.backstep])
+
+
+def test_steps_of_waveforms_with_different_segments() -> None:
+    """Points with and without holds in one batch, each as if it were alone."""
+    p = table_1(frequency=1000.0, waveform="shaped", latency=6e-5)
+    p = p.replace(hold_before=np.tile([0.0, 0.2], 6))
+    p = p.replace(split=np.repeat([0.0, 0.5, 1.0], 4))
+    for steps in (1, -12):
+        step_size, backstep = steps_of(p, 12, steps)
+        for k in range(12):
+            run = run_steps(p.point(k), steps)
+            np.testing.assert_array_equal(
+                [step_size[k], backstep[k]], [run.step_size, run.backstep]
+            )
+
+
+def test_the_zero_amplitude_knows_what_holds_leave_to_the_slip() -> None:
+    """With most of the period held, only amplitudes whose slip is short enough are tried."""
+    p = table_1(frequency=2e4, waveform="hold", hold_before=0.95, slewrate=50.0)
+    assert float(largest_amplitude(p)) == pytest.approx(0.999 * 2.5e-6 * 50e6)
+    with pytest.raises(ParameterError, match="lower hold_before"):
+        zero_amplitude(p.replace(hold_after=0.5))
+
+
+# -- grids
+
+
+def test_values_of_an_axis() -> None:
+    linear, log = GridAxis.parse("preload=0.1:6:60"), GridAxis.parse("frequency=100:1e4:5:log")
+    np.testing.assert_array_equal(linear.values(np.arange(60)), np.linspace(0.1, 6.0, 60))
+    np.testing.assert_allclose(log.values(np.arange(5)), np.geomspace(100.0, 1e4, 5), rtol=1e-14)
+    assert linear.values(np.array([59]))[0] == 6.0
+    assert GridAxis.parse("amplitude=300:30:10").values(np.array([0, 9])).tolist() == [300.0, 30.0]
+    for axis in (linear, log):
+        assert GridAxis.parse(str(axis)) == axis
+
+
+def test_a_wrong_range_is_refused() -> None:
+    for text, complaint in (
+        ("preloda=1:2:3", "did you mean preload"),
+        ("model=1:2:3", "not a number"),
+        ("preload=1:2", "NAME=START:STOP:COUNT"),
+        ("preload=1:2:3:lin", "NAME=START:STOP:COUNT"),
+        ("preload=1:2:x", "NAME=START:STOP:COUNT"),
+        ("preload=1:2:0", "empty range"),
+        ("preload=1:2:1", "empty range"),
+        ("preload=1:1:2", "empty range"),
+        ("preload=0:2:3", "between 0.001 and 1000"),
+        ("preload=1:nan:3", "finite"),
+        ("spring=0:1e6:3:log", "above 0"),
+    ):
+        with pytest.raises((SweepError, ParameterError), match=complaint):
+            GridAxis.parse(text)
+
+
+def test_a_sweep_of_nothing_sensible_is_refused() -> None:
+    with pytest.raises(SweepError, match="different parameters"):
+        sweep_of("preload=1:2:3", "preload=1:2:3")
+    with pytest.raises(SweepError, match="no metric 'speed'"):
+        sweep_of("preload=1:2:3", metrics=("speed",))
+    with pytest.raises(SweepError, match="different metrics"):
+        sweep_of("preload=1:2:3", metrics=("step_size", "step_size"))
+
+
+def test_points_are_numbered_along_the_last_axis_first() -> None:
+    sweep = sweep_of("preload=1:2:2", "amplitude=100:300:3")
+    slow, fast = sweep.coordinates(0, 6)
+    assert slow.tolist() == [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]
+    assert fast.tolist() == [100.0, 200.0, 300.0] * 2
+    assert [c.tolist() for c in sweep.coordinates(4, 6)] == [[2.0, 2.0], [200.0, 300.0]]
+
+
+def test_points_of_a_huge_sweep_are_made_when_they_are_needed() -> None:
+    sweep = sweep_of("preload=0.1:6:1000000", "amplitude=30:300:1000000")
+    last = sweep.coordinates(sweep.points - 1, sweep.points)
+    assert [float(c[0]) for c in last] == [6.0, 300.0]
+    assert np.isfinite(sweep.evaluate(10**11, 10**11 + 3)).all()
+
+
+# -- metrics
+
+
+def test_steps_against_preload_are_those_of_the_specification() -> None:
+    sweep = sweep_of("preload=1:6:6", frequency=100.0)
+    wanted = [113.20, 78.91, 45.95, 19.29, 4.92, 0.63]
+    np.testing.assert_allclose(1e9 * sweep.evaluate(0, 6)[:, 0], wanted, atol=0.006)
+
+
+def test_backward_steps_are_mirrored() -> None:
+    metrics = ("step_size", "backstep", "zero_amplitude", "mean_speed")
+    base = sweep_of("preload=0.4:2:3", metrics=metrics)
+    back = Sweep(base.base, base.axes, base.metrics, -12)
+    forward, backward = base.evaluate(0, 3), back.evaluate(0, 3)
+    np.testing.assert_array_equal(backward * [-1.0, 1.0, 1.0, -1.0], forward)
+    np.testing.assert_array_equal(forward[:, 3], 1000.0 * forward[:, 0])
+
+
+def test_zero_amplitude_is_that_of_a_single_axis() -> None:
+    sweep = replace(sweep_of("preload=0.4:2:4", metrics=("zero_amplitude",)), steps=None)
+    wanted = [zero_amplitude(sweep.point(k)) for k in range(4)]
+    np.testing.assert_array_equal(sweep.evaluate(0, 4)[:, 0], np.array(wanted, dtype=float))
+
+
+HEAVY = {"mass": 0.012, "preload": 0.8}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"frequency": 1000.0}, *({**HEAVY, "frequency": f} for f in (500.0, 1100.0, 3500.0, 5100.0))],
+)
+def test_zero_amplitude_lies_where_settled_steps_become_measurable(
+    values: dict[str, float],
+) -> None:
+    """Also where ringing outlasts twelve cycles and moves a purely elastic contact meanwhile."""
+    p = table_1(**values)
+    found = zero_amplitude(p)
+    assert found is not None
+    for deflection, steps in ((found - 2e-11, False), (found, True)):
+        position = run_steps(p.replace(amplitude=deflection / p.actuator.gain), 800).position
+        assert bool(abs(position[-1] - position[399]) / 400 >= MEASURABLE) is steps
+
+
+def test_points_run_until_they_have_settled() -> None:
+    """As many steps as ringing lasts; where it dies within a cycle, twelve and the same bits."""
+    p = table_1().replace(
+        preload=np.array([4.447, 3.97, 2.27]),
+        frequency=np.array([2508.0, 6833.0, 4874.0]),
+        amplitude=np.array([300.0, 34.0, 85.0]),
+        mass=np.array([0.004, 0.0022, 0.0278]),
+    )
+    step_size, _ = steps_of(p, 3, None)
+    batch, possible = batch_of(p, 3, 1)
+    position, _ = batch.run(2000, possible)
+    wanted = (position[:, -1] - position[:, 999]) / 1000
+    np.testing.assert_allclose(step_size, wanted, rtol=0.0, atol=1e-11)
+    assert (np.abs(steps_of(p, 3, 12)[0] - wanted) > 1e-10).all()
+    p = table_1(frequency=100.0).replace(preload=np.linspace(0.1, 6.0, 15))
+    np.testing.assert_array_equal(steps_of(p, 15, None), steps_of(p, 15, 12))
+
+
+def test_the_zero_amplitude_is_a_seventh_above_z_ba() -> None:
+    """Where ringing dies between slips and z_ss = 2 z_ba: 1.14 z_ba within 3 %, for the CEIM."""
+    sweep = sweep_of("preload=0.1:3:5", metrics=("zero_amplitude",), frequency=100.0)
+    z_ba = [Plant.of(sweep.point(k)).contact.z_ba for k in range(5)]
+    np.testing.assert_allclose(sweep.evaluate(0, 5)[:, 0] / z_ba, 1.14, rtol=0.03)
+
+
+def test_zero_amplitude_of_an_impossible_axis_says_why() -> None:
+    with pytest.raises(ParameterError, match="z_ss has to be larger"):
+        zero_amplitude(table_1(model="epm_calc", preload=0.2))
+    assert zero_amplitude(table_1(preload=50.0)) is None
+
+
+def test_where_the_load_moves_the_runner_there_is_no_zero_amplitude() -> None:
+    sweep = sweep_of("force=-0.3:0.3:5", metrics=("zero_amplitude",))
+    values = sweep.evaluate(0, 5)[:, 0]
+    np.testing.assert_array_equal(np.isnan(values), [True, False, False, False, True])
+    assert sweep.why_empty(0).endswith(": the load moves the runner without the drive")
+    for k in (0, 4):
+        assert zero_amplitude(sweep.point(k)) is None
+    blocked = sweep_of("preload=50:60:2", metrics=("zero_amplitude",), frequency=100.0)
+    assert blocked.why_empty(0).endswith("does not step even at the largest amplitude")
+
+
+def test_intersection_is_larger_than_direct_and_on_the_line_through_clear_steps() -> None:
+    direct = value_of("zero_amplitude", frequency=100.0)
+    crossing = value_of("zero_amplitude_intersection", frequency=100.0)
+    assert direct < crossing
+    # Steps at 80 and 160 nm in the specification: 54.10 and 133.83 nm.
+    assert 1e9 * crossing == pytest.approx(80.0 - 54.10 * 80.0 / (133.83 - 54.10), abs=0.1)
+
+
+def test_intersection_needs_clear_steps() -> None:
+    assert math.isnan(value_of("zero_amplitude_intersection", preload=5.5, frequency=100.0))
+
+
+def test_generated_force_is_what_the_spring_holds_in_the_end() -> None:
+    force = value_of("generated_force", preload=2.0)
+    assert force == value_of("generated_force", preload=2.0, spring=1e6)
+    run = run_steps(table_1(preload=2.0, frequency=1000.0).replace(spring=1e6), 600)
+    assert force == pytest.approx(1e6 * run.position[-100:].mean(), rel=1e-3)
+
+
+def test_generated_force_has_its_maximum_at_a_moderate_preload() -> None:
+    sweep = sweep_of("preload=0.5:5.5:6", metrics=("generated_force",), frequency=100.0)
+    forces = sweep.evaluate(0, 6)[:, 0]
+    best = int(np.argmax(forces))
+    assert 0 < best < 5
+    assert (np.diff(forces[: best + 1]) > 0.0).all()
+
+
+def test_blocking_preload_lies_where_steps_can_no_longer_be_measured() -> None:
+    limit = value_of("blocking_preload", frequency=100.0)
+    p = table_1(frequency=100.0)
+    assert 5.0 < limit < 8.0
+    assert run_steps(p.replace(preload=limit), 12).step_size < MEASURABLE
+    assert run_steps(p.replace(preload=limit - 2e-4), 12).step_size >= MEASURABLE
+
+
+def test_blocking_preload_starts_where_the_law_is_defined() -> None:
+    limit = value_of("blocking_preload", model="epm_calc", amplitude=60.0)
+    assert math.isnan(limit) or limit > 0.5
+
+
+def test_one_impossible_point_is_empty_and_says_why() -> None:
+    sweep = sweep_of("frequency=1e4:1e6:3", max_frequency=1e7, metrics=tuple(METRICS)[:3])
+    values = sweep.evaluate(0, 3)
+    assert np.isfinite(values[0]).all()
+    assert np.isnan(values[1:]).all()
+    assert "frequency 505000 Hz" in sweep.why_empty(1)
+    assert "the slip of 300 V" in sweep.why_empty(1)
+    sweep.refuse_if_impossible()
+
+
+def test_a_sweep_without_a_possible_point_is_refused() -> None:
+    sweep = sweep_of("preload=0.1:0.4:3", model="epm_calc")
+    with pytest.raises(SweepError, match=r"no point .* z_ss has to be larger"):
+        sweep.refuse_if_impossible()
+
+
+# -- executors
+
+
+class Direct(Executor):
+    """Runs a part when it is submitted and counts the parts."""
+
+    def __init__(self) -> None:
+        self.parts: list[tuple[int, int]] = []
+
+    def submit(self, function: Any, /, *args: Any, **_: Any) -> Future[Any]:
+        """Run the function now."""
+        self.parts.append(args[1:])
+        future: Future[Any] = Future()
+        future.set_result(function(*args))
+        return future
+
+
+def test_parts_come_in_order_and_cover_the_sweep() -> None:
+    sweep = sweep_of("preload=0.1:6:7", "amplitude=100:300:9")
+    executor = Direct()
+    found = list(results(sweep, executor, 2))
+    assert executor.parts[0][0] == 0
+    assert executor.parts[-1][1] == sweep.points
+    assert [end for _, end in executor.parts[:-1]] == [start for start, _ in executor.parts[1:]]
+    assert [first for first, _ in found] == [start for start, _ in executor.parts]
+    whole = np.concatenate([values for _, values in found])
+    np.testing.assert_array_equal(whole, sweep.evaluate(0, sweep.points))
+
+
+@pytest.mark.slow
+def test_result_does_not_depend_on_the_number_of_threads() -> None:
+    sweep = sweep_of("preload=0.1:6:50", metrics=("step_size", "zero_amplitude"))
+    wanted = sweep.evaluate(0, 50)
+    for workers in (1, 2, 3):
+        with ThreadPoolExecutor(workers) as threads:
+            found = np.concatenate([values for _, values in results(sweep, threads, workers)])
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_few_parts_wait_however_long_the_sweep_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Sweep, "evaluate", lambda _, first, stop: np.zeros((stop - first, 1)))
+    sweep = sweep_of("preload=0.1:6:1000000")
+    executor = Direct()
+    parts = results(sweep, executor, 2)
+    for _ in range(3):
+        next(parts)
+    assert len(executor.parts) <= 10
+    parts.close()  # type: ignore[attr-defined]
+
+
+def test_a_sweep_goes_on_at_any_point() -> None:
+    sweep = sweep_of("preload=0.1:6:20")
+    found = list(results(sweep, Direct(), 1, first=13))
+    assert found[0][0] == 13
+    np.testing.assert_array_equal(
+        np.concatenate([values for _, values in found]), sweep.evaluate(13, 20)
+    )
+
+
+def test_parts_are_small_for_long_metrics_and_never_empty() -> None:
+    quick, long = (
+        sweep_of("preload=0.1:6:100000", metrics=(name,))
+        for name in ("step_size", "zero_amplitude")
+    )
+    assert part_size(quick, 2, 100_000) > 10 * part_size(long, 2, 100_000) > 0
+    assert part_size(quick, 2, 4) == 1
+    assert part_size(Sweep(quick.base, quick.axes, quick.metrics, 100_000), 2, 10**6) == 1
+
+
+# -- the table
+
+
+def write(sweep: Sweep, path: Path, first: int, stop: int) -> bytes:
+    """Write points of a sweep to its table, going on where it ends; return the file."""
+    table = SweepTable(sweep, path, resume=first > 0)
+    assert table.done == first
+    table.append(first, sweep.evaluate(first, stop))
+    written = path.read_bytes()  # on disk before the table is closed
+    table.close()
+    assert path.read_bytes() == written
+    return written
+
+
+def test_table_holds_coordinates_and_metrics_with_units(tmp_path: Path) -> None:
+    sweep = sweep_of("preload=1:2:2", "amplitude=100:300:2", metrics=("step_size", "mean_speed"))
+    lines = write(sweep, tmp_path / "sweep.csv", 0, 4).decode().splitlines()
+    names = next(line for line in lines if not line.startswith("#"))
+    assert names == "preload (N),amplitude (V),step_size (m),mean_speed (m/s)"
+    numbers = np.loadtxt(lines[lines.index(names) + 1 :], delimiter=",")
+    np.testing.assert_array_equal(numbers[:, :2], np.stack(sweep.coordinates(0, 4), axis=1))
+    np.testing.assert_array_equal(numbers[:, 2:], sweep.evaluate(0, 4))
+
+
+@pytest.mark.parametrize("cut", [0, 1, 7])
+def test_a_resumed_table_is_as_one_written_at_once(tmp_path: Path, cut: int) -> None:
+    sweep = sweep_of("frequency=1e4:1e6:6", max_frequency=1e7)  # some are impossible
+    whole, path = StringIO(), tmp_path / "sweep.csv"
+    write_header(sweep, whole)
+    write_rows(sweep, 0, sweep.evaluate(0, 6), whole)
+    write(sweep, path, 0, 4)
+    with path.open("r+b") as file:  # as if the power had failed while writing
+        file.truncate(path.stat().st_size - cut)
+    table = SweepTable(sweep, path, resume=True)
+    done = table.done
+    assert done == (4 if cut == 0 else 3)
+    kept = np.concatenate([values for _, values in table.rows()])
+    np.testing.assert_array_equal(kept, sweep.evaluate(0, done))
+    table.close()
+    assert write(sweep, path, done, 6).decode() == whole.getvalue()
+
+
+def test_resume_begins_where_there_is_no_file(tmp_path: Path) -> None:
+    sweep = sweep_of("preload=1:2:4")
+    table = SweepTable(sweep, tmp_path / "sweep.csv", resume=True)
+    assert table.done == 0
+    assert list(table.rows()) == []
+    table.close()
+
+
+def test_a_table_is_not_continued_with_other_settings_nor_written_over(tmp_path: Path) -> None:
+    sweep, path = sweep_of("preload=1:2:4"), tmp_path / "sweep.csv"
+    before = write(sweep, path, 0, 2)
+    for other in (
+        sweep_of("preload=1:2:5"),
+        sweep_of("preload=1:2:4:log"),
+        sweep_of("preload=1:2:4", metrics=("backstep",)),
+        sweep_of("preload=1:2:4", mass=5e-3),
+    ):
+        with pytest.raises(SweepError, match="cannot be continued"):
+            SweepTable(other, path, resume=True)
+    with pytest.raises(SweepError, match=r"2 of the 4 points .* --resume"):
+        SweepTable(sweep, path, resume=False)
+    assert path.read_bytes() == before
+
+
+def test_only_tables_of_sweeps_are_written_over(tmp_path: Path) -> None:
+    sweep, path = sweep_of("preload=1:2:2"), tmp_path / "sweep.csv"
+    path.touch()
+    for _ in range(2):  # into an empty file, and over a complete table of the same sweep
+        write(sweep, path, 0, 2)
+    path.write_text("measured,for,weeks\n")
+    with pytest.raises(SweepError, match=r"sweep\.csv exists .* another --out FILE\.csv"):
+        SweepTable(sweep, path, resume=False)
+    assert path.read_text() == "measured,for,weeks\n"
+
+
+def test_a_cut_head_is_not_taken_for_a_table(tmp_path: Path) -> None:
+    sweep, path = sweep_of("preload=1:2:4"), tmp_path / "sweep.csv"
+    SweepTable(sweep, path, resume=False).close()
+    with path.open("r+b") as file:
+        file.truncate(path.stat().st_size - 3)
+    with pytest.raises(SweepError, match="cut"):
+        SweepTable(sweep, path, resume=True)
+
+
+# -- the picture
+
+
+@pytest.mark.slow
+def test_lines_and_maps_are_drawn(tmp_path: Path) -> None:
+    for ranges in (
+        ("preload=0.1:6:5",),
+        ("preload=1:1:1",),
+        ("frequency=100:1e4:4:log", "preload=0.1:6:5"),
+        ("frequency=100:1e4:4", "preload=1:1:1"),
+    ):
+        sweep = sweep_of(*ranges, metrics=("step_size", "mean_speed"))
+        values = sweep.evaluate(0, sweep.points)
+        values[0] = math.nan
+        save_picture(tmp_path / "sweep.png", picture_of_sweep(sweep, values))
+        assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two threads are inside the runs of their parts together: neither waits for the other."""
+    both = threading.Barrier(2, timeout=20.0)
+
+    def meet(
+        p: Parameters, points: int, steps: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        both.wait()
+        return steps_of(p, points, steps)
+
+    monkeypatch.setattr(operating_points, "steps_of", meet)
+    sweep = Sweep(table_1(), (GridAxis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
+    with ThreadPoolExecutor(2) as executor:
+        parts = [executor.submit(sweep.evaluate, first, first + 2) for first in (0, 2)]
+        assert all(np.isfinite(part.result()).all() for part in parts)
+
+
+def test_an_empty_point_does_not_hide_the_extremes_of_the_others() -> None:
+    """Before, between and after points with values, in the same part and in parts of their own."""
+    sweep = sweep_of("preload=1:5:5")
+    for parts in (
+        [[math.nan, 2.0, math.nan, 5.0, math.nan]],
+        [[math.nan], [2.0], [math.nan, 5.0], [math.nan]],
+    ):
+        summary = SweepSummary(sweep, keep=False)
+        for part in parts:
+            summary.add(summary.done, np.array(part)[:, None])
+        assert "step_size                    2.000 m to 5.000 m" in summary.summary()
+        assert (summary.done, summary.empty) == (5, 3)
+
+
+def test_a_line_takes_three_clear_steps() -> None:
+    """Two make a line without any evidence that the steps lie on one."""
+    deflection = np.array([[50e-9], [100e-9], [150e-9]])
+    step = deflection - 20e-9
+    every = np.ones((3, 1), dtype=bool)
+    assert crossings(deflection, step, every)[0] == pytest.approx(20e-9)
+    for left_out in range(3):
+        clear = every.copy()
+        clear[left_out] = False
+        assert math.isnan(crossings(deflection, step, clear)[0])
