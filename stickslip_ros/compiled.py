@@ -18,15 +18,10 @@ import hashlib
 import os
 import stat
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
-
-from stickslip_ros.background_compile import (
-    ShareLine,
-    compile_in_background,
-    run_plain_meanwhile,
-)
 
 try:
     import numba
@@ -79,6 +74,7 @@ def _is_safe(folder: Path) -> bool:
 
 
 _FOLDER = cache_folder()
+_RENEWED = 2.0  # s, between words on how far compiling is
 _functions = 0  # registered so far, which is about what a first start compiles
 
 
@@ -121,24 +117,11 @@ def compiled(function: F) -> F:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _FOLDER
     try:
-        dispatcher = numba_internals.compile_cached(function, _OPTIONS)
+        return numba_internals.compile_cached(function, _OPTIONS)
     except RuntimeError:  # no folder that can be written: it is compiled in every process
         return compiled_anew(function)
     finally:
         numba.config.CACHE_DIR = before
-    if numba_internals.is_known():
-        compile_in_background(dispatcher)
-    return dispatcher
-
-
-@contextlib.contextmanager
-def plain_until_compiled() -> Iterator[None]:
-    """Run as plain Python in this block while another process compiles: `run_plain_meanwhile`.
-
-    For results that need not repeat to the last bit, and come from a few drive cycles.
-    """
-    with report_compilation(), run_plain_meanwhile():
-        yield
 
 
 @contextlib.contextmanager
@@ -150,30 +133,40 @@ def report_compilation() -> Iterator[None]:
         )
         yield
         return
-    with install_listener("numba:compile", _Reporter()):
+    reporter = _Reporter()
+    with install_listener("numba:compile", reporter):
         try:
             yield
         finally:
-            _line.end()
-
-
-_line = ShareLine("compiling the solver, once for this version: ")
+            reporter.end()
 
 
 class _Reporter(Listener):
-    """Listens to the compilation of functions; loading from the cache is not reported."""
+    """Says on stderr how far compiling is, in one line; loading from the cache is not reported."""
 
     def __init__(self) -> None:
         self._done: set[str] = set()  # functions of this package; numba compiles some of its own
+        self._said = 0.0  # s, when
 
     def on_start(self, event: Any) -> None:
-        _line.say(self._share)
+        self._say()
 
     def on_end(self, event: Any) -> None:
         function = event.data["dispatcher"].py_func
         if function.__module__.startswith(f"{__package__}."):
             self._done.add(f"{function.__module__}.{function.__qualname__}")
-        _line.say(self._share)
+        self._say()
 
-    def _share(self) -> str:
-        return f"{min(99, 100 * len(self._done) // max(_functions, 1))} %"
+    def _say(self) -> None:
+        """Print the line, and on a terminal renew it from time to time."""
+        renewed = sys.stderr.isatty()
+        if not self._said or (renewed and time.monotonic() - self._said > _RENEWED):
+            self._said = time.monotonic()
+            share = min(99, 100 * len(self._done) // max(_functions, 1))
+            text = f"compiling the solver, once for this version: {share} %"
+            print(text, end="\r" if renewed else "\n", file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """End the line of a terminal."""
+        if self._said and sys.stderr.isatty():
+            print(file=sys.stderr, flush=True)

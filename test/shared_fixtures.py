@@ -29,8 +29,6 @@ from table_1 import TABLE_1
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-# Tests are about the compiled solver, and leave no process behind that compiles it.
-os.environ.setdefault("STICKSLIP_COMPILE", "wait")
 # Programs that tests start find the bytecode that the first of them leaves.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # The threads of linear algebra on small matrices wait for each other, busily.

@@ -19,7 +19,7 @@ SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
 SHARED = {
-    "__init__", "arrays", "background_compile", "compiled", "errors", "extensions", "files",
+    "__init__", "arrays", "compiled", "errors", "extensions", "files",
     "lazy_names", "numba_internals", "opening", "shared_files", "version",
 }  # fmt: skip
 

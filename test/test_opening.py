@@ -19,7 +19,6 @@ from stickslip_ros.traces import read_csv
 PACKAGE = Path(stickslip_ros.__file__).parent
 #: Who reads without the door, and what: nothing that a user names, or what came in by it before
 WITHOUT = {
-    "background_compile.py": "notes of the process that compiles",
     "compiled.py": "sources of the package",
     "numba_internals.py": "sources of the package",
     "simulation/sweep_output.py": "the table again that was opened before",

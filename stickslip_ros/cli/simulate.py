@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--trace is {args.trace}; it writes text: end its name in .csv")
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
-    from stickslip_ros.compiled import plain_until_compiled
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.simulation.run import SimulatedRun, check_steps
     from stickslip_ros.traces import run_steps, save_csv
     from stickslip_ros.traces.motion import save_readings
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     )
     check_outputs(args)
     p = parameters_from(args)
-    with plain_until_compiled(), progress_bar(abs(args.steps), "simulating steps") as bar:
+    with report_compilation(), progress_bar(abs(args.steps), "simulating steps") as bar:
         result = SimulatedRun(p, run_steps(p, args.steps, bar.update), args.steps)
     unknown = ""
     try:

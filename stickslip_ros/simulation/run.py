@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.compiled import plain_until_compiled, report_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
@@ -83,7 +83,7 @@ def simulate(
     """
     p = Parameters.of(parameters, **values)
     check_steps(steps)
-    with plain_until_compiled():
+    with report_compilation():
         return SimulatedRun(p, run_steps(p, steps), steps)
 
 
@@ -131,7 +131,7 @@ class SimulatedRun:
     @cached_property
     def zero_amplitude(self) -> float | None:
         """The largest actuator stroke that makes no step, m; None where there is none."""
-        with plain_until_compiled():
+        with report_compilation():
             return zero_amplitude(self.parameters)
 
     @property
@@ -187,7 +187,7 @@ class SimulatedRun:
         >>> print(f"{1e9 * ss.analyse(run.readings).step_size:.0f} nm a step")
         134 nm a step
         """
-        with plain_until_compiled():
+        with report_compilation():
             return read_steps(self.parameters, self.count)
 
     def to_frame(self) -> pandas.DataFrame:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.compiled import plain_until_compiled, report_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import Parameters, ParameterSource
 from stickslip_ros.reporting import axes_or_new, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import frame
@@ -20,14 +20,10 @@ from stickslip_ros.simulation.left_out import left_out
 from stickslip_ros.simulation.sweep_metrics import METRICS
 from stickslip_ros.simulation.sweep_output import heading
 from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep, SweepError, results, threads
-from stickslip_ros.traces.steps import TRIAL_STEPS
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
-
-#: Cycles that plain Python takes a second or two for, where nothing is compiled yet.
-_FEW_CYCLES = 100
 
 
 def sweep(
@@ -95,9 +91,6 @@ def sweep(
 
 def _evaluate(plan: Sweep) -> Array:
     """Return the metrics of all points, (points, metrics)."""
-    if plan.points * abs(plan.steps or TRIAL_STEPS) <= _FEW_CYCLES:
-        with plain_until_compiled():
-            return plan.evaluate(0, plan.points)
     with report_compilation():
         plan.evaluate(0, 1)  # so that no thread has to compile
     workers = os.cpu_count() or 1

@@ -32,7 +32,7 @@ print(*sys.modules, file=sys.stderr)
 
 
 def _run(code: str) -> subprocess.CompletedProcess[str]:
-    return python("-c", code, STICKSLIP_COMPILE="wait")
+    return python("-c", code)
 
 
 def test_no_help_loads_what_computes() -> None:

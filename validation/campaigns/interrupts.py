@@ -98,7 +98,6 @@ def run(command: Command, after: float | None, cache: Path) -> End:
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
     }
-    environment.pop("STICKSLIP_COMPILE", None)
     if command.compiles:
         environment["NUMBA_CACHE_DIR"] = str(cache)
     with tempfile.TemporaryDirectory() as name, tempfile.TemporaryFile() as said:
