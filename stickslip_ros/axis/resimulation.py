@@ -17,7 +17,7 @@ from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event, check_files
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.model.versions import FIRST_VERSION, ModelChange, changes_since
+from stickslip_ros.model.versions import ModelChange, changes_since
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter
 
 #: Characters of a text from a recording that an error shows: names of events are shorter
@@ -66,13 +66,10 @@ def parameters_of(
 
 def model_changes(events: Sequence[Event]) -> tuple[int, list[ModelChange]]:
     """Return the model version of a recorded run, and the later changes that affect it."""
-    version = events[0].details.get("model_version", FIRST_VERSION) if events else FIRST_VERSION
-    if type(version) is not int or version < FIRST_VERSION:
+    version = events[0].details.get("model_version", 1) if events else 1  # the first noted none
+    if type(version) is not int or version < 1:
         raise NotRepeatable(f"the run names a model that cannot be: {str(version)[:_SHOWN]!r}")
-    commands = {event.name for event in events if event.outcome == "applied"}
-    touched = [
-        change for _, p in parameters_of(events) for change in changes_since(version, p, commands)
-    ]
+    touched = [change for _, p in parameters_of(events) for change in changes_since(version, p)]
     return version, list(dict.fromkeys(touched))
 
 

@@ -257,6 +257,8 @@ def run_resimulate(args: argparse.Namespace) -> int:
 
 
 def _differences(report: dict[str, Any], changed: bool) -> str:
+    from stickslip_ros.model.versions import FIRST_VERSION
+
     lines = [
         f"{report['axis']}: {report['commands']} commands, {report['states']} states "
         f"over {report['duration']:.3f} s"
@@ -269,6 +271,8 @@ def _differences(report: dict[str, Any], changed: bool) -> str:
     models = f"recorded with model {recorded}, this is model {this}"
     if recorded > this:
         lines.append(f"{models}: install a newer version")
+    elif recorded < FIRST_VERSION:
+        lines.append(f"{models}: what changed before version 1.0.0 is not listed")
     else:
         lines += [
             f"{models}: differs by at most {change['largest']} "

@@ -374,18 +374,17 @@ def _of_model(version: str | None) -> Callable[[int, Texts], Texts]:
 def test_a_run_of_another_model_is_told_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Only where a later fix touches the drive or, of the plain one, its way to a target."""
-    slewing: dict[str, Any] = {"amplifier_slew": 50.0}
-    since = f"recorded with model 1, this is model {MODEL_VERSION}: differs by at most"
-    touched, targets = f"{since} 64 nm a cycle", f"{since} the path to its target"
-    newer = f"recorded with model 99, this is model {MODEL_VERSION}: install a newer version"
+    """Only where a later fix touches the drive."""
+    creeping: dict[str, Any] = {"creep": 0.01}
+    this = f"this is model {MODEL_VERSION}"
+    touched = f"recorded with model 15, {this}: differs by at most the last digits"
+    old, newer = f"{this}: what changed before", f"recorded with model 99, {this}: install a newer"
     cases: list[tuple[str | None, dict[str, Any], str | None]] = [
-        (None, {}, targets),
-        ("1", {}, targets),
-        (str(MODEL_VERSION), {}, None),
-        (str(MODEL_VERSION), slewing, None),
-        (None, slewing, touched),
-        ("1", slewing, touched),
+        (None, {}, old),
+        ("14", {}, old),
+        ("15", {}, None),
+        (str(MODEL_VERSION), creeping, None),
+        ("15", creeping, touched),
         ("99", {}, newer),
     ]
     for number, (version, values, said) in enumerate(cases):
@@ -394,10 +393,10 @@ def test_a_run_of_another_model_is_told_what_differs(
         out = capsys.readouterr().out
         assert "bit for bit" in out
         assert bool(re.search(said or "model", out)) == (said is not None)
-    assert main(["bag", "resimulate", str(tmp_path / "5"), "--json"]) == 0
+    assert main(["bag", "resimulate", str(tmp_path / "4"), "--json"]) == 0
     (run,) = json.loads(capsys.readouterr().out)["runs"]
-    assert (run["model_version"], run["this_model_version"]) == (1, MODEL_VERSION)
-    assert run["model_changes"][0]["largest"] == "64 nm a cycle"
+    assert (run["model_version"], run["this_model_version"]) == (15, MODEL_VERSION)
+    assert run["model_changes"][0]["largest"] == "the last digits"
     for version in ("-1", "none", "1.5"):
         record_axis(tmp_path / version, _of_model(version))
         with open_bag(tmp_path / version) as bag, pytest.raises(NotRepeatable, match="model"):
@@ -405,17 +404,14 @@ def test_a_run_of_another_model_is_told_what_differs(
 
 
 def test_a_change_of_parameters_counts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The drive that a later fix touches, or a command, may come in the middle of a run."""
-    mend = ModelChange(2, "heavy preloads", lambda p: p.value("preload") > 0.9, "5 nm")
-    way = ModelChange(3, "targets", lambda p: True, "5 nm", frozenset(("position",)))
-    monkeypatch.setattr(versions, "CHANGES", (mend, way))
+    """The drive that a later fix touches may come in the middle of a run."""
+    heavy = ModelChange(17, "heavy preloads", lambda p: p.value("preload") > 0.9, "5 nm")
+    monkeypatch.setattr(versions, "CHANGES", (heavy,))
     axis = Axis({**TABLE_1, "preload": 0.5})
     axis.advance(0.01)
     axis.set_parameters({"preload": 1.0})
-    axis.command_position(1e-7)
-    start, changed, target = [Event.of(event_texts(event)) for event in axis.take_events()]
-    assert start and changed and target
-    start.details["model_version"] = 1
-    assert model_changes([start]) == (1, [])
-    assert model_changes([start, changed]) == (1, [mend])
-    assert model_changes([start, target]) == (1, [way])
+    start, changed = [Event.of(event_texts(event)) for event in axis.take_events()]
+    assert start and changed
+    start.details["model_version"] = 15
+    assert model_changes([start]) == (15, [])
+    assert model_changes([start, changed]) == (15, [heavy])
