@@ -151,6 +151,10 @@ setup(
         "notebook": [
             "pandas",
         ],
+        # Sweeps and many measurements on several machines: --cluster.
+        "cluster": [
+            "distributed",
+        ],
         # stickslip bag export to Parquet.
         "parquet": [
             "pyarrow",
@@ -185,6 +189,7 @@ setup(
             "pipython",
             "pylablib-lightweight",
             "pandas",
+            "distributed",
             "gymnasium>=1.0",
             "sphinx",
             "myst-parser",

@@ -21,7 +21,6 @@ PACKAGE = Path(stickslip_ros.__file__).parent
 WITHOUT = {
     "compiled.py": "sources of the package",
     "numba_internals.py": "sources of the package",
-    "simulation/sweep_output.py": "the table again that was opened before",
     "measurement/reading/arrays.py": "members of an archive, and the answer of our own program",
     "measurement/reading/instruments.py": "a file again whose kind was found out by its head",
     "paper/claim.py": "claims and charts of the package",

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
@@ -17,9 +17,9 @@ from stickslip_ros.cli.measurement_options import (
     say_doubts,
     steps_in,
 )
-from stickslip_ros.cli.options import flag, option, quantity
+from stickslip_ros.cli.options import add_cluster, flag, option, progress_bar, quantity
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
-from stickslip_ros.errors import UsageError
+from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.reporting.terminal import nanometres
 
 if TYPE_CHECKING:
@@ -44,14 +44,15 @@ _COLUMNS = {
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the subcommand."""
-    text = "a trace, table or bag: every file that compare can read"
-    option(parser, "trace", "MEASUREMENT", text, Path)
+    text = "a trace, table or bag: every file that compare can read; several make one table"
+    option(parser, "traces", "MEASUREMENT", text, Path, nargs="+")
     flag(parser, "--runner-only", "ignore the actuator, as if it was not measured")
     option(parser, "--frequency", "HZ", "drive frequency (default: found)", quantity("Hz"))
     option(parser, "--start", "S", "time of the first cycle (default: found)", quantity("s"))
     text = "0-amplitude, measured separately, for Eq. 9"
     option(parser, "--zero-amplitude", "M", text, quantity("m"))
     add_outputs(parser, "the runs, step by step", "the runs")
+    add_cluster(parser)
     add_measurement_options(parser)
 
 
@@ -64,6 +65,9 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.traces import TraceError
 
     check_outputs(args)
+    args.trace = args.traces[0]
+    if len(args.traces) > 1 or args.cluster:
+        return _run_many(args)
     try:
         motion, seen, found = _analysed(measurement_of(args, args.trace), args)
         if wants_files(args) and not seen.runs:
@@ -83,6 +87,49 @@ def run(args: argparse.Namespace) -> int:
         (["run", *_COLUMNS.values()], rows), page=lambda: _page(motion, seen),
     )  # fmt: skip
     return 0 if _as_given(args, seen) and say_doubts(args.trace, seen.runs) else 1
+
+
+def _run_many(args: argparse.Namespace) -> int:
+    """Analyse several measurements, each by itself, into one table; 1 if one cannot be read."""
+    if args.plot or args.report:
+        raise UsageError(
+            f"{len(args.traces)} measurements make one --table or --json; --plot and --report are "
+            "for a single one: name it"
+        )
+    from stickslip_ros.simulation.parallel import cluster, in_order, threads
+
+    shown = {key: value for key, value in vars(args).items() if not callable(value)}
+    given = [argparse.Namespace(**{**shown, "trace": path}) for path in args.traces]
+    # In threads of one process they would wait for each other.
+    workers = cluster(args.cluster) if args.cluster else threads(1)
+    rows: list[dict[str, Any]] = []
+    with progress_bar(len(given), "analysing measurements") as bar, workers as executor:
+        for found in in_order(executor, _rows_of, given):
+            rows += found
+            bar.update()
+    columns = {"file": "file", "run": "run", **_COLUMNS, "reason": "reason"}
+    lines = [
+        f"{row['file']}: {row['reason']}"
+        if row["reason"]
+        else f"{row['file']}, run {row['run']}: {row['steps']} steps, "
+        f"{nanometres(row['step_size'], row['step_size_error'])}"
+        for row in rows
+    ]
+    table = list(columns.values()), [[row.get(key) for key in columns] for row in rows]
+    put_out(args, {"runs": rows}, lambda: "\n".join(lines), "Measurements", table)
+    return 1 if any(row["reason"] for row in rows) else 0
+
+
+def _rows_of(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Return what is found in one measurement, a run each, or the reason why nothing is."""
+    try:
+        _, seen, _ = _analysed(measurement_of(args, args.trace), args)
+    except StickslipError as error:
+        return [{"file": str(args.trace), "reason": str(error).partition("\n")[0]}]
+    return [
+        {"file": str(args.trace), "run": k, **run.as_json(), "reason": ""}
+        for k, run in enumerate(seen.runs, 1)
+    ]
 
 
 def analysis_text(runs: Sequence[Run], found: Run) -> str:

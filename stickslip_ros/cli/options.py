@@ -117,6 +117,12 @@ def report_left_out(command: str, effects: Sequence[str]) -> None:
         print(f"stickslip {command}: leaves out {', '.join(effects)}", file=sys.stderr)
 
 
+def add_cluster(parser: argparse.ArgumentParser) -> None:
+    """Add --cluster."""
+    text = "compute on a Dask cluster: local processes, or the address of a scheduler"
+    option(parser, "--cluster", "local|tcp://HOST:8786", text)
+
+
 def yaml_lines(values: Mapping[str, object]) -> str:
     """Return parameters as lines of a YAML file."""
     import yaml

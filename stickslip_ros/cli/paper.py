@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
         from stickslip_ros.compiled import report_compilation
         from stickslip_ros.paper import CLAIMS, PAGE, refuse_foreign, report
         from stickslip_ros.parameters import Parameters
-        from stickslip_ros.simulation.sweep_plan import threads
+        from stickslip_ros.simulation.parallel import threads
         from stickslip_ros.traces import run_steps
 
     check_outputs(args)
@@ -59,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     if alone:
         return _show_alone(args, claims[0])
     with (
-        threads(os.cpu_count() or 1) as executor,
+        threads() as executor,
         progress_bar(len(claims), "computing claims") as bar,
     ):
 

@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sweep: metrics over a grid of one or two parameters, evaluated in parts by an executor.
+"""The plan of a sweep: metrics over a grid of one or two parameters.
 
 A parameter varies over an even grid, or over listed values.
-
-Parts run in threads of this process, for the solver lets go of the interpreter lock while it runs.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +25,8 @@ from stickslip_ros.traces.steps import TRIAL_STEPS
 _CYCLES = 24_000
 #: Points evaluated together by metrics that need no run.
 _GLANCE = 10_000
-#: Parts that wait for each worker, so that none runs dry while results are written.
-_AHEAD = 3
+#: Values that a sweep may have: they are kept in memory
+_MOST_VALUES = 10_000_000
 _FORM = "NAME=START:STOP:COUNT[:log], such as preload=0.1:6:60"
 
 
@@ -163,6 +158,11 @@ class Sweep:
                 raise SweepError(f"there is no metric {name!r}; {hint}")
         if not self.metrics or len(set(self.metrics)) < len(self.metrics):
             raise SweepError("a sweep asks for one or several different metrics")
+        if self.points * len(self.metrics) > _MOST_VALUES:
+            raise SweepError(
+                f"{self.points} points of {len(self.metrics)} metrics are too many; a sweep has at "
+                f"most {_MOST_VALUES} values: lower COUNT, or sweep one part after the other"
+            )
         if self.steps == 0:
             raise SweepError("steps is 0; ask for at least one; a negative number goes backward")
 
@@ -170,11 +170,6 @@ class Sweep:
     def shape(self) -> tuple[int, ...]:
         """Values along each axis."""
         return tuple(axis.count for axis in self.axes)
-
-    @property
-    def outputs(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each column of `evaluate`."""
-        return tuple((name, METRICS[name].unit) for name in self.metrics)
 
     @property
     def points(self) -> int:
@@ -193,9 +188,13 @@ class Sweep:
         return self.base.replace(**dict(zip(names, self.coordinates(first, stop), strict=True)))
 
     def evaluate(self, first: int, stop: int) -> Array:
-        """Return the metrics of points first .. stop - 1, shape (stop - first, outputs)."""
+        """Return the metrics of points first .. stop - 1, shape (stop - first, metrics)."""
         points = Points(self.columns(first, stop), stop - first, self.steps)
         return np.stack([METRICS[name].evaluate(points) for name in self.metrics], axis=1)
+
+    def evaluate_part(self, part: range) -> Array:
+        """Return the metrics of a part of `parts_of`, shape (points, metrics)."""
+        return self.evaluate(part.start, part.stop)
 
     def point(self, index: int) -> Parameters:
         """Return the parameters of one point."""
@@ -228,44 +227,9 @@ class Sweep:
         raise SweepError(f"no point of the sweep is possible; the first: {fault}")
 
 
-def results(
-    sweep: Sweep, executor: Executor, workers: int, first: int = 0
-) -> Iterator[tuple[int, Array]]:
-    """Yield (number of the first point, metrics (points, metrics)) in order, from point first on.
-
-    workers is the number of parts that the executor runs at once. Only a few parts are submitted
-    ahead; those that have not begun are cancelled when the caller stops early.
-    """
-    size = part_size(sweep, workers, sweep.points - first)
-    starts = iter(range(first, sweep.points, size))
-    waiting: deque[tuple[int, Future[Array]]] = deque()
-    try:
-        while True:
-            while len(waiting) < _AHEAD * workers and (start := next(starts, None)) is not None:
-                stop = min(start + size, sweep.points)
-                waiting.append((start, executor.submit(Sweep.evaluate, sweep, start, stop)))
-            if not waiting:
-                return
-            start, future = waiting[0]
-            values = future.result()
-            waiting.popleft()
-            yield start, values
-    finally:
-        for _, future in waiting:
-            future.cancel()
-
-
-def part_size(sweep: Sweep, workers: int, points: int) -> int:
-    """Return how many points go into a part: a moment's work, and some parts for each worker."""
+def parts_of(sweep: Sweep, workers: int) -> Iterator[range]:
+    """Yield the points in parts: a moment's work each, and some parts for each worker."""
     cycles = abs(sweep.steps or TRIAL_STEPS) * sum(METRICS[name].runs for name in sweep.metrics)
-    return max(1, min(_CYCLES // cycles, -(-points // (4 * workers))))
-
-
-@contextmanager
-def threads(count: int) -> Iterator[Executor]:
-    """Give an executor of count threads; waiting work is cancelled at the end."""
-    pool = ThreadPoolExecutor(count)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C waits for no point under way
+    size = max(1, min(_CYCLES // cycles, -(-sweep.points // (4 * workers))))
+    for first in range(0, sweep.points, size):
+        yield range(first, min(first + size, sweep.points))

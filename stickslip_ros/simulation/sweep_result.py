@@ -3,27 +3,35 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import report_compilation
-from stickslip_ros.parameters import Parameters, ParameterSource
+from stickslip_ros.parameters import Parameters, ParameterSource, parameter
 from stickslip_ros.reporting import axes_or_new, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.simulation.left_out import left_out
+from stickslip_ros.simulation.parallel import in_order, threads, workers_of
 from stickslip_ros.simulation.sweep_metrics import METRICS
-from stickslip_ros.simulation.sweep_output import heading
-from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep, SweepError, results, threads
+from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep, SweepAxis, SweepError, parts_of
+from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Start of the first line of every table, in all versions
+TITLE = "# stickslip sweep, version "
 
 
 def sweep(
@@ -32,6 +40,7 @@ def sweep(
     *,
     metric: str | Sequence[str] = "step_size",
     steps: int | None = None,
+    executor: Executor | None = None,
     **values: Any,
 ) -> SweepResult:
     """Compute metrics at every value of one parameter, or of two.
@@ -45,6 +54,9 @@ def sweep(
     steps : int, optional
         How many steps from rest judge a point; the sign is the direction. Default: as many as
         it takes a point to settle, forward.
+    executor : Executor, optional
+        What computes the points: any of `concurrent.futures`, such as ``client.get_executor()`` of
+        a Dask cluster. Default: a thread for each processor.
     **values
         Parameters by name. One or two are sequences of numbers: these vary, in the order given.
 
@@ -86,16 +98,34 @@ def sweep(
     names = (metric,) if isinstance(metric, str) else tuple(metric)
     plan = Sweep(p, axes, names, steps)
     plan.refuse_if_impossible()
-    return SweepResult.of(plan, _evaluate(plan))
-
-
-def _evaluate(plan: Sweep) -> Array:
-    """Return the metrics of all points, (points, metrics)."""
     with report_compilation():
-        plan.evaluate(0, 1)  # so that no thread has to compile
-    workers = os.cpu_count() or 1
-    with threads(workers) as pool:
-        return np.concatenate([part for _, part in results(plan, pool, workers)])
+        if executor is None:
+            plan.evaluate(0, 1)  # so that no thread has to compile
+        with threads() if executor is None else nullcontext(executor) as pool:
+            found = compute(plan, pool)
+    if found.done < plan.points:
+        raise KeyboardInterrupt
+    return found
+
+
+def compute(
+    plan: Sweep, executor: Executor, on_points: Callable[[int], object] = lambda points: None
+) -> SweepResult:
+    """Return the result of a plan; on_points is told of points that are done.
+
+    After Ctrl-C the points that are left have no value, and `SweepResult.done` says how many do.
+    """
+    values, done = np.full((plan.points, len(plan.metrics)), math.nan), 0
+    parts = parts_of(plan, workers_of(executor))
+    try:
+        for found in in_order(executor, plan.evaluate_part, parts):
+            values[done : done + len(found)] = found
+            done += len(found)
+            on_points(len(found))
+    except KeyboardInterrupt:
+        pass
+    columns = {n: v.reshape(plan.shape) for n, v in zip(plan.metrics, values.T, strict=True)}
+    return SweepResult(plan, columns, done)
 
 
 @dataclass(frozen=True)
@@ -112,12 +142,7 @@ class SweepResult:
 
     plan: Sweep
     metrics: Mapping[str, Array]  #: by name, SI units, the shape of the grid
-
-    @classmethod
-    def of(cls, plan: Sweep, values: Array) -> SweepResult:
-        """Return the result of all points of a plan, values of shape (points, outputs)."""
-        names = (name for name, _ in plan.outputs)
-        return cls(plan, {n: v.reshape(plan.shape) for n, v in zip(names, values.T, strict=True)})
+    done: int  #: points that were computed, all but after Ctrl-C
 
     @property
     def parameters(self) -> Parameters:
@@ -152,13 +177,52 @@ class SweepResult:
 
     def table(self) -> tuple[list[str], list[Array]]:
         """Return the names of columns with their units, and the columns, each (points,)."""
+        named = [(axis.name, axis.unit) for axis in self.plan.axes]
+        named += [(name, METRICS[name].unit) for name in self.metrics]
+        heading = [f"{name} ({unit})" if unit else name for name, unit in named]
         columns = self.plan.coordinates(0, self.plan.points)
-        return heading(self.plan), columns + [values.ravel() for values in self.metrics.values()]
+        columns += [values.ravel() for values in self.metrics.values()]
+        return heading, [column[: self.done] for column in columns]
+
+    def csv(self) -> str:
+        """Return the table as text; a field without a value is empty."""
+        heading, columns = self.table()
+        texts = [
+            [repr(value) if math.isfinite(value) else "" for value in column.tolist()]
+            for column in columns
+        ]
+        return "\n".join([",".join(heading), *(",".join(row) for row in zip(*texts, strict=True))])
+
+    def csv_file(self) -> str:
+        """Return the content of a file: what defines the sweep as comments, then the table."""
+        varied = {axis.name for axis in self.plan.axes}
+        given = self.parameters.flat().items()
+        lines = [
+            f"{TITLE}{__version__}",
+            *(f"# vary {axis}" for axis in self.plan.axes),
+            f"# steps {self.plan.steps or 'until they settle'}",
+            *(f"# set {name}={value}" for name, value in given if name not in varied),
+        ]
+        return "\n".join([*lines, self.csv(), ""])
+
+    @property
+    def empty(self) -> NDArray[np.intp]:
+        """The numbers of the points that have no value in some metric, (empty points,)."""
+        whole = np.all([np.isfinite(values).ravel() for values in self.metrics.values()], axis=0)
+        return np.flatnonzero(~whole[: self.done])
+
+    def complaint(self) -> str:
+        """Return how many points have no value, and why the first has none; empty if all have."""
+        if not len(self.empty):
+            return ""
+        return (
+            f"{len(self.empty)} of {self.done} points have an empty value; the first, "
+            f"{self.plan.why_empty(int(self.empty[0]))}"
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return what JSON can hold; a metric has the shape of the grid, None for no value."""
-        whole = np.all([np.isfinite(values).ravel() for values in self.metrics.values()], axis=0)
-        empty = np.flatnonzero(~whole)
+        empty = self.empty
         found = {
             "vary": self.values,
             "metrics": self.metrics,
@@ -178,12 +242,26 @@ class SweepResult:
         >>> ss.sweep(preload=[0.5, 1.0]).plot().get_ylabel()
         'step size (nm)'
         """
-        from stickslip_ros.simulation.sweep_plot import draw_metric
-
         name = metric or self.plan.metrics[0]
         drawn = axes_or_new(axes)
         draw_metric(drawn, self.plan, name, self[name].ravel())
         return drawn
+
+    def picture(self) -> Figure:
+        """Return a picture with a panel for each metric."""
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+
+        from stickslip_ros.reporting.picture import COLUMN, LOOKS
+
+        count = len(self.metrics)
+        with rc_context(LOOKS):
+            size = (COLUMN, 0.3 + 0.75 * COLUMN * count)
+            figure = Figure(figsize=size, layout="constrained")
+            for k, name in enumerate(self.metrics):
+                self.plot(name, figure.add_subplot(count, 1, k + 1))
+            figure.suptitle(_title(self.plan), fontsize=LOOKS["font.size"])
+        return figure
 
     def __repr__(self) -> str:
         """Name the varied parameters and the metrics."""
@@ -208,3 +286,84 @@ class SweepResult:
             spans = [format_si(float(end), METRICS[name].unit) for end in ends]
             rows.append((name, " to ".join(spans) or "no value"))
         return rows
+
+
+# -- pictures
+
+#: Units as they are read easily: factor and name.
+_READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "µm/s"), "kg": (1e3, "g")}
+_LINE, _NO_VALUE = "#1f4e9c", "#d9d9d9"
+#: Points of a line that are marked one by one.
+_MARKED = 100
+
+
+def readable(unit: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit that a quantity is shown in."""
+    return _READABLE.get(unit, (1.0, unit))
+
+
+def draw_metric(axes: Axes, sweep: Sweep, name: str, values: Array) -> None:
+    """Draw a metric of all points, (points,): a line over one parameter, a map over two."""
+    drawn = [axis for axis in sweep.axes if axis.count > 1] or [sweep.axes[0]]
+    factor, unit = readable(METRICS[name].unit)
+    shown = (factor * values).reshape([axis.count for axis in drawn])
+    if len(drawn) == 1:
+        _line(axes, drawn[0], shown)
+        axes.set_ylabel(_label(name, unit))
+    else:
+        _map(axes, drawn[0], drawn[1], shown, _label(name, unit))
+
+
+def _line(axes: Axes, axis: SweepAxis, values: Array) -> None:
+    x = _scaled(axis)
+    axes.plot(x, values, ".-" if len(x) <= _MARKED else "-", color=_LINE, markersize=4)
+    axes.set_xlabel(_axis_label(axis))
+    if axis.log:
+        axes.set_xscale("log")
+    if len(x) > 1:
+        axes.set_xlim(x[0], x[-1])  # the whole range, where the ends have no value too
+    axes.grid(alpha=0.3)
+
+
+def _map(axes: Axes, slow: SweepAxis, fast: SweepAxis, values: Array, label: str) -> None:
+    axes.set_facecolor(_NO_VALUE)
+    axes.grid(False)
+    mesh = axes.pcolormesh(
+        _scaled(fast), _scaled(slow), np.ma.masked_invalid(values), shading="nearest"
+    )
+    axes.set(xlabel=_axis_label(fast), ylabel=_axis_label(slow))
+    if fast.log:
+        axes.set_xscale("log")
+    if slow.log:
+        axes.set_yscale("log")
+    bar: Any = axes.figure.colorbar(mesh, ax=axes)
+    empty = "" if np.isfinite(values).all() else "\ngrey: no value"
+    bar.set_label(label + empty)
+
+
+def _scaled(axis: SweepAxis) -> Array:
+    return readable(axis.unit)[0] * axis.values(np.arange(axis.count))
+
+
+def _axis_label(axis: SweepAxis) -> str:
+    return _label(axis.name, readable(axis.unit)[1])
+
+
+def _label(name: str, unit: str) -> str:
+    words = name.replace("_", " ").replace("zero amplitude", "0-amplitude")
+    return f"{words} ({unit})" if unit else words
+
+
+def _title(sweep: Sweep) -> str:
+    varied = {axis.name for axis in sweep.axes}
+    p = sweep.base.flat()
+    parts = [sweep.base.friction.model.upper()]
+    for name in ("preload", "mass", "amplitude", "frequency", "slewrate"):
+        if name not in varied:
+            parts.append(_quantity(name, p[name]))
+    return ", ".join(parts)
+
+
+def _quantity(name: str, value: float) -> str:
+    factor, unit = readable(parameter(name).unit)
+    return f"{factor * value:g} {unit}"

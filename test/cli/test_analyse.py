@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip analyse`` on what ``stickslip simulate --trace`` writes."""
 
+import csv
 import json
 from pathlib import Path
 from xml.etree import ElementTree
@@ -189,3 +190,25 @@ def test_what_the_record_does_not_hold_is_not_determined(
         for run in json.loads(shown.out)["runs"]:
             assert run["determined"] is bool(options)
             assert bool(run["doubts"]) is not bool(options)
+
+
+def test_many_measurements_make_one_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A row for each run; a file that cannot be read is a row with its reason."""
+    bad, table = tmp_path / "bad.csv", tmp_path / "all.csv"
+    bad.write_text("nothing\n")
+    files = ["steps_100hz.csv", str(bad), "there_and_back.csv"]
+    assert main(["analyse", *files, "--table", str(table)]) == 1
+    assert f"{bad}: " in capsys.readouterr().out
+    rows = list(csv.DictReader(table.open(encoding="utf-8")))
+    assert [(row["file"], row["run"]) for row in rows] == [
+        ("steps_100hz.csv", "1"),
+        (str(bad), ""),
+        ("there_and_back.csv", "1"),
+        ("there_and_back.csv", "2"),
+    ]
+    assert float(rows[0]["step size (m)"]) == pytest.approx(133.8e-9, abs=0.3e-9)
+    assert "no row of numbers" in rows[1]["reason"] and rows[0]["reason"] == ""
+    assert main(["analyse", *files, "--plot", str(tmp_path / "a.png")]) == 2
+    assert "are for a single one" in capsys.readouterr().err

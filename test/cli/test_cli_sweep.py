@@ -1,23 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip sweep`` as a user meets it: output, exit codes, Ctrl-C and resuming."""
+"""``stickslip sweep`` as a user meets it: output, exit codes, Ctrl-C."""
 
 import json
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from child import environment
-from live import wait_until
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.simulation import sweep_plan as studies_sweep
-from stickslip_ros.simulation.sweep_plan import results
 from stickslip_ros.traces import run_steps
 
 REPOSITORY = Path(__file__).parent.parent.parent
@@ -96,87 +92,32 @@ def test_the_file_of_something_else_stays(
     assert csv.read_text() == "mine\n"
 
 
-@pytest.fixture
-def interrupted_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
-    """Let Ctrl-C come after so many parts of the next sweep."""
-
-    def arrange(parts: int) -> None:
-        whole = results
-
-        def some(*arguments: Any) -> Iterator[Any]:
-            monkeypatch.setattr(studies_sweep, "results", whole)
-            for count, part in enumerate(whole(*arguments)):
-                if count == parts:
-                    raise KeyboardInterrupt
-                yield part
-
-        monkeypatch.setattr(studies_sweep, "results", some)
-
-    return arrange
-
-
-def test_what_is_done_at_ctrl_c_is_kept_and_gone_on_with(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    interrupted_after: Callable[[int], None],
-) -> None:
-    csv = tmp_path / "a.csv"
-    arguments = ["sweep", "--vary", "amplitude=200:400:20", "--set", "max_voltage=300"]
-    arguments += ["--jobs", "1", "--out", str(csv)]
-    assert main(arguments) == 0
-    whole = csv.read_text()
-    csv.unlink()
-    interrupted_after(2)
-    assert main(arguments) == 130
-    assert "10 points are in" in capsys.readouterr().err
-    assert len(rows_of(csv.read_text())) == 10
-    assert main(arguments) == 2
-    assert "--resume" in capsys.readouterr().err
-    png = tmp_path / "a.png"
-    assert main([*arguments, "--resume", "--plot", str(png)]) == 0
-    assert "10 of 20 points have an empty value" in capsys.readouterr().err
-    assert csv.read_text() == whole
-    assert png.exists()
-    assert main([*arguments, "--resume"]) == 0  # there is nothing left to do
-    assert csv.read_text() == whole
-    assert main([*arguments, "--resume", "--steps", "13"]) == 2
-    assert "'# steps until they settle'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("out", "cure"), [("a.png", "a.png"), (None, "--out FILE.csv")])
-def test_ctrl_c_without_a_table_says_what_would_help(
-    out: str | None,
-    cure: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    interrupted_after: Callable[[int], None],
-) -> None:
-    interrupted_after(1)
-    files = ["--plot", str(tmp_path / out)] if out else []
-    assert main([*SMALL, "--jobs", "1", *files]) == 130
-    assert cure in capsys.readouterr().err
-
-
 @pytest.mark.slow
-def test_ctrl_c_in_a_terminal(tmp_path: Path) -> None:
+@pytest.mark.parametrize("out", [True, False])
+def test_ctrl_c_keeps_what_is_done(tmp_path: Path, out: bool) -> None:
     csv = tmp_path / "a.csv"
     child = subprocess.Popen(
-        [sys.executable, "-m", "stickslip_ros.cli.main", *LONG, "--out", str(csv)],
+        [sys.executable, "-m", "stickslip_ros.cli.main", *LONG, *(["--out", str(csv)] * out)],
         cwd=REPOSITORY,
         stderr=subprocess.PIPE,
         text=True,
         env=environment(),
     )
+    assert child.stderr
     try:
-        wait_until(lambda: csv.exists() and len(rows_of(csv.read_text())) > 0, "rows", 180.0)
+        assert "computing points" in child.stderr.readline()
+        time.sleep(1.0)
         child.send_signal(signal.SIGINT)
-        _, error = child.communicate(timeout=60.0)
+        error = child.communicate(timeout=60.0)[1]
     finally:
         child.kill()
     assert child.returncode == 130
+    if not out:
+        assert "were done; --out FILE.csv keeps them" in error
+        return
     rows = rows_of(csv.read_text())
-    assert f"{len(rows)} points are in {csv}; the same command with --resume continues" in error
-    assert all(len(row) == 2 for row in rows)
+    assert f"interrupted; {len(rows)} points are in {csv}" in error
+    assert all(len(row) == 2 and row[1] for row in rows)
 
 
 def test_effects_that_a_sweep_leaves_out_are_named(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grids, metrics, the way of a sweep through an executor, and its CSV."""
+"""Grids, metrics, the way of a sweep through an executor, and its table."""
 
 import math
+import os
+import signal
 import threading
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,10 @@ from stickslip_ros.simulation.operating_points import (
     steps_of,
     zero_amplitude,
 )
+from stickslip_ros.simulation.parallel import in_order, threads
 from stickslip_ros.simulation.sweep_metrics import METRICS
-from stickslip_ros.simulation.sweep_output import SweepSummary, SweepTable, write_header, write_rows
-from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep, SweepError, part_size, results
-from stickslip_ros.simulation.sweep_plot import picture_of_sweep
+from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep, SweepError, parts_of
+from stickslip_ros.simulation.sweep_result import SweepResult, compute
 from stickslip_ros.traces import run_steps
 from stickslip_ros.traces.steps import MEASURABLE
 
@@ -325,11 +326,11 @@ class Direct(Executor):
     """Runs a part when it is submitted and counts the parts."""
 
     def __init__(self) -> None:
-        self.parts: list[tuple[int, int]] = []
+        self.parts: list[range] = []
 
     def submit(self, function: Any, /, *args: Any, **_: Any) -> Future[Any]:
         """Run the function now."""
-        self.parts.append(args[1:])
+        self.parts += args
         future: Future[Any] = Future()
         future.set_result(function(*args))
         return future
@@ -338,13 +339,11 @@ class Direct(Executor):
 def test_parts_come_in_order_and_cover_the_sweep() -> None:
     sweep = sweep_of("preload=0.1:6:7", "amplitude=100:300:9")
     executor = Direct()
-    found = list(results(sweep, executor, 2))
-    assert executor.parts[0][0] == 0
-    assert executor.parts[-1][1] == sweep.points
-    assert [end for _, end in executor.parts[:-1]] == [start for start, _ in executor.parts[1:]]
-    assert [first for first, _ in found] == [start for start, _ in executor.parts]
-    whole = np.concatenate([values for _, values in found])
-    np.testing.assert_array_equal(whole, sweep.evaluate(0, sweep.points))
+    found = compute(sweep, executor)
+    assert len(executor.parts) > 1
+    assert [k for part in executor.parts for k in part] == [*range(sweep.points)]
+    whole = sweep.evaluate(0, sweep.points)[:, 0].reshape(sweep.shape)
+    np.testing.assert_array_equal(found["step_size"], whole)
 
 
 @pytest.mark.slow
@@ -353,124 +352,83 @@ def test_result_does_not_depend_on_the_number_of_threads() -> None:
     wanted = sweep.evaluate(0, 50)
     for workers in (1, 2, 3):
         with ThreadPoolExecutor(workers) as threads:
-            found = np.concatenate([values for _, values in results(sweep, threads, workers)])
-        np.testing.assert_array_equal(found, wanted)
+            found = compute(sweep, threads)
+        np.testing.assert_array_equal(np.stack(list(found.metrics.values()), axis=1), wanted)
 
 
-def test_few_parts_wait_however_long_the_sweep_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Sweep, "evaluate", lambda _, first, stop: np.zeros((stop - first, 1)))
-    sweep = sweep_of("preload=0.1:6:1000000")
+def test_few_parts_wait_however_long_the_sweep_is() -> None:
     executor = Direct()
-    parts = results(sweep, executor, 2)
-    for _ in range(3):
-        next(parts)
-    assert len(executor.parts) <= 10
-    parts.close()  # type: ignore[attr-defined]
-
-
-def test_a_sweep_goes_on_at_any_point() -> None:
-    sweep = sweep_of("preload=0.1:6:20")
-    found = list(results(sweep, Direct(), 1, first=13))
-    assert found[0][0] == 13
-    np.testing.assert_array_equal(
-        np.concatenate([values for _, values in found]), sweep.evaluate(13, 20)
-    )
+    parts = in_order(executor, lambda k: k, iter(range(1_000_000)))
+    assert [next(parts) for _ in range(3)] == [0, 1, 2]
+    assert len(executor.parts) <= 3 + 3 * (os.cpu_count() or 1)
 
 
 def test_parts_are_small_for_long_metrics_and_never_empty() -> None:
     quick, long = (
-        sweep_of("preload=0.1:6:100000", metrics=(name,))
+        next(parts_of(sweep_of("preload=0.1:6:100000", metrics=(name,)), 2))
         for name in ("step_size", "zero_amplitude")
     )
-    assert part_size(quick, 2, 100_000) > 10 * part_size(long, 2, 100_000) > 0
-    assert part_size(quick, 2, 4) == 1
-    assert part_size(Sweep(quick.base, quick.axes, quick.metrics, 100_000), 2, 10**6) == 1
+    assert len(quick) > 10 * len(long) > 0
+    assert {len(part) for part in parts_of(sweep_of("preload=0.1:6:4"), 2)} == {1}
+    base = sweep_of("preload=0.1:6:100000")
+    assert len(next(parts_of(Sweep(base.base, base.axes, base.metrics, 100_000), 2))) == 1
+
+
+def test_ctrl_c_leaves_the_points_that_are_done() -> None:
+    sweep, told = sweep_of("preload=0.1:6:40"), iter(range(3))
+
+    def interrupt(points: int) -> None:
+        if next(told) == 2:
+            raise KeyboardInterrupt
+
+    found = compute(sweep, Direct(), interrupt)
+    assert 0 < found.done < 40
+    assert np.isfinite(found["step_size"][: found.done]).all()
+    assert np.isnan(found["step_size"][found.done :]).all()
+    assert len(found.csv().splitlines()) == 1 + found.done
+
+
+def test_a_sweep_that_fits_no_memory_is_refused() -> None:
+    with pytest.raises(SweepError, match="at most 10000000 values: lower COUNT"):
+        sweep_of("preload=0.1:6:10000", "amplitude=100:300:10000")
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_numbers_and_a_worker_that_dies_loses_nothing() -> None:
+    """Real scheduler, two processes; one is killed while the sweep runs."""
+    distributed = pytest.importorskip("distributed")
+    sweep = sweep_of("preload=0.1:6:40", "amplitude=100:300:100")
+    with threads(2) as pool:
+        wanted = compute(sweep, pool)
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as workers,
+        distributed.Client(workers) as client,
+    ):
+        killed: list[int] = []
+
+        def kill_one(points: int) -> None:
+            if not killed:
+                killed.append(workers.workers[0].pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        found = compute(sweep, client.get_executor(), kill_one)
+    assert killed and found.done == sweep.points
+    np.testing.assert_array_equal(found["step_size"], wanted["step_size"])
 
 
 # -- the table
 
 
-def write(sweep: Sweep, path: Path, first: int, stop: int) -> bytes:
-    """Write points of a sweep to its table, going on where it ends; return the file."""
-    table = SweepTable(sweep, path, resume=first > 0)
-    assert table.done == first
-    table.append(first, sweep.evaluate(first, stop))
-    written = path.read_bytes()  # on disk before the table is closed
-    table.close()
-    assert path.read_bytes() == written
-    return written
-
-
-def test_table_holds_coordinates_and_metrics_with_units(tmp_path: Path) -> None:
+def test_table_holds_coordinates_and_metrics_with_units() -> None:
     sweep = sweep_of("preload=1:2:2", "amplitude=100:300:2", metrics=("step_size", "mean_speed"))
-    lines = write(sweep, tmp_path / "sweep.csv", 0, 4).decode().splitlines()
+    lines = compute(sweep, Direct()).csv_file().splitlines()
     names = next(line for line in lines if not line.startswith("#"))
     assert names == "preload (N),amplitude (V),step_size (m),mean_speed (m/s)"
     numbers = np.loadtxt(lines[lines.index(names) + 1 :], delimiter=",")
     np.testing.assert_array_equal(numbers[:, :2], np.stack(sweep.coordinates(0, 4), axis=1))
     np.testing.assert_array_equal(numbers[:, 2:], sweep.evaluate(0, 4))
-
-
-@pytest.mark.parametrize("cut", [0, 1, 7])
-def test_a_resumed_table_is_as_one_written_at_once(tmp_path: Path, cut: int) -> None:
-    sweep = sweep_of("frequency=1e4:1e6:6", max_frequency=1e7)  # some are impossible
-    whole, path = StringIO(), tmp_path / "sweep.csv"
-    write_header(sweep, whole)
-    write_rows(sweep, 0, sweep.evaluate(0, 6), whole)
-    write(sweep, path, 0, 4)
-    with path.open("r+b") as file:  # as if the power had failed while writing
-        file.truncate(path.stat().st_size - cut)
-    table = SweepTable(sweep, path, resume=True)
-    done = table.done
-    assert done == (4 if cut == 0 else 3)
-    kept = np.concatenate([values for _, values in table.rows()])
-    np.testing.assert_array_equal(kept, sweep.evaluate(0, done))
-    table.close()
-    assert write(sweep, path, done, 6).decode() == whole.getvalue()
-
-
-def test_resume_begins_where_there_is_no_file(tmp_path: Path) -> None:
-    sweep = sweep_of("preload=1:2:4")
-    table = SweepTable(sweep, tmp_path / "sweep.csv", resume=True)
-    assert table.done == 0
-    assert list(table.rows()) == []
-    table.close()
-
-
-def test_a_table_is_not_continued_with_other_settings_nor_written_over(tmp_path: Path) -> None:
-    sweep, path = sweep_of("preload=1:2:4"), tmp_path / "sweep.csv"
-    before = write(sweep, path, 0, 2)
-    for other in (
-        sweep_of("preload=1:2:5"),
-        sweep_of("preload=1:2:4:log"),
-        sweep_of("preload=1:2:4", metrics=("backstep",)),
-        sweep_of("preload=1:2:4", mass=5e-3),
-    ):
-        with pytest.raises(SweepError, match="cannot be continued"):
-            SweepTable(other, path, resume=True)
-    with pytest.raises(SweepError, match=r"2 of the 4 points .* --resume"):
-        SweepTable(sweep, path, resume=False)
-    assert path.read_bytes() == before
-
-
-def test_only_tables_of_sweeps_are_written_over(tmp_path: Path) -> None:
-    sweep, path = sweep_of("preload=1:2:2"), tmp_path / "sweep.csv"
-    path.touch()
-    for _ in range(2):  # into an empty file, and over a complete table of the same sweep
-        write(sweep, path, 0, 2)
-    path.write_text("measured,for,weeks\n")
-    with pytest.raises(SweepError, match=r"sweep\.csv exists .* another --out FILE\.csv"):
-        SweepTable(sweep, path, resume=False)
-    assert path.read_text() == "measured,for,weeks\n"
-
-
-def test_a_cut_head_is_not_taken_for_a_table(tmp_path: Path) -> None:
-    sweep, path = sweep_of("preload=1:2:4"), tmp_path / "sweep.csv"
-    SweepTable(sweep, path, resume=False).close()
-    with path.open("r+b") as file:
-        file.truncate(path.stat().st_size - 3)
-    with pytest.raises(SweepError, match="cut"):
-        SweepTable(sweep, path, resume=True)
 
 
 # -- the picture
@@ -484,10 +442,9 @@ def test_lines_and_maps_are_drawn(tmp_path: Path) -> None:
         ("frequency=100:1e4:4:log", "preload=0.1:6:5"),
         ("frequency=100:1e4:4", "preload=1:1:1"),
     ):
-        sweep = sweep_of(*ranges, metrics=("step_size", "mean_speed"))
-        values = sweep.evaluate(0, sweep.points)
-        values[0] = math.nan
-        save_picture(tmp_path / "sweep.png", picture_of_sweep(sweep, values))
+        found = compute(sweep_of(*ranges, metrics=("step_size", "mean_speed")), Direct())
+        found["step_size"].flat[0] = math.nan
+        save_picture(tmp_path / "sweep.png", found.picture())
         assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -509,17 +466,10 @@ def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_empty_point_does_not_hide_the_extremes_of_the_others() -> None:
-    """Before, between and after points with values, in the same part and in parts of their own."""
-    sweep = sweep_of("preload=1:5:5")
-    for parts in (
-        [[math.nan, 2.0, math.nan, 5.0, math.nan]],
-        [[math.nan], [2.0], [math.nan, 5.0], [math.nan]],
-    ):
-        summary = SweepSummary(sweep, keep=False)
-        for part in parts:
-            summary.add(summary.done, np.array(part)[:, None])
-        assert "step_size                    2.000 m to 5.000 m" in summary.summary()
-        assert (summary.done, summary.empty) == (5, 3)
+    values = np.array([math.nan, 2.0, math.nan, 5.0, math.nan])
+    found = SweepResult(sweep_of("preload=1:5:5"), {"step_size": values}, 5)
+    assert "2.000 m to 5.000 m" in " ".join(found.report().split())
+    assert found.empty.tolist() == [0, 2, 4]
 
 
 def test_a_line_takes_three_clear_steps() -> None:
