@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from numbers import Integral
+from typing import TYPE_CHECKING
 
-from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import (
     DISABLED,
     FLOAT64,
@@ -35,11 +35,13 @@ from stickslip_ros.axis.command import (
     Row,
     row,
 )
-from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.events import digests_of
-from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask
 from stickslip_ros.axis.trajectory import Point, Trajectory, check_trajectory
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+
+if TYPE_CHECKING:  # who only names commands needs no solver
+    from stickslip_ros.axis.closed_loop import ClosedLoop
+    from stickslip_ros.axis.device import Device
 
 #: s for which a velocity is kept without renewal: then its commander is assumed dead
 _HORIZON = 1.0
@@ -95,7 +97,7 @@ def _check_points(
 def _follow_points(axis: Device, checked: tuple[list[Point], float]) -> ClosedLoop:
     points, begin = checked
     trajectory = Trajectory(axis.actuation.t, axis.measured, points, wait=begin)
-    return ClosedLoop("trajectory", trajectory, axis.step_size, axis.note)
+    return axis.loop_task("trajectory", trajectory)
 
 
 def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) -> bool:
@@ -142,13 +144,13 @@ def _follow_set_point(axis: Device, joint: str, interface: str, value: float) ->
         start = goal
     trajectory = Trajectory(t, start, [(ahead, goal)] if ahead > 0.0 else [])
     if loop is None:
-        return ClosedLoop("target", trajectory, axis.step_size, axis.note)
+        return axis.loop_task("target", trajectory)
     loop.follow(trajectory)
     return loop
 
 
 def _go_to(axis: Device, x: float) -> ClosedLoop:
-    return ClosedLoop("target", Trajectory(axis.actuation.t, x, []), axis.step_size, axis.note)
+    return axis.loop_task("target", Trajectory(axis.actuation.t, x, []))
 
 
 def _set_load(axis: Device, newtons: float) -> None:
@@ -244,7 +246,7 @@ COMMANDS: dict[str, Command] = {
             example=(100_000,),
             off=("steps 0", row(STOPPED)),
             check=_check_steps,
-            task=lambda axis, steps: StepTask(steps),
+            task=lambda axis, steps: axis.step_task(steps),
             limits=_most_steps,
         ),
         Command(
@@ -258,7 +260,7 @@ COMMANDS: dict[str, Command] = {
             check=lambda axis, hertz: axis.config.check_drive(
                 axis.config.amplitude, abs(hertz) or axis.config.frequency
             ),
-            task=lambda axis, hertz: JogTask(hertz),
+            task=lambda axis, hertz: axis.jog_task(hertz),
             unit="Hz",
             limits=lambda axis: (
                 -axis.parameters.drive.max_frequency,
@@ -273,7 +275,7 @@ COMMANDS: dict[str, Command] = {
             row(SCANNING),
             example=(200.0,),
             check=lambda axis, volts: axis.config.check_level(volts),
-            task=lambda axis, volts: ScanTask(axis.config.nearest(volts), axis.note_limit),
+            task=lambda axis, volts: axis.scan_task(volts),
             unit="V",
             limits=lambda axis: (
                 axis.parameters.actuator.min_voltage,

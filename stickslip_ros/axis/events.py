@@ -40,6 +40,10 @@ class CommandRefused(StickslipError, ValueError):
     """A command that the axis does not carry out; the message names the value and the limit."""
 
 
+class NotRepeatable(StickslipError, ValueError):
+    """The run cannot be repeated from its events; the message says what is missing."""
+
+
 @dataclass(frozen=True)
 class Event:
     """Something a later run has to know to repeat this one, or a user to understand it."""

@@ -11,10 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from stickslip_ros.parameters import LimitParameters, ParameterError, Parameters
 from stickslip_ros.parameters.row import read_quantity
-from stickslip_ros.solver import Simulation
+
+if TYPE_CHECKING:
+    from stickslip_ros.solver import Simulation
 
 _SPIKE_EVERY = 100  # readings
 

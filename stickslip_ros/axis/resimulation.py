@@ -15,18 +15,20 @@ from typing import Any
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event, check_files
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.axis.events import (
+    START,
+    TRIP,
+    CommandRefused,
+    Event,
+    NotRepeatable,
+    check_files,
+)
 from stickslip_ros.model.versions import ModelChange, changes_since
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter
 
 #: Characters of a text from a recording that an error shows: names of events are shorter
 _SHOWN = 40
 _REFUSED = "this version refuses the parameters of the run"
-
-
-class NotRepeatable(StickslipError, ValueError):
-    """The run cannot be repeated from its events; the message says what is missing."""
 
 
 def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str, str]:

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.events import Event, event_texts, is_set_point
-from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, model_changes, start_of
+from stickslip_ros.axis.events import Event, NotRepeatable, event_texts, is_set_point
+from stickslip_ros.axis.resimulation import Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
 from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange

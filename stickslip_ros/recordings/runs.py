@@ -7,11 +7,16 @@ import heapq
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from stickslip_ros.axis import Axis
-from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpack_set_points
-from stickslip_ros.axis.resimulation import NotRepeatable
+from stickslip_ros.axis.events import (
+    KEYS,
+    START,
+    Event,
+    NotRepeatable,
+    is_set_point,
+    unpack_set_points,
+)
 from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
@@ -22,6 +27,9 @@ from stickslip_ros.recordings.cdr import (
 )
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.reader import BagReader
+
+if TYPE_CHECKING:
+    from stickslip_ros.axis import Axis
 
 #: Of each joint in a state message: the end of its name, position, velocity, effort (None: unknown)
 Joints = Sequence[tuple[str, float, float, float | None]]

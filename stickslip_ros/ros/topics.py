@@ -10,11 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from stickslip_ros.axis import Axis
 from stickslip_ros.axis.command import FLOAT64, JOINT_STATE, TRAJECTORY
 from stickslip_ros.recordings.cdr import STATUS_TYPE as STATUSES
 from stickslip_ros.recordings.runs import Joints, contact_joints, joints_of
+
+if TYPE_CHECKING:
+    from stickslip_ros.axis import Axis
 
 
 @dataclass(frozen=True)

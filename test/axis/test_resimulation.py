@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, Event
-from stickslip_ros.axis.events import event_texts, value_text
-from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
+from stickslip_ros.axis.events import NotRepeatable, event_texts, value_text
+from stickslip_ros.axis.resimulation import Rerun, start_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
 

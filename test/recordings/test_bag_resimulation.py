@@ -31,8 +31,8 @@ from rosbags.highlevel import AnyReader
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.events import Event, event_texts, is_set_point
-from stickslip_ros.axis.resimulation import NotRepeatable, model_changes
+from stickslip_ros.axis.events import Event, NotRepeatable, event_texts, is_set_point
+from stickslip_ros.axis.resimulation import model_changes
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.model import versions
