@@ -33,6 +33,7 @@ ARGUMENTS = {
     "ros2_control": ("false", "controllers of one axis"),
     "rviz": ("false", "a view of the axes x, y, z, or of one axis"),
     "square": ("false", "draw one with the axes x, y, z"),
+    "use_sim_time": ("false", "all nodes follow /clock, which somebody else publishes"),
 }  # fmt: skip
 
 
@@ -64,12 +65,13 @@ def bring_up(context: LaunchContext) -> list:
     # In quotes, and not among `parameters`: in YAML a bare y is a yes.
     quoted = ", ".join(f"'{name}'" for name in names or [AXIS])
     axes = ["-p", f"axes:=[{quoted}]"]
+    clock = ["-p", "use_sim_time:=true"] if "use_sim_time" in wanted else []
     axis = LifecycleNode(
         package=PACKAGE,
         executable="axis_node",
         name=AXIS,
         namespace=namespace,
-        ros_arguments=axes if names else [],
+        ros_arguments=[*(axes if names else []), *clock],
         parameters=[parameters_of(given["config"], share, names, "ros2_control" in wanted)],
         output="screen",
     )
@@ -77,19 +79,26 @@ def bring_up(context: LaunchContext) -> list:
     found, after = [], []
     if wanted & {"ros2_control", "rviz"}:
         model = model_of(share, names, f"/{namespace}/{AXIS}".replace("//", "/"))
-        found.append(node_of("robot_state_publisher", namespace, [{"robot_description": model}]))
+        described = [{"robot_description": model}]
+        found.append(node_of("robot_state_publisher", namespace, described, ros_arguments=clock))
     if "ros2_control" in wanted:
         control = share / "examples" / "ros2_control" / "controllers.yaml"
-        found.append(node_of("controller_manager", namespace, [str(control)], "ros2_control_node"))
+        found.append(
+            node_of(
+                "controller_manager", namespace, [str(control)], "ros2_control_node",
+                ros_arguments=clock,
+            )
+        )  # fmt: skip
         # Controllers that are active before the axis take NaN as the position to hold.
         started = ["joint_state_broadcaster", "axis_controller"]
         after.append(node_of("controller_manager", namespace, [], "spawner", arguments=started))
     if "rviz" in wanted:
         view = ["-d", str(share / "config" / "nanorobot.rviz")]
-        found.append(node_of("rviz2", namespace, [], arguments=view))
+        found.append(node_of("rviz2", namespace, [], arguments=view, ros_arguments=clock))
     if "record" in wanted:
         # Relative names: the recorder takes them to be in its own namespace.
-        found.append(node_of(PACKAGE, namespace, [], "recorder_node", ros_arguments=axes))
+        words = [*axes, *clock]
+        found.append(node_of(PACKAGE, namespace, [], "recorder_node", ros_arguments=words))
     if "square" in wanted:
         after.append(node_of(PACKAGE, "", [], "square", arguments=[f"--namespace={namespace}"]))
     ready = OnStateTransition(

@@ -284,9 +284,10 @@ class TraceFit:
             white = self.residuals(seen)[0][: len(left)]  # zero, drift and hum are no spikes
             spread = float(scipy.stats.median_abs_deviation(white, scale="normal"))
             spikes = np.abs(white) > max(RECORD.spike * spread, 1e-15)
-            if not spikes.any():
+            without = np.where(spikes, 0.0, self.kept)
+            if not spikes.any() or not without.any():  # those that fit nothing are no spikes either
                 break
-            self.kept = np.where(spikes, 0.0, self.kept)
+            self.kept = without
 
     def look_for_hum(self, seen: BinnedModel) -> None:
         """Take out hum of the mains, if there is any."""

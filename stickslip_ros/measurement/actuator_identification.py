@@ -53,6 +53,8 @@ _RIPPLE = 0.006
 _RANGE = (0.001, 0.999)
 #: Least weight of the voltage itself, as part of the mean slope: it moves every actuator.
 _STIFFEST = 1e-3
+#: Least deflection that is one, m: far below it, shares of it overflow.
+_LEAST_SPAN = 1e-15
 #: Largest creep per decade in the search, as a larger lag is not creep; part of it that is at the
 #: bound; values that are tried first.
 _MOST_CREEP, _BOUND, _TRIED = 0.1, 0.98, 11
@@ -298,6 +300,11 @@ def _fit(
     plays, _ = seen.plays(thresholds, past)
     columns = np.column_stack([seen.volts - seen.volts[0], plays - plays[0]]) / seen.range
     scale = float(np.ptp(seen.deflection[used]))
+    if not scale > _LEAST_SPAN:
+        raise ParameterError(
+            f"the deflection of the loops spans {scale:g} m, and {_LEAST_SPAN:g} m or more show "
+            "one; is it in the second column, in m?"
+        )
     wanted = seen.deflection[used] / scale
     since = seen.times - seen.times[used][0]
     drifts = timed or seen.loops > 1  # one loop without times is taken to close

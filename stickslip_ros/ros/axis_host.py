@@ -32,6 +32,7 @@ from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.diagnostics import Diagnostics
 from stickslip_ros.ros.emulation import emulate_if_asked
+from stickslip_ros.ros.followed_clock import follows
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
     message_class,
@@ -105,6 +106,12 @@ class AxisHost(GuardedNode):
             )
             for name in names
         ]
+        for node in self.axes:  # with less, an axis would pass over its own in silence
+            if follows(node) and not follows(self):
+                raise ParameterError(
+                    f"use_sim_time is true for {node.get_name()} alone, and all axes of a process "
+                    f"have one time: give it to {AXIS_NODE}, or to all nodes"
+                )
         called = sorted(node.axis.parameters.node.axis_name for node in self.axes)
         for one, other in pairwise(called):
             if one == other:

@@ -344,7 +344,8 @@ class AxisNode(GuardedNode):
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         try:
-            self._sim_loop.check([p.name for p in changes])
+            if axis_changes:  # others are of the process, declared before the time may begin
+                self._sim_loop.check(list(axis_changes))
             check_place(self.axis.parameters, axis_changes)
             self.axis.checked(axis_changes)
         except ParameterError as error:

@@ -17,6 +17,13 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
 from rclpy.qos import qos_profile_parameters, qos_profile_services_default
 
+from stickslip_ros.ros.followed_clock import (
+    CLOCK_TOPIC,
+    USE_SIM_TIME,
+    follows,
+    passing_over_negatives,
+)
+
 _WARN_PERIOD = 1.0  # s, between errors in the log
 #: Parameters that one request may set; more are refused together.
 MOST_PARAMETERS = 200
@@ -37,6 +44,8 @@ class GuardedNode(Node):
         self.failures = 0  #: callbacks that raised, since the start
         options.setdefault("automatically_declare_parameters_from_overrides", True)
         super().__init__(name, start_parameter_services=False, **options)
+        follows(self)  # rclpy only logs a wrong type, and goes on without /clock
+        self.add_on_set_parameters_callback(_keep_clock)
         self._parameter_service = _Parameters(self)
 
     @property
@@ -48,6 +57,8 @@ class GuardedNode(Node):
         self, msg_type: Any, topic: str, callback: Any, *a: Any, **k: Any
     ) -> Any:
         """As rclpy does; an exception in the callback is counted as a refusal."""
+        if topic == CLOCK_TOPIC:  # asked for by rclpy itself, with use_sim_time
+            callback = passing_over_negatives(self, callback)
         return super().create_subscription(msg_type, topic, self._guarded(callback, topic), *a, **k)
 
     def create_service(  # type: ignore[override]
@@ -97,6 +108,14 @@ class GuardedNode(Node):
                 return None
 
         return guarded
+
+
+def _keep_clock(changes: Sequence[Parameter]) -> SetParametersResult:
+    """Refuse another clock while the node runs: what is under way counts by the present one."""
+    if any(one.name == USE_SIM_TIME for one in changes):
+        reason = f"{USE_SIM_TIME} can be set at the start only"
+        return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)
 
 
 def _bounded(name: str, asked: str) -> Any:

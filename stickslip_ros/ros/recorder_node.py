@@ -25,6 +25,7 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.files import reason_and_cure
 from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
+from stickslip_ros.ros.followed_clock import FollowedClock, follows
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
 from stickslip_ros.ros.node_parameters import full_name, read_own_parameters, run_node
@@ -83,6 +84,12 @@ class RecorderNode(GuardedNode):
         self._linger = self.create_timer(
             STOP_LINGER, self._end, clock=self._steady, autostart=False
         )
+        self._followed = FollowedClock(self) if follows(self) else None
+        if self._followed:
+            self.get_logger().info(
+                "use_sim_time: /clock stamps the diagnostics; the times of reception in the bag "
+                "stay those of the machine's clock, as a bag is in their order"
+            )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         if self._given["wait"]:
             self.get_logger().info("waiting for a call of ~/start")
@@ -234,6 +241,8 @@ class RecorderNode(GuardedNode):
             )
 
     def _report(self) -> None:
+        if self._followed:
+            self._followed.missing()
         recording = self._under_way
         values: dict[str, Any] = {"state": "waiting"}
         level, message = DiagnosticStatus.OK, "waiting"

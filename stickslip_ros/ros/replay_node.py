@@ -4,11 +4,12 @@
 A thread keeps the time; the node itself answers to parameters and signals meanwhile. Deadlines are
 absolute on the steady clock, so single delays do not add up, and late messages do not come in
 bursts. After a stop of the whole process (a debugger, SIGSTOP, a suspended laptop), the rest is
-played later by the duration of the stop.
+played later by the duration of the stop. With ``use_sim_time`` the topic /clock keeps the time.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -24,6 +25,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.errors import UsageError
 from stickslip_ros.recordings import OfferedQos, open_bag
+from stickslip_ros.ros.followed_clock import CLOCK_TOPIC, FollowedClock, follows
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.node_parameters import full_name, read_own_parameters, run_node
@@ -78,6 +80,12 @@ class ReplayNode(GuardedNode):
         self._clock_out = (
             self.create_publisher(ClockMessage, "/clock", 10) if self._given["clock"] else None
         )
+        self._followed = FollowedClock(self) if follows(self) else None
+        if self._followed and (self._clock_out or CLOCK_TOPIC in self._outlets):
+            raise UsageError(
+                "use_sim_time lets /clock lead the time, and this would publish it as well: leave "
+                "out use_sim_time, or the parameter clock and, of the topics of the bag, /clock"
+            )
         self._ended = threading.Event()
         self.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
@@ -144,6 +152,8 @@ class ReplayNode(GuardedNode):
     def _play(self) -> None:
         try:
             self._wait_for_listeners()
+            while self._followed and self._followed.missing() and not self._ended.wait(_SLEEP):
+                pass
             while self._play_once() and self._given["loop"] and not self._ended.is_set():
                 pass
             for publisher in self._outlets.values():
@@ -172,6 +182,9 @@ class ReplayNode(GuardedNode):
     def _play_once(self) -> bool:
         """Play from start to end; return whether there was anything."""
         timetable = Timetable(self._given["rate"])
+        if leader := self._followed:
+            # A clock of few messages makes everything late, so lateness is no stop then.
+            timetable = Timetable(self._given["rate"], lambda: 1e-9 * leader.reading(), math.inf)
         played = self.played
         clock = self._given["clock"]
         period = max(1, round(1e9 * self._given["rate"] / clock)) if clock else 0
@@ -204,10 +217,16 @@ class ReplayNode(GuardedNode):
 class Timetable:
     """The times at which messages are due, by a given clock, at a rate."""
 
-    def __init__(self, rate: float, now: Callable[[], float] = time.monotonic) -> None:
-        """Start at the first thing asked for; rate 2 plays in half the time."""
+    def __init__(
+        self, rate: float, now: Callable[[], float] = time.monotonic, late: float = LATE
+    ) -> None:
+        """Start at the first thing asked for; rate 2 plays in half the time.
+
+        late: the delay (s) beyond which the process was stopped.
+        """
         self._rate = rate
         self._now = now
+        self._late = late
         self._start: float | None = None
         self.moved = 0.0  #: s by which stops of the process have delayed the rest
 
@@ -220,7 +239,7 @@ class Timetable:
             if ended():
                 return False
             time.sleep(min(left, _SLEEP))
-        if -left > LATE:
+        if -left > self._late:
             self._start -= left
             self.moved -= left
         return not ended()

@@ -40,6 +40,7 @@ from stickslip_ros.axis import Axis, Pacer
 from stickslip_ros.axis.events import STEP_OF_TIME
 from stickslip_ros.axis.pace import Pace, PaceReport
 from stickslip_ros.parameters import NodeParameters, ParameterError
+from stickslip_ros.ros.followed_clock import FollowedClock, follows
 from stickslip_ros.ros.messages import publisher_of, stamp
 from stickslip_ros.ros.topics import CLOCK, READY
 
@@ -107,9 +108,8 @@ class SimLoop:
         self.paused = values.start_paused  #: True while the time stands still, except for steps
         self._until = 0  # ns that the present step of a paused time goes to
         self._stepping: AxisOfLoop | None = None  # who asked for it
-        self._follows = bool(node.get_parameter("use_sim_time").value)
-        self._followed = (0, 0)  # ns by which the followed clock was set back, its last reading
-        if self._follows and (values.publish_clock or self._factor != 1.0 or self.paused):
+        self._followed = FollowedClock(node) if follows(node) else None
+        if self._followed and (values.publish_clock or self._factor != 1.0 or self.paused):
             raise ParameterError(_FOLLOWS)
         self._clock = publisher_of(node, CLOCK) if values.publish_clock else None
         self._ready = publisher_of(node, READY)
@@ -132,15 +132,16 @@ class SimLoop:
 
     def _begin(self) -> None:
         """Let the time begin, with ``use_sim_time`` only when there is one."""
-        followed = self._reading if self._follows else None
-        now = self._reading() if self._follows else Clock().now().nanoseconds
-        if not now:
-            self._node.get_logger().info("waits for the first message on /clock", once=True)
+        leader = self._followed
+        if leader and leader.missing():
             return
+        now = leader.reading() if leader else Clock().now().nanoseconds
         steady, factor = monotonic_ns(), 0.0 if self.paused else self._factor
         axes = [one.axis for one in self._axes]
+        followed = leader.reading if leader else None
         self.pace = Pace(axes, factor, steady, now, thread_time, followed)
         self.begun = True
+        self.pacer.restart(self.elapsed())  # nothing was due while there was no time
         for axis in self._axes:
             axis.begin()
         self._tell_ready()
@@ -156,9 +157,7 @@ class SimLoop:
         """Raise ParameterError if a command or parameters of these names cannot be taken now."""
         if not self.begun:
             raise ParameterError("no time goes by yet: publish /clock, or leave out use_sim_time")
-        if "use_sim_time" in changes:
-            raise ParameterError("use_sim_time can be set at the start only")
-        if self._follows and not {"pause", "real_time_factor"}.isdisjoint(changes):
+        if self._followed and not {"pause", "real_time_factor"}.isdisjoint(changes):
             raise ParameterError(_FOLLOWS)
 
     def pause(self, on: bool) -> None:
@@ -213,19 +212,6 @@ class SimLoop:
         if self._clock or self.pace.factor != 1.0 or not 0.0 < report.cost < _CHEAP * report.factor:
             return False
         return not any(one.is_read or one.axis.moving or one.axis.closed_loop for one in self._axes)
-
-    def _reading(self) -> int:
-        """Return the reading of the followed clock, ns, from where it was set back."""
-        back, last = self._followed
-        now = self._node.get_clock().now().nanoseconds + back
-        if now < last:
-            self._node.get_logger().warning(
-                f"/clock was set back by {1e-9 * (last - now):g} s; time goes on from where it "
-                "was, so stamps are ahead of it: start the node anew for stamps of the new time"
-            )
-            back, now = back + last - now, last
-        self._followed = back, now
-        return now
 
     def act(self, *nodes: AxisOfLoop) -> None:
         """Bring an axis, or several, to the present, at which a command acts."""

@@ -35,6 +35,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.groups import AXIS_NODE, SLIDER
 from stickslip_ros.recordings.cdr import nanoseconds
 from stickslip_ros.reporting import CONFIDENCE
+from stickslip_ros.ros.followed_clock import FollowedClock, follows
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
     diagnostic_array,
@@ -95,6 +96,7 @@ class TwinNode(GuardedNode):
         settings = {name: given[name] for name in ASKED}
         posterior = find_posterior(Path(config)) if config else None
         self.twin = Twin(Parameters.of(config), TwinSettings(**settings), posterior)
+        self._followed = FollowedClock(self) if follows(self) else None
         self._origin: int | None = None  # ns that the twin's times count from: the oldest heard
         self._start: int | None = None  # ns, when the simulated time of the axis was 0
         # What waits for its turn: time (ns), whether it is a reading, number of arrival, and itself
@@ -157,8 +159,7 @@ class TwinNode(GuardedNode):
         """Return what takes a command that says no time: it is given when it arrives."""
 
         def take(message: Any) -> None:
-            command = TwinCommand(math.nan, name, float(message.data))
-            self._wait(self.get_clock().now().nanoseconds, command)
+            self._wait_unstamped(TwinCommand(math.nan, name, float(message.data)))
 
         return take
 
@@ -176,7 +177,14 @@ class TwinNode(GuardedNode):
         self._read(nanoseconds(message.header.stamp), way)
 
     def _on_number(self, message: Float64) -> None:
-        self._read(self.get_clock().now().nanoseconds, message.data)
+        self._wait_unstamped(self._unit * message.data)
+
+    def _wait_unstamped(self, what: TwinCommand | float) -> None:
+        """Take what says no time as of now; nothing while there is no time."""
+        if not self._followed:
+            self._wait(self.get_clock().now().nanoseconds, what)
+        elif not self._followed.missing():
+            self._wait(self._followed.reading(), what)
 
     def _read(self, ns: int, position: float) -> None:
         self._wait(ns, self._unit * position)
@@ -218,6 +226,8 @@ class TwinNode(GuardedNode):
         return 1e-9 * (self._origin or 0) + t
 
     def _report(self) -> None:
+        if self._followed:
+            self._followed.missing()
         twin, name = self.twin, self.get_fully_qualified_name().lstrip("/")
         level, reason = twin.level
         if math.isnan(twin.t) and not any(self.count_publishers(n) for n in self._heard_on):

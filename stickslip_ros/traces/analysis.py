@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TypeGuard
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.cycle_fit import CLOCK
 from stickslip_ros.traces.cycles import (
     FASTER,
@@ -119,7 +121,8 @@ def analyse_steps(
         The trace cannot be read, has no steps, or none of the frequency given.
     """
     time, position, actuator = _checked(t, x, u)
-    run = _analyse(time, position, actuator, frequency, start)
+    with _no_steps_told():
+        run = _analyse(time, position, actuator, frequency, start)
     return replace(
         run,
         excitation=run.excitation if excitation is None else excitation,
@@ -221,6 +224,29 @@ def find_steps(
     report is called with each stage of the search, `STAGES` times where all are needed. Raises
     TraceError for a period that is longer than the record.
     """
+    with _no_steps_told():
+        return _find_steps(t, x, period, report)
+
+
+@contextmanager
+def _no_steps_told() -> Iterator[None]:
+    """Raise TraceError where a record has a shape that the search does not foresee.
+
+    No record is worth a traceback, whoever made it. `validation.campaigns.record_shapes` counts
+    such an end as a fault.
+    """
+    try:
+        yield
+    except StickslipError:
+        raise
+    except (ArithmeticError, LookupError, ValueError) as error:
+        raise TraceError(
+            f"the search for steps cannot take a record of this shape ({error}); cut out the part "
+            "with steps, and please report it with the record"
+        ) from error
+
+
+def _find_steps(t: Array, x: Array, period: float | None, report: Report) -> Findings:
     if len(t) < _LEAST or not np.ptp(x) > 0.0:
         return Findings([], Disturbances())
     if period is not None and t[-1] - t[0] < period:

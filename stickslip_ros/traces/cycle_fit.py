@@ -145,6 +145,8 @@ class CycleFit:
     def explains(self) -> bool:
         """Return True if all cycles rise alike and the residuals are little more than noise."""
         inside = (self.number >= 0) & (self.number < self.grid.count)
+        if not inside.any():
+            return False
         fall, rise = float(np.median(self.fall[inside])), self.rise[inside]
         if self.residual > max(SETTINGS.left * self.noise, SETTINGS.left_of_fall * fall):
             return False

@@ -261,6 +261,9 @@ class Rows:
             left = y - plainest @ found
             usual = robust_std(left[used]) + 1e-30
             before, used = used, np.abs(left) <= SETTINGS.far * usual
+            if np.count_nonzero(used) <= plainest.shape[1]:
+                used = before  # of a record that stands still, what is usual is rounding
+                break
             if (used == before).all():
                 break
         self.columns, self.y = (columns, y) if used.all() else (columns[used], y[used])

@@ -24,7 +24,7 @@ LAUNCH = ("", ".actions", ".substitutions", ".event_handlers", ".parameter_descr
 MODULES = [f"{root}{part}" for root in ("launch", "launch_ros") for part in LAUNCH]
 ARGUMENTS = {
     **dict.fromkeys(("axes", "namespace", "config"), ""),
-    **dict.fromkeys(("record", "ros2_control", "rviz", "square"), "false"),
+    **dict.fromkeys(("record", "ros2_control", "rviz", "square", "use_sim_time"), "false"),
 }
 
 Nodes = dict[str, dict[str, Any]]
@@ -93,6 +93,19 @@ def test_controllers_start_when_the_axis_is_ready(launched: Launched) -> None:
     (control,) = nodes["ros2_control_node"]["parameters"]
     assert Path(control).is_file()
     assert launched()[1] == []
+
+
+def test_all_nodes_follow_the_clock_where_one_is_wanted(launched: Launched) -> None:
+    for more in ({"ros2_control": "true"}, {"axes": "x,y,z", "rviz": "true"}):
+        nodes, _ = launched(record="true", use_sim_time="true", **more)
+        told = {
+            name
+            for name, node in nodes.items()
+            if "use_sim_time:=true" in node.get("ros_arguments", [])
+        }
+        assert told == {*nodes} - {"spawner"}
+    nodes, _ = launched(record="true", axes="x")
+    assert not any("use_sim_time" in str(node) for node in nodes.values())
 
 
 def test_peers_on_other_machines_are_not_met_unless_wanted(launched: Launched) -> None:

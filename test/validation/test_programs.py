@@ -24,7 +24,7 @@ from validation.benchmark import LIMIT, Effort, accuracy
 from validation.benchmark.__main__ import main as bench
 from validation.benchmark.accuracy import BAR, CYCLES
 from validation.benchmark.unstable import growth_of
-from validation.campaigns import commands, interrupts, parameter_sets, targets
+from validation.campaigns import commands, interrupts, parameter_sets, record_shapes, targets
 from validation.campaigns.__main__ import CAMPAIGNS
 from validation.campaigns.__main__ import main as campaigns
 from validation.campaigns.intervals import linear, summary, whole
@@ -116,6 +116,13 @@ def test_sets_over_all_ranges_give_a_result_or_a_word() -> None:
     for number in (*range(6), 1489):
         values = parameter_sets.drawn(number)
         assert parameter_sets.judged(values) in ("result", "refused", "budget"), values
+
+
+def test_records_of_any_shape_give_a_result_or_a_sentence() -> None:
+    for number in range(20):
+        case = record_shapes.drawn(1, number)
+        if case.command[0] != "identify":  # where there are steps, it takes a minute
+            assert record_shapes.outcome(case) in record_shapes.GOOD, case
 
 
 def test_axes_under_random_commands_go_on(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -87,6 +87,9 @@ CAMPAIGNS: dict[str, Campaign] = {
     "parameters": Campaign(
         "sets of parameters over all ranges", (f"{_STUDIES}parameter_sets", "--count", "20000")
     ),
+    "records": Campaign(
+        "records of any shape: a result or a sentence", (f"{_STUDIES}record_shapes",)
+    ),
     "commands": Campaign(
         "random commands and parameters on axes of any kind", (f"{_STUDIES}commands",)
     ),
