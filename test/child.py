@@ -42,6 +42,11 @@ def run(
     )
 
 
+def complaints(stderr: str) -> str:
+    """Return what a program said on stderr, but that some work takes long on a busy machine."""
+    return "".join(line for line in stderr.splitlines(True) if not line.endswith(" ...\n"))
+
+
 def in_namespace(
     kind: str, prepare: str, script: str, *arguments: str
 ) -> subprocess.CompletedProcess[str]:
