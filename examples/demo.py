@@ -26,13 +26,14 @@ from stickslip_ros.compiled import report_compilation
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import WriteError, writing
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.phases import points
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.steps import StepRun, run_steps
 from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
 from stickslip_ros.reporting import SIMULATED
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
-from stickslip_ros.traces import StepRun, run_steps, trace_steps
-from stickslip_ros.traces.trace import points
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
 _TIMEOUT = 60.0

@@ -31,11 +31,12 @@ if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, ComparisonError, ComparisonMetric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
     from stickslip_ros.measurement.reading import MeasurementError
+    from stickslip_ros.motion.motion import Motion
+    from stickslip_ros.motion.trace import Trace
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
     from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
     from stickslip_ros.simulation import *  # noqa: F403
-    from stickslip_ros.traces import Trace, TraceError
-    from stickslip_ros.traces.motion import Motion
+    from stickslip_ros.traces import TraceError
     from stickslip_ros.traces.runs import Run
 
 __all__ = [
@@ -59,8 +60,9 @@ _PLACES = {
     "measurement.reading": "MeasurementError",
     "parameters": "PARAMETERS ParameterError Parameters read_yaml",
     "recordings": "BagError open_bag recorded_runs resimulate",
-    "traces": "Trace TraceError",
-    "traces.motion": "Motion",
+    "motion.motion": "Motion",
+    "motion.trace": "Trace",
+    "traces": "TraceError",
     "traces.runs": "Run",
 }
 

@@ -120,8 +120,9 @@ def compiled_solver() -> None:
     On a fresh machine that takes a while, longer than they wait, and the programs say so.
     """
     from stickslip_ros.axis import Axis
+    from stickslip_ros.motion.phases import regime_now
+    from stickslip_ros.motion.sampling import trace_steps
     from stickslip_ros.simulation.operating_points import zero_amplitude
-    from stickslip_ros.traces import regime_now, trace_steps
 
     axis = Axis(TABLE_1)
     axis.compile_ahead()

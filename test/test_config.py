@@ -13,8 +13,8 @@ from table_1 import TABLE_1
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 from stickslip_ros.model import Plant
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import PARAMETERS, read_yaml
-from stickslip_ros.traces import run_steps
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"
 FILES = sorted(CONFIG.glob("*.yaml"))

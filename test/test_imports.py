@@ -30,6 +30,7 @@ ORDER = (
     ("model",),
     ("solver",),
     ("axis",),
+    ("motion",),
     ("traces",),
     ("recordings",),
     ("measurement",),

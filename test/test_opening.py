@@ -11,10 +11,10 @@ import pytest
 
 import stickslip_ros
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.motion.trace import read_csv
 from stickslip_ros.opening import ALWAYS_ALLOWED, UNPACK_FACTOR, Allowance, ReadError, open_regular
 from stickslip_ros.paper.report import CONTENTS, refuse_foreign
 from stickslip_ros.parameters.bounded_files import nodes_in
-from stickslip_ros.traces import read_csv
 
 PACKAGE = Path(stickslip_ros.__file__).parent
 #: Who reads without the door, and what: nothing that a user names, or what came in by it before

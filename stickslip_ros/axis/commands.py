@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from importlib import import_module
 from numbers import Integral
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.axis.command import (
     DISABLED,
@@ -56,6 +57,16 @@ _SAME = 1e-9
 # -- checks and effects of more than one line
 
 
+def _task(name: str, *arguments: Any) -> Any:
+    """Return a task; what computes is loaded with the first, so that clients do without."""
+    return getattr(import_module("stickslip_ros.axis.tasks"), name)(*arguments)
+
+
+def _loop(axis: Device, goal: str, trajectory: Trajectory) -> ClosedLoop:
+    loop: ClosedLoop = _task("ClosedLoop", goal, trajectory, axis.step_size, axis.note)
+    return loop
+
+
 def _check_steps(axis: Device, steps: int) -> None:
     low, high = _most_steps(axis)
     given: object = steps
@@ -97,7 +108,7 @@ def _check_points(
 def _follow_points(axis: Device, checked: tuple[list[Point], float]) -> ClosedLoop:
     points, begin = checked
     trajectory = Trajectory(axis.actuation.t, axis.measured, points, wait=begin)
-    return axis.loop_task("trajectory", trajectory)
+    return _loop(axis, "trajectory", trajectory)
 
 
 def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) -> bool:
@@ -144,13 +155,13 @@ def _follow_set_point(axis: Device, joint: str, interface: str, value: float) ->
         start = goal
     trajectory = Trajectory(t, start, [(ahead, goal)] if ahead > 0.0 else [])
     if loop is None:
-        return axis.loop_task("target", trajectory)
+        return _loop(axis, "target", trajectory)
     loop.follow(trajectory)
     return loop
 
 
 def _go_to(axis: Device, x: float) -> ClosedLoop:
-    return axis.loop_task("target", Trajectory(axis.actuation.t, x, []))
+    return _loop(axis, "target", Trajectory(axis.actuation.t, x, []))
 
 
 def _set_load(axis: Device, newtons: float) -> None:
@@ -246,7 +257,7 @@ COMMANDS: dict[str, Command] = {
             example=(100_000,),
             off=("steps 0", row(STOPPED)),
             check=_check_steps,
-            task=lambda axis, steps: axis.step_task(steps),
+            task=lambda axis, steps: _task("StepTask", steps),
             limits=_most_steps,
         ),
         Command(
@@ -260,7 +271,7 @@ COMMANDS: dict[str, Command] = {
             check=lambda axis, hertz: axis.config.check_drive(
                 axis.config.amplitude, abs(hertz) or axis.config.frequency
             ),
-            task=lambda axis, hertz: axis.jog_task(hertz),
+            task=lambda axis, hertz: _task("JogTask", hertz),
             unit="Hz",
             limits=lambda axis: (
                 -axis.parameters.drive.max_frequency,
@@ -275,7 +286,7 @@ COMMANDS: dict[str, Command] = {
             row(SCANNING),
             example=(200.0,),
             check=lambda axis, volts: axis.config.check_level(volts),
-            task=lambda axis, volts: axis.scan_task(volts),
+            task=lambda axis, volts: _task("ScanTask", axis.config.nearest(volts), axis.note_limit),
             unit="V",
             limits=lambda axis: (
                 axis.parameters.actuator.min_voltage,

@@ -26,7 +26,6 @@ from stickslip_ros.axis.events import (
 )
 from stickslip_ros.axis.faults import Moment
 from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supervisor
-from stickslip_ros.axis.trajectory import Trajectory
 from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -117,22 +116,6 @@ class Device:
                 self.actuation.advance(t)
 
     # -- used by commands
-
-    def step_task(self, steps: int) -> StepTask:
-        """Return the task of so many steps; the sign is the direction."""
-        return StepTask(steps)
-
-    def jog_task(self, hertz: float) -> JogTask:
-        """Return the task of stepping without end, Hz; the sign is the direction."""
-        return JogTask(hertz)
-
-    def scan_task(self, volts: float) -> ScanTask:
-        """Return the task of a slow move to a level (V)."""
-        return ScanTask(self.config.nearest(volts), self.note_limit)
-
-    def loop_task(self, goal: str, trajectory: Trajectory) -> ClosedLoop:
-        """Return the closed loop along a trajectory, to a goal of that name."""
-        return ClosedLoop(goal, trajectory, self.step_size, self.note)
 
     def note_limit(self, limit: str) -> None:
         """Count and report that a limit of that name was hit."""

@@ -23,9 +23,9 @@ from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.reporting.terminal import nanometres
 
 if TYPE_CHECKING:
+    from stickslip_ros.motion.motion import Motion
     from stickslip_ros.reporting.page import ResultPage
     from stickslip_ros.traces.analysis import Findings
-    from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
 
 #: Columns of the table by the names of the JSON.

@@ -28,7 +28,7 @@ from stickslip_ros.version import __version__
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement
     from stickslip_ros.measurement.load_motion import LoadedMotion
-    from stickslip_ros.traces.motion import Motion
+    from stickslip_ros.motion.motion import Motion
     from stickslip_ros.traces.runs import Run
 
 
@@ -99,13 +99,8 @@ def _motions(
     period (s) of the drive of a run that is simulated.
     """
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.measurement.load_motion import (
-        LoadedMotion,
-        is_parameter_file,
-        load_motion,
-        simulate_as_measured,
-        simulate_motion,
-    )
+    from stickslip_ros.measurement.as_measured import simulate_as_measured, simulate_motion
+    from stickslip_ros.measurement.load_motion import LoadedMotion, is_parameter_file, load_motion
 
     if not args.simulation.suffix:  # a bag, or one of our parameter files by its name
         args.simulation = config_file(args.simulation)

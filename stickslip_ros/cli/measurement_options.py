@@ -19,8 +19,8 @@ from stickslip_ros.shared_files import sample_file
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
+    from stickslip_ros.motion.motion import Motion
     from stickslip_ros.traces.analysis import Findings
-    from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
 
 #: Samples below which nothing can be said.

@@ -41,10 +41,10 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     with announce_if_slow("loading the claims", in_pipes=True):
         from stickslip_ros.compiled import report_compilation
+        from stickslip_ros.motion.steps import run_steps
         from stickslip_ros.paper import CLAIMS, PAGE, refuse_foreign, report
         from stickslip_ros.parameters import Parameters
         from stickslip_ros.simulation.parallel import threads
-        from stickslip_ros.traces import run_steps
 
     check_outputs(args)
     claims = _chosen(CLAIMS, args.items)

@@ -56,9 +56,10 @@ def run(args: argparse.Namespace) -> int:
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     from stickslip_ros.compiled import report_compilation
+    from stickslip_ros.motion.readings import save_readings
+    from stickslip_ros.motion.steps import run_steps
+    from stickslip_ros.motion.trace import save_csv
     from stickslip_ros.simulation.run import SimulatedRun, check_steps
-    from stickslip_ros.traces import run_steps, save_csv
-    from stickslip_ros.traces.motion import save_readings
 
     check_steps(
         args.steps,

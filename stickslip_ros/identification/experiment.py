@@ -21,13 +21,14 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification.settings import RECORD
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.readings import through_bandwidth
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import format_si
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.analysis import determined_part, find_runs, why_left_out
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
-from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run
 

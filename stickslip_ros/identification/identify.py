@@ -33,8 +33,8 @@ from stickslip_ros.identification.search import clock_of, search
 from stickslip_ros.identification.settings import DESCENT, SEARCH
 from stickslip_ros.identification.suggestion import CandidateSensor, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.traces.motion import Motion
 
 #: Called with the stage, its progress (0 to 1) and the best values so far.
 Progress = Callable[[str, float, Mapping[str, float]], None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The motion in a file, whatever kind it is: a trace, a table, a bag, or parameters to simulate.
+"""The motion in a file, whatever kind it is: a trace, a table or a bag.
 
 Bags, ours and those of others (rosbag2 with SQLite or MCAP, ROS 1): each number is a column.
 
@@ -26,25 +26,11 @@ from stickslip_ros.measurement.reading import MeasurementError, Reading, read_me
 from stickslip_ros.measurement.reading.choice import MOTION, choose
 from stickslip_ros.measurement.reading.motion import motion_of, naming
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
-from stickslip_ros.parameters import PARAMETERS, Parameters, Value
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.parameters.groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
 from stickslip_ros.recordings.cdr import JOINT_STATE_TYPE, decode_messages, fields_of, stamp_of
-from stickslip_ros.traces.analysis import determined_part, runs_of
-from stickslip_ros.traces.motion import Motion, through_bandwidth
-from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.trace import PlannedRun, trace_runs
-
-#: Samples in a period of ringing; runs of this many steps or more go without, to save memory.
-_DENSE, _MANY_STEPS = 40.0, 500
-#: Fewest such samples; cubic lines between them are a hundredth of a nanometre off.
-_SPARSE = 10.0
-#: Steps whose samples fit into memory.
-_MOST_STEPS = 8000
-#: Part by which a frequency may differ from that of the parameters: the clocks' fault.
-_SAME = 0.01
-#: Fewest samples of a part of a cycle that say whether it steps
-_FEWEST = 8
 
 
 class LoadedMotion(NamedTuple):
@@ -102,84 +88,6 @@ def _axis_of(path: Path, joint: str) -> tuple[dict[str, Value] | None, str | Non
                 parameters = {name: PARAMETERS[name].parse(text) for name, text in known.items()}
                 return parameters, texts.get("version")
     return None, None
-
-
-def simulate_motion(
-    p: Parameters,
-    runs: int | Sequence[PlannedRun],
-    source: str,
-    before: float = 0.0,
-    after: float = 0.0,
-) -> Motion:
-    """Run steps from rest; before and after are times (s) of rest.
-
-    runs are the steps (sign: direction) of one run, or several runs. The motion is seen through the
-    bandwidth of the sensor, if it has one, without noise and latency. MeasurementError if there are
-    no steps or too many, ParameterError.
-    """
-    if isinstance(runs, int):
-        runs = [PlannedRun(0.0, runs)]
-    steps = sum(abs(run.steps) for run in runs)
-    if not 0 < steps <= _MOST_STEPS or any(run.steps == 0 for run in runs):
-        raise MeasurementError(
-            f"{steps} steps are to be simulated; it has to be 1 to {_MOST_STEPS}, forward or "
-            "backward: give --steps, or cut the measurement with --from and --to"
-        )
-    density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / steps))
-    return through_bandwidth(p, Motion(source, *trace_runs(p, runs, density, before, after)))
-
-
-def simulate_as_measured(
-    p: Parameters, measurement: Motion, runs: Sequence[Run], source: str
-) -> Motion:
-    """Simulate the runs found in a measurement, its rests included and a period more on each side.
-
-    Runs that are not determined are left out as in `determined_part`. A measurement that begins or
-    ends within a cycle is simulated so, too. Without runs, those that
-    its actuator shows are simulated. A run at the drive's frequency but for a small error has
-    exactly that of the parameters. Raises MeasurementError if nothing shows steps, and as
-    `simulate_motion` does.
-    """
-    measurement, runs = determined_part(measurement, runs or runs_of(measurement, []))
-    if not runs:
-        raise MeasurementError(
-            f"no steps are found in {measurement.source}; give a measurement that shows some, or "
-            "say how many to simulate (--steps)"
-        )
-    first, last = float(measurement.t[0]), float(measurement.t[-1])
-    margin = 1.0 / p.drive.frequency
-    begin, end = runs[0].start, runs[-1].end
-    planned = [
-        PlannedRun(
-            run.start,
-            run.direction * run.steps,
-            None if abs(run.frequency / p.drive.frequency - 1.0) < _SAME else run.frequency,
-        )
-        for run in runs
-    ]
-    before, after = max(begin - first, 0.0) + margin, max(last - end, 0.0) + margin
-    since, until = -math.inf, math.inf
-    if _steps_in(measurement, first, begin, runs[0].period):
-        one = planned[0]
-        steps = one.steps + runs[0].direction
-        planned[0] = replace(one, start=begin - runs[0].period, steps=steps)
-        before, since = 0.0, first - planned[0].start
-    if _steps_in(measurement, end, last, -runs[-1].period):
-        planned[-1] = replace(planned[-1], steps=planned[-1].steps + runs[-1].direction)
-        after, until = 0.0, last - planned[0].start
-    return simulate_motion(p, planned, source, before, after).between(since, until)
-
-
-def _steps_in(measurement: Motion, begin: float, end: float, period: float) -> bool:
-    """Return whether a part (s) of a measurement, less than a cycle, is not a rest but steps.
-
-    Then it is more like the same part of the cycle beside it, a period (s) away, than like a rest.
-    """
-    kept = measurement.between(begin, end)
-    if not 0.0 < end - begin < abs(period) or len(kept.t) < _FEWEST:
-        return False
-    stepping = kept.x - measurement.position_at(kept.t + period)
-    return bool(np.var(stepping) < 2.0 * np.var(kept.x))  # it has the noise of two readings
 
 
 #: Fields whose unit the definition of a message states.

@@ -29,16 +29,16 @@ from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.measurement.step_count import nearest_run, step_counts
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.reporting import format_si
 from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of, why_left_out
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
 from stickslip_ros.traces.even_samples import SlipGrid, noise_of, resample_evenly
 from stickslip_ros.traces.joint_fit import fit_steps
-from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.measured_value import COVERAGE, MeasuredValue
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles
-from stickslip_ros.traces.steps import COVERAGE, MeasuredValue
 
 #: Amplitudes vary if the actuator's deflections vary by this part, over this many kinds of cycles.
 _VARIED, _AMPLITUDES = 0.1, 3

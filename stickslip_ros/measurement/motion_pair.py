@@ -12,9 +12,9 @@ import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import cycle_of, detrend
 from stickslip_ros.traces.runs import Run
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.motion_pair import Alignment, MotionPair
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.traces.analysis import has_actuator
 from stickslip_ros.traces.cycles import TraceError, cycles_of_actuator
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
 
 #: Part of its stroke by which an actuator moves that does not rest, and periods of a rest.

@@ -13,6 +13,7 @@ import numpy as np
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual, settled_bands
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, format_si, scale_of
@@ -27,7 +28,6 @@ from stickslip_ros.reporting.page import (
     thin_columns,
     versions,
 )
-from stickslip_ros.traces.motion import Motion
 
 SHAPE = "#b3a5d9"
 #: Points of a line over the whole run, and over one step.

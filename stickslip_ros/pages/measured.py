@@ -10,6 +10,8 @@ from itertools import islice
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.settled import settled_from
 from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import (
     Figure,
@@ -22,9 +24,7 @@ from stickslip_ros.reporting.page import (
     thin_columns,
 )
 from stickslip_ros.traces.analysis import Findings
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, after_slip
-from stickslip_ros.traces.steps import settled_from
 
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400

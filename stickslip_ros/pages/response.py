@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stickslip_ros.model import DriveCycle
+from stickslip_ros.motion.trace import Trace
 from stickslip_ros.reporting import ACTUATOR, SIMULATED
-from stickslip_ros.traces.trace import Trace
 
 _NANO, _MICRO, _MILLI = 1e9, 1e6, 1e3
 _DEFLECTION = "#2f7d4f"

@@ -19,6 +19,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.model.surface import CycleStart, Surface
+from stickslip_ros.motion.settled import TRIAL_STEPS
 from stickslip_ros.paper.claim import ClaimVerdict, Result, Table, Values, paired
 from stickslip_ros.paper.parameter_sets import (
     EIGENFREQUENCY,
@@ -34,7 +35,6 @@ from stickslip_ros.paper.parameter_sets import (
 )
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.simulation.operating_points import blocking_preloads, zero_amplitudes
-from stickslip_ros.traces.steps import TRIAL_STEPS
 
 #: The other body is a ball of ruby: modulus (Pa), radius (m) and Poisson's numbers are chosen here.
 RUBY, RADIUS, POISSON = Elastic(400e9, 0.3), 0.5e-3, 0.3

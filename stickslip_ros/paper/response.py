@@ -12,6 +12,10 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.motion.phases import points
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.settled import TRIAL_STEPS
+from stickslip_ros.motion.trace import HEADER, Trace
 from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.paper.claim import ClaimVerdict, Result, Table
 from stickslip_ros.paper.parameter_sets import (
@@ -32,8 +36,6 @@ from stickslip_ros.simulation.waveform_search import (
 )
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.analysis import analyse_steps
-from stickslip_ros.traces.steps import TRIAL_STEPS
-from stickslip_ros.traces.trace import HEADER, Trace, points, trace_steps
 
 #: A swing of the ringing that counts, m.
 _SWING = 1e-9

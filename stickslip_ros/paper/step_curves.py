@@ -9,6 +9,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.model import Plant
+from stickslip_ros.motion.settled import MEASURABLE, TRIAL_STEPS
 from stickslip_ros.paper.claim import ClaimVerdict, Result, Values, paired
 from stickslip_ros.paper.parameter_sets import (
     EPM_CALC,
@@ -29,7 +30,6 @@ from stickslip_ros.simulation.operating_points import (
     intersections,
     zero_amplitudes,
 )
-from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Amplitudes as actuator deflection, m; LuGre is convex over the lower part.
 DEFLECTION = np.linspace(5e-9, 160e-9, 63)

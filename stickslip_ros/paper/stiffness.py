@@ -18,6 +18,7 @@ from stickslip_ros.model.derivations import (
     sigma_0_of_mindlin,
     sigma_0_of_ringing,
 )
+from stickslip_ros.motion.sampling import trace_steps
 from stickslip_ros.paper.claim import Result, Values, paired
 from stickslip_ros.paper.materials import POISSON, RADIUS, RUBY, maximum, peaks, tops
 from stickslip_ros.paper.parameter_sets import (
@@ -36,7 +37,6 @@ from stickslip_ros.paper.parameter_sets import (
 )
 from stickslip_ros.paper.step_curves import zero_preload
 from stickslip_ros.traces.ringing import fit_ringing
-from stickslip_ros.traces.trace import trace_steps
 
 #: N; at each a step is traced and its ringing measured.
 _PRELOAD = (0.1, 0.4, 1.0, 2.0)

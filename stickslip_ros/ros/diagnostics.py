@@ -18,6 +18,7 @@ from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.motion.phases import phase_now, regime_now
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
 from stickslip_ros.ros.messages import diagnostic_status
@@ -27,7 +28,6 @@ from stickslip_ros.simulation.operating_points import (
     why_no_zero_amplitude,
     zero_amplitude,
 )
-from stickslip_ros.traces import phase_now, regime_now
 from stickslip_ros.version import __version__
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR

@@ -7,10 +7,12 @@ from collections.abc import Mapping
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import report_compilation
+from stickslip_ros.motion.phases import regime_now
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.simulation.sweep_metrics import METRICS
 from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep
-from stickslip_ros.traces import regime_now, run_steps, trace_steps
 
 #: Drives that use different parts of the solver, by name.
 _DRIVES: tuple[Mapping[str, object], ...] = (

@@ -20,20 +20,18 @@ from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
 )
-from stickslip_ros.measurement.load_motion import (
-    is_parameter_file,
-    load_motion,
-    simulate_as_measured,
-)
+from stickslip_ros.measurement.as_measured import simulate_as_measured
+from stickslip_ros.measurement.load_motion import is_parameter_file, load_motion
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.trace import Trace
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.shared_files import sample_file
 from stickslip_ros.simulation.run import SimulatedRun
-from stickslip_ros.traces import Trace, TraceError, analyse_steps
+from stickslip_ros.traces import TraceError, analyse_steps
 from stickslip_ros.traces import analysis as analyses
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
 
 #: Whatever holds the position of a runner over time.

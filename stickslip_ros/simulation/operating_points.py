@@ -27,9 +27,9 @@ from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.model.waveforms import command_of, drives_of, largest_slip
+from stickslip_ros.motion.settled import MEASURABLE, SETTLING, TRIAL_STEPS, settled_mean
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.solver.batch import Batch
-from stickslip_ros.traces.steps import MEASURABLE, SETTLING, TRIAL_STEPS, settled_mean
 
 #: (values to try, at which points) -> at which points the value is high enough
 Trial = Callable[[Array, NDArray[np.bool_]], NDArray[np.bool_]]

@@ -14,13 +14,16 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.model.waveforms import largest_slip
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.readings import read_steps
+from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
+from stickslip_ros.motion.steps import StepRun, run_steps
+from stickslip_ros.motion.trace import Trace
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.simulation.operating_points import zero_amplitude
-from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
-from stickslip_ros.traces.motion import Motion, read_steps
 
 if TYPE_CHECKING:
     import pandas

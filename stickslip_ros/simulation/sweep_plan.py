@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.motion.settled import TRIAL_STEPS
 from stickslip_ros.parameters import Parameters, parameter
 from stickslip_ros.simulation.operating_points import batch_of, why_impossible
 from stickslip_ros.simulation.sweep_metrics import METRICS, Points
-from stickslip_ros.traces.steps import TRIAL_STEPS
 
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
 _CYCLES = 24_000

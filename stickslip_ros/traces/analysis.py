@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.settled import settled_from
 from stickslip_ros.traces.cycle_fit import CLOCK
 from stickslip_ros.traces.cycles import (
     FASTER,
@@ -34,7 +36,7 @@ from stickslip_ros.traces.even_samples import (
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps, without_disturbances
-from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.measured_value import COVERAGE, MeasuredValue
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
 from stickslip_ros.traces.run_growth import count_falls, move_to_fall
 from stickslip_ros.traces.run_search import (
@@ -48,7 +50,6 @@ from stickslip_ros.traces.run_search import (
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.squares import Squares
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
-from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, settled_from
 
 #: Reports of a search for steps.
 STAGES = REPORTS + 1

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.settled import settled_from
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import rounding_of
+from stickslip_ros.traces.measured_value import COVERAGE, MeasuredValue, estimate_settled_mean
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import COVERAGE, MeasuredValue, estimate_settled_mean, settled_from
 
 #: Positions without noise, as those of a simulation, m.
 EXACT = 1e-11

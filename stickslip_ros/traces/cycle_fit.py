@@ -21,6 +21,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.settled import SETTLING
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
@@ -29,7 +30,6 @@ from stickslip_ros.traces.even_samples import (
 )
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import PUSH, Ringing
-from stickslip_ros.traces.steps import SETTLING
 
 
 @dataclass(frozen=True)

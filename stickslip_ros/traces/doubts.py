@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.settled import settled_from
 from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles
 from stickslip_ros.traces.cycles import FASTER, SAMPLES
 from stickslip_ros.traces.even_samples import (
@@ -29,10 +30,10 @@ from stickslip_ros.traces.even_samples import (
     without_trend,
 )
 from stickslip_ros.traces.hum import MAINS
+from stickslip_ros.traces.measured_value import MeasuredValue
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.run_growth import find_shifts, fit_line
 from stickslip_ros.traces.squares import Squares
-from stickslip_ros.traces.steps import MeasuredValue, settled_from
 
 
 @dataclass(frozen=True)

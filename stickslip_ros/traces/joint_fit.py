@@ -26,6 +26,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.settled import SETTLING, settled_from
 from stickslip_ros.traces.even_samples import (
     PHASES,
     EvenSamples,
@@ -37,8 +38,8 @@ from stickslip_ros.traces.even_samples import (
     sample_cycles,
 )
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
+from stickslip_ros.traces.measured_value import MeasuredValue
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import SETTLING, MeasuredValue, settled_from
 
 
 @dataclass(frozen=True)

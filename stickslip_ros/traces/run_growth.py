@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.settled import SETTLING
 from stickslip_ros.traces.even_samples import (
     PHASES,
     ROWS,
@@ -30,7 +31,6 @@ from stickslip_ros.traces.even_samples import (
 from stickslip_ros.traces.hum import MAINS, hum_columns
 from stickslip_ros.traces.slip_edges import edge_kernel
 from stickslip_ros.traces.squares import Squares
-from stickslip_ros.traces.steps import SETTLING
 
 
 @dataclass(frozen=True)

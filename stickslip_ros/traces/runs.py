@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.settled import settled_from
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import format_rows, nanometres
 from stickslip_ros.traces.backstep import ARC, SAMPLES, Backstep
 from stickslip_ros.traces.cycles import Cycles, TraceError
+from stickslip_ros.traces.measured_value import MeasuredValue
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import MeasuredValue, settled_from
 
 if TYPE_CHECKING:
     import pandas

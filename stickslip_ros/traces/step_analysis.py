@@ -15,13 +15,14 @@ from functools import lru_cache
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.motion.settled import settled_from, settled_mean
 from stickslip_ros.traces.backstep import EXACT, SETTINGS, estimate_backstep
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.hum import HUMMING
+from stickslip_ros.traces.measured_value import estimate_settled_mean
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing, may_be_folded
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.steps import estimate_settled_mean, settled_from, settled_mean
 
 #: Length of the fit before a slip, in periods of the drive and of the ringing; of the fit after a
 #: slip, in periods of the ringing.

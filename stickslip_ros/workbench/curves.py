@@ -14,6 +14,12 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.phases import points
+from stickslip_ros.motion.sampling import sample_times
+from stickslip_ros.motion.settled import TRIAL_STEPS
+from stickslip_ros.motion.steps import run_steps
+from stickslip_ros.motion.trace import Trace
 from stickslip_ros.pages.compared import PHASES
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import format_si, scale_of, to_json
@@ -23,10 +29,7 @@ from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import TraceError
 from stickslip_ros.traces.analysis import find_runs
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import main_run
-from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
-from stickslip_ros.traces.trace import Trace, points, sample_times
 from stickslip_ros.workbench.controls import recipes, set_names, shown_values
 
 #: The parameters that steps are drawn over: from, to, whether by factors, points of the curve.

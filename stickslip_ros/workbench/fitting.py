@@ -9,9 +9,9 @@ from typing import Any
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification import identify
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import to_json
-from stickslip_ros.traces.motion import Motion
 
 
 class Fitting:

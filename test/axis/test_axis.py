@@ -19,9 +19,9 @@ from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
-from stickslip_ros.traces import run_steps
 
 T = 0.01  # s, the period at the default 100 Hz
 

@@ -12,7 +12,8 @@ from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.traces import save_csv, trace_at_rate, trace_steps
+from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
+from stickslip_ros.motion.trace import save_csv
 from stickslip_ros.traces.cycle_fit import CycleFit
 
 pytestmark = pytest.mark.slow

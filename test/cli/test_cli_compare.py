@@ -17,9 +17,10 @@ from table_1 import table_1
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.load_motion import load_motion
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.trace import save_csv
 from stickslip_ros.recordings import BagWriter, open_bag
-from stickslip_ros.traces import save_csv, trace_steps
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.version import __version__
 
 pytestmark = pytest.mark.slow

@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from stickslip_ros.cli.main import main
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import Parameters, read_yaml
-from stickslip_ros.traces import run_steps
 
 
 def test_table_5_is_what_it_prints(capsys: pytest.CaptureFixture[str]) -> None:

@@ -49,3 +49,22 @@ def test_a_compiled_run_loads_no_compiler_and_nothing_of_scipy() -> None:
     assert "numba" in modules
     slow = {"scipy.linalg", "scipy.optimize", "scipy.interpolate", "numba.np.linalg", "matplotlib"}
     assert not slow & modules
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from stickslip_ros.cli.main import main; main(['analyse', 'steps_100hz.csv'])",
+        "import stickslip_ros.client",
+        "from stickslip_ros.axis.commands import COMMANDS",
+    ],
+    ids=["analyse", "client", "commands"],
+)
+def test_who_computes_no_motion_loads_no_solver(code: str) -> None:
+    run = _run(f"import sys\n{code}\nprint(*sys.modules, file=sys.stderr)")
+    modules = set(run.stderr.split())
+    if "client" in code and "rclpy" not in modules:
+        pytest.skip("needs rclpy")
+    assert "numpy" in modules or "COMMANDS" in code, run.stderr
+    assert not {"numba", "stickslip_ros.solver", "stickslip_ros.compiled"} & modules

@@ -151,13 +151,13 @@ def test_a_reader_that_goes_away_is_no_error(arguments: str, unbuffered: str) ->
 
 ENDLESS = """
 import sys
-from stickslip_ros import traces
+from stickslip_ros.motion import steps
 from stickslip_ros.cli.main import main
-once = traces.run_steps
+once = steps.run_steps
 def endless(p, steps, *progress):
     while steps > 1:
         once(p, steps, *progress)
-traces.run_steps = endless
+steps.run_steps = endless
 sys.exit(main(["simulate", "--steps", "10000000"]))
 """
 
@@ -226,7 +226,7 @@ sys.exit(main(["simulate"]))
 
 IGNORING = """
 import signal, sys, time
-from stickslip_ros import traces
+from stickslip_ros.motion import steps
 from stickslip_ros.cli.main import main
 class Deaf:
     def __del__(self):
@@ -235,7 +235,7 @@ def endless(*_):
     Deaf()
     while True:
         time.sleep(0.01)
-traces.run_steps = endless
+steps.run_steps = endless
 sys.exit(main(["simulate"]))
 """
 
@@ -303,7 +303,10 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
 
 @pytest.mark.parametrize(
     ("loaded", "who"),
-    [("stickslip_ros.parameters", "stickslip"), ("stickslip_ros.traces", "stickslip simulate")],
+    [
+        ("stickslip_ros.parameters", "stickslip"),
+        ("stickslip_ros.motion.steps", "stickslip simulate"),
+    ],
 )
 def test_ctrl_c_while_it_loads_ends_as_later(loaded: str, who: str) -> None:
     """The options, or what computes, which takes a second."""

@@ -15,9 +15,9 @@ from table_1 import table_1
 from stickslip_ros.cli.main import main
 from stickslip_ros.laws import LEFT_TO_LAW
 from stickslip_ros.model.friction import constants_in_force
+from stickslip_ros.motion.sampling import PlannedRun, trace_runs
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import PARAMETERS, Parameters
-from stickslip_ros.traces import run_steps
-from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 #: The operating point of Table 1, spelt out.

@@ -18,7 +18,7 @@ from live import wait_until
 from table_1 import table_1
 
 from stickslip_ros.emulator.amc import Objects
-from stickslip_ros.traces import run_steps
+from stickslip_ros.motion.steps import run_steps
 
 AMC = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0}
 

@@ -8,7 +8,7 @@ import pytest
 from live import wait_until
 from table_1 import table_1
 
-from stickslip_ros.traces import run_steps
+from stickslip_ros.motion.steps import run_steps
 
 PI = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0, "amplitude": 100.0}
 

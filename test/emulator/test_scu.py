@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.traces import run_steps
+from stickslip_ros.motion.steps import run_steps
 
 SCU = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0}
 #: What sscanf takes apart: integers, numbers, and the letter of a status

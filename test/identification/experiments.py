@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 from bench_traces import Axis, Drive, Sensor, bench_trace
 
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.motion import Motion
 
 #: Starting values over true ones.
 WRONG = {"sigma_0": 2.5, "sigma_1": 0.4, "z_ba": 2.0, "sigma_0ss": 0.4}

@@ -11,8 +11,8 @@ from experiments import holds
 from stickslip_ros.cli.main import main
 from stickslip_ros.identification import IdentificationError, identify, read_curve
 from stickslip_ros.measurement.reading import MeasurementError
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters, read_yaml, yaml_text
-from stickslip_ros.traces.motion import Motion
 
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 

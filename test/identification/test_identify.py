@@ -11,8 +11,8 @@ from bench_traces import Axis, Drive, Sensor, bench_trace
 from experiments import experiment, holds, small, truth_of
 
 from stickslip_ros.identification import Experiment, Fit, IdentificationError, Prior, identify
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.traces.motion import Motion
 
 
 @pytest.fixture(scope="module")

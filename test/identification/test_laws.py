@@ -22,8 +22,8 @@ from stickslip_ros.identification import (
 )
 from stickslip_ros.identification.free import starting_value
 from stickslip_ros.identification.laws import LawScore, free_of_law, rank_laws
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.motion import Motion
 
 AXIS = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
 

@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 from stickslip_ros.identification import Fit, identify
 from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
 from stickslip_ros.identification.free import free_parameters
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.motion import Motion
 
 pytestmark = pytest.mark.slow
 

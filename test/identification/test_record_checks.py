@@ -17,8 +17,8 @@ from stickslip_ros.identification.experiment import (
     is_too_coarse,
     without_repeats,
 )
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 from validation.campaigns.intervals import draw
 

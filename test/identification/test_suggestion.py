@@ -17,8 +17,8 @@ from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.suggestion import CandidateSensor, candidate_of, suggest
 from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.motion import Motion
 
 pytestmark = pytest.mark.slow
 

@@ -18,9 +18,9 @@ from stickslip_ros.identification.noise import (
     whitener,
 )
 from stickslip_ros.identification.trace_fit import BinnedModel, Bins, TraceFit
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 
 

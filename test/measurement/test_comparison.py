@@ -19,17 +19,16 @@ from stickslip_ros.measurement import (
     compare,
     judge,
 )
-from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
+from stickslip_ros.measurement.as_measured import simulate_as_measured, simulate_motion
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.metrics import significant
+from stickslip_ros.motion.motion import Motion
+from stickslip_ros.motion.sampling import PlannedRun, trace_runs, trace_steps
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.measured_value import estimate_settled_mean
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.steps import estimate_settled_mean
-from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
 pytestmark = pytest.mark.slow
 

@@ -26,12 +26,12 @@ from stickslip_ros.measurement.motion_pair import (
     Pairs,
     low_pass,
 )
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.traces.backstep import Backstep
 from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.measured_value import MeasuredValue
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.steps import MeasuredValue
 
 Array = NDArray[np.float64]
 PERIOD = 0.01  # s

@@ -14,7 +14,9 @@ from table_1 import table_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
-from stickslip_ros.traces import run_steps, save_csv, trace_steps
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.steps import run_steps
+from stickslip_ros.motion.trace import save_csv
 
 
 def _true(axis: Axis, drive: Drive) -> tuple[float, float]:

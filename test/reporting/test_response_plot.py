@@ -8,9 +8,9 @@ from matplotlib.text import Annotation
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.phases import points
+from stickslip_ros.motion.sampling import trace_steps
 from stickslip_ros.pages.response import draw_closer, draw_cycles
-from stickslip_ros.traces import trace_steps
-from stickslip_ros.traces.trace import points
 
 
 def marked(axes: Axes) -> dict[str, float]:

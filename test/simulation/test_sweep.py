@@ -17,6 +17,8 @@ from table_1 import table_1
 
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.model.waveforms import drives_of
+from stickslip_ros.motion.settled import MEASURABLE
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting.picture import save_picture
 from stickslip_ros.simulation import operating_points
@@ -31,8 +33,6 @@ from stickslip_ros.simulation.parallel import in_order, threads
 from stickslip_ros.simulation.sweep_metrics import METRICS
 from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep, SweepError, parts_of
 from stickslip_ros.simulation.sweep_result import SweepResult, compute
-from stickslip_ros.traces import run_steps
-from stickslip_ros.traces.steps import MEASURABLE
 
 
 def sweep_of(*ranges: str, metrics: tuple[str, ...] = ("step_size",), **values: Any) -> Sweep:

@@ -8,6 +8,8 @@ import pytest
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.simulation.waveform_search import (
     elongate_step,
@@ -16,7 +18,6 @@ from stickslip_ros.simulation.waveform_search import (
     shape_slip,
     shaping_map,
 )
-from stickslip_ros.traces import run_steps, trace_steps
 
 
 def shaped(p: Parameters, split: float, latency: float) -> Parameters:

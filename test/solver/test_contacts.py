@@ -11,11 +11,12 @@ from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.motion.phases import regime_now
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.simulation.operating_points import steps_of
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.traces import regime_now, run_steps
 from validation.whole_system import WholeSystem
 
 GUIDE: dict[str, Any] = {"contacts": 6, "contact_shares": "guide"}

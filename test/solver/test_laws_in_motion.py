@@ -11,9 +11,9 @@ from table_1 import TABLE_1, table_1
 from stickslip_ros.laws import LEFT_TO_LAW
 from stickslip_ros.model import LAWS, DriveCycle, Plant, friction_force, z_rate
 from stickslip_ros.model.friction import constants_in_force
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
-from stickslip_ros.traces import run_steps
 
 #: Constants of these laws, spelt out; of any other law see `_spelt_out`.
 SPELT_OUT: dict[str, dict[str, Any]] = {

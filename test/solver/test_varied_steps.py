@@ -12,11 +12,11 @@ from table_1 import table_1
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.surface import CycleStart, Surface
 from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.simulation.operating_points import steps_of, zero_amplitudes
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
-from stickslip_ros.traces import run_steps
 from validation.whole_system import aged, positions
 
 ROUGH = {"surface_spread": 0.2, "surface_length": 1e-6}

@@ -15,8 +15,8 @@ from stickslip_ros.traces.analysis import analyse_steps, find_runs
 from stickslip_ros.traces.doubts import doubts_of, find_clipping
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, noise_of, resample_evenly
 from stickslip_ros.traces.folding import shorter_period
+from stickslip_ros.traces.measured_value import MeasuredValue
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import MeasuredValue
 
 FREQUENCY, COUNT = 200.0, 18
 

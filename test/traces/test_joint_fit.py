@@ -21,8 +21,8 @@ from stickslip_ros.traces.even_samples import (
     resample_evenly,
 )
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
+from stickslip_ros.traces.measured_value import MeasuredValue
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import MeasuredValue
 
 Array = NDArray[np.float64]
 

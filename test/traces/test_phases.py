@@ -10,8 +10,9 @@ import pytest
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.phases import phase_now, points, regime_now
+from stickslip_ros.motion.sampling import trace_steps
 from stickslip_ros.solver import Simulation
-from stickslip_ros.traces import phase_now, points, regime_now, trace_steps
 
 P = table_1()
 CYCLE = drive_of(P)

@@ -14,10 +14,13 @@ import pytest
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.phases import points
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.simulation.operating_points import zero_amplitude
 from stickslip_ros.solver import Simulation
-from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
+from stickslip_ros.traces import TraceError, analyse_steps
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.step_analysis import analyse_cycles
 

@@ -11,16 +11,12 @@ import pytest
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.motion.sampling import trace_steps
+from stickslip_ros.motion.settled import MEASURABLE, SETTLING, settled_from, settled_mean
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.simulation.operating_points import zero_amplitude
 from stickslip_ros.solver import Simulation
-from stickslip_ros.traces import run_steps, trace_steps
-from stickslip_ros.traces.steps import (
-    MEASURABLE,
-    SETTLING,
-    settled_from,
-    settled_mean,
-)
 
 
 def test_the_settled_mean_leaves_out_the_start_and_what_is_missing() -> None:

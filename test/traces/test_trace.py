@@ -16,19 +16,13 @@ from table_1 import table_1
 from stickslip_ros.files import WriteError
 from stickslip_ros.model import Plant, drive_of, friction_force
 from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.motion import trace as trace_module
+from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
+from stickslip_ros.motion.steps import run_steps
+from stickslip_ros.motion.trace import Trace, read_csv, save_csv, write_csv
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import CycleResults, Simulation
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.traces import (
-    Trace,
-    read_csv,
-    run_steps,
-    save_csv,
-    trace_at_rate,
-    trace_steps,
-)
-from stickslip_ros.traces import trace as trace_module
-from stickslip_ros.traces.trace import write_csv
 
 P = table_1()
 

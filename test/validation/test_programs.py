@@ -17,8 +17,8 @@ import setuptools
 pytest.importorskip("rclpy")
 
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces import run_steps
 from validation import benchmark
 from validation.benchmark import LIMIT, Effort, accuracy
 from validation.benchmark.__main__ import main as bench

@@ -13,9 +13,9 @@ from table_1 import TABLE_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.traces import TraceError
-from stickslip_ros.traces.motion import Motion
 from stickslip_ros.workbench.controls import (
     CHOICES,
     SLIDERS,

@@ -18,8 +18,8 @@ from dataclasses import replace
 import numpy as np
 from bench_traces import Drive, Sensor, bench_trace, random_axis
 
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.simulation import compare
-from stickslip_ros.traces.motion import Motion
 
 
 def verdict(seed: int) -> tuple[list[str], list[str], bool]:

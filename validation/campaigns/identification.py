@@ -24,8 +24,8 @@ from experiments import experiment, truth_of
 from other_axes import Other, other_trace
 
 from stickslip_ros.identification import RANKED_LAWS, Fit, identify
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.motion import Motion
 
 #: What is measured each time for `next_runs`, s.
 RECORD = 0.02

@@ -30,9 +30,9 @@ from stickslip_ros.measurement.reading.choice import (
 from stickslip_ros.measurement.reading.layout import LARGEST
 from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, numbers_of, read_text_table
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.opening import ReadError, open_regular
 from stickslip_ros.reporting import format_si
-from stickslip_ros.traces.motion import Motion
 
 Reader = Callable[[Path], Table]
 

@@ -19,8 +19,8 @@ from waveform_files import COUNT
 
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading
+from stickslip_ros.motion.motion import Motion
 from stickslip_ros.recordings import BagError
-from stickslip_ros.traces.motion import Motion
 
 pytestmark = pytest.mark.slow
 

@@ -1,28 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run sampled over time; the phases of its steps (Fig. 1) and the points between (Fig. 2)."""
+"""Samples a simulated run over time, with its kinks and turns or at even times."""
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from io import TextIOWrapper
+from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.files import whole_file
-from stickslip_ros.model import Contact, DriveCycle, Plant
+from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.opening import open_regular
+from stickslip_ros.motion.trace import HEADER, Trace, trace_of_rows
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.reporting import format_si
-from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
 
 #: Samples of an even trace, which is a table of some 140 bytes each: a file of 1.4 GB
@@ -35,36 +29,6 @@ _SWINGS = 60.0
 _AT_A_TIME = 100
 #: Two times nearer together than this (s) are one sample: no runner gets anywhere in between
 _NEAREST = 1e-12
-
-
-@dataclass(frozen=True)
-class Trace:
-    """Samples of a run, each of shape (samples,); w and F at a kink are those just after it."""
-
-    t: NDArray[np.float64]  #: time, s
-    x: NDArray[np.float64]  #: runner position, m
-    v: NDArray[np.float64]  #: runner velocity, m/s
-    u: NDArray[np.float64]  #: actuator deflection, m
-    z: NDArray[np.float64]  #: asperity deflection, m
-    w: NDArray[np.float64]  #: differential velocity v - u', m/s
-    force: NDArray[np.float64]  #: friction force F, N
-    #: work of F on the contact since the start, the integral of F w, J: heat, and what each contact
-    #: holds, sigma_0 z^2 / 2; empty where it is not known
-    work: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    #: deflection of each of several contacts, m, shape (contacts, samples); of one it is ``z``
-    each: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
-
-    def __repr__(self) -> str:
-        """Say the trace in one line."""
-        last = format_si(float(self.t[-1]), "s") if len(self.t) else "0 s"
-        return f"Trace({len(self.t)} samples up to {last})"
-
-
-#: Names of the samples with units, in their order; those of several contacts follow.
-HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
-           "deflection (m)", "differential velocity (m/s)", "friction force (N)",
-           "friction work (J)")  # fmt: skip
-_OF_CONTACT = "deflection {} (m)"
 
 
 @dataclass(frozen=True)
@@ -137,14 +101,7 @@ def _trace(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: bo
         rows[7] = _work(plant, np.hstack([last, rows[:8]]), None if rigid else s.u[::2])
         last = rows[:8, -1:]
         parts.append(rows if with_events else rows[:, np.isin(times, part)])
-    return _of_rows(np.hstack(parts)[: None if len(plant.contacts) > 1 else len(HEADER)])
-
-
-def _of_rows(rows: NDArray[np.float64]) -> Trace:
-    """Return the trace of rows in the order of `HEADER`, then those of several contacts."""
-    count = len(HEADER)
-    trace = Trace(*rows[:count])
-    return replace(trace, each=rows[count:]) if len(rows) > count else trace
+    return trace_of_rows(np.hstack(parts)[: None if len(plant.contacts) > 1 else len(HEADER)])
 
 
 def _merge_times(grid: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -253,111 +210,3 @@ def sample_times(drive_cycle: DriveCycle, rate: float) -> NDArray[np.float64]:
         count = int(min(4000, max(100, rate * (end - start))))
         parts.append(np.linspace(start, end, count, endpoint=False))
     return np.concatenate(parts)
-
-
-def write_csv(trace: Trace, file: TextIO) -> None:
-    """Write one line for each sample, below a line of names with units."""
-    writer, columns = csv.writer(file), [getattr(trace, f.name) for f in fields(trace)[:-1]]
-    known = columns if len(trace.work) else columns[:-1]  # earlier versions knew no work
-    writer.writerow(HEADER[: len(known)] + _names_of_contacts(len(trace.each)))
-    writer.writerows(np.column_stack([*known, *trace.each]).tolist())
-
-
-def _names_of_contacts(count: int) -> tuple[str, ...]:
-    return tuple(_OF_CONTACT.format(k + 1) for k in range(count))
-
-
-def read_csv(path: Path) -> Trace:
-    """Read a trace that `save_csv` wrote; ValueError if path holds none; as `open_regular` else."""
-    try:
-        with open_regular(path) as file:
-            reader = csv.reader(TextIOWrapper(file, encoding="utf-8", newline=""))
-            names = tuple(next(reader, ()))
-            each = _names_of_contacts(len(names) - len(HEADER))
-            if names not in (HEADER + each, HEADER[:-1]):  # earlier versions knew no work
-                raise ValueError(f"its first line has to be {','.join(HEADER)}")
-            return _of_rows(np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
-    except (ValueError, TypeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a trace written by simulate --trace: {error}") from None
-
-
-def save_csv(trace: Trace, path: Path) -> None:
-    """Write the trace to path, all of it or nothing; WriteError if that cannot be."""
-    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        write_csv(trace, file)
-
-
-REST, PRESLIDING, STICK, SLOWDOWN, PRESLIDING_BACK, SLIP, SLOWDOWN_BACK = (
-    "rest",
-    "presliding 1",
-    "stick",
-    "slowdown 1",
-    "presliding 2",
-    "slip",
-    "slowdown 2",
-)
-
-
-def regime_now(simulation: Simulation) -> str:
-    """Return "elastic", "mixed" or "plastic": how the contact deforms at the present time.
-
-    Several contacts are mixed while some slide and others stick.
-    """
-    alpha = simulation.alpha
-    return "elastic" if alpha == 0.0 else "plastic" if alpha == 1.0 else "mixed"
-
-
-def phase_now(simulation: Simulation) -> str:
-    """Return the phase of the step at the present time, one of the seven of Fig. 1."""
-    state = simulation.state
-    if simulation.cycles_left == 0:
-        return SLOWDOWN_BACK if simulation.stepping_back else REST
-    if simulation.slipping:
-        if state.z * state.w < 0.0:
-            return SLOWDOWN
-        return PRESLIDING_BACK if regime_now(simulation) == "elastic" else SLIP
-    if simulation.stepping_back:
-        return SLOWDOWN_BACK
-    started = simulation.cycles_done > 0 or abs(state.v) >= abs(state.rate)
-    return STICK if started else PRESLIDING
-
-
-def points(trace: Trace, drive_cycle: DriveCycle, contact: Contact, cycle: int) -> dict[str, float]:
-    """Return the times (s) of the points A to F of Fig. 2 in one cycle of a trace.
-
-    A: the cycle begins. B: the runner has become as fast as the actuator. C: the slip begins.
-    D: the contact, bent the other way, breaks away. E: lowest point of the backstep. F: the
-    asperities have unbent, the runner rings from here on. nan where a point does not occur; E and
-    F may lie in the next cycle.
-    """
-    start = cycle * drive_cycle.period
-    slip = start + float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
-    end = slip + drive_cycle.slip_duration
-    sign = drive_cycle.sign
-    t = trace.t
-    found = {"A": start, "C": slip}
-    found["B"] = _first(t, (t > start) & (t < slip) & (sign * trace.w >= 0.0))
-    broken = (t > slip) & (t <= end) & (sign * trace.z >= contact.z_ba)
-    found["D"] = _first(t, broken)
-    after = t >= slip
-    back = after & (sign * trace.v < 0.0)
-    turned = _first(t, back)
-    up = (t > turned) & (sign * trace.v >= 0.0)
-    over = after & (t <= _first(t, up & (t >= end)))  # a slip in parts may turn it more than once
-    lowest = _first(t, up & (t >= t[np.argmin(np.where(over, sign * trace.x, np.inf))]))
-    found["E"] = _standstill(trace, lowest)
-    found["F"] = _first(t, (t > lowest) & (sign * trace.z >= 0.0))
-    return dict(sorted(found.items()))
-
-
-def _standstill(trace: Trace, after: float) -> float:
-    """Return when (s) the runner stands still between a sample, at time after, and the last one."""
-    at = int(np.searchsorted(trace.t, after))
-    if math.isnan(after) or at == 0 or trace.v[at] * trace.v[at - 1] >= 0.0:
-        return after
-    part = trace.v[at] / (trace.v[at] - trace.v[at - 1])
-    return float(after - part * (after - trace.t[at - 1]))
-
-
-def _first(t: np.ndarray, where: np.ndarray) -> float:
-    return float(t[np.argmax(where)]) if where.any() else math.nan
