@@ -30,7 +30,8 @@ from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.parameters.groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
-from stickslip_ros.recordings.cdr import JOINT_STATE_TYPE, decode_messages, fields_of, stamp_of
+from stickslip_ros.recordings.cdr import decode_messages, fields_of
+from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, stamp_of
 
 
 class LoadedMotion(NamedTuple):

@@ -1,28 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings: rosbag2 folders written, read, recovered; the runs in them, resimulation; no ROS."""
+"""Recordings: rosbag2 folders written, read, recovered; the runs in them, resimulation; no ROS.
+
+Each name is loaded when it is used.
+"""
 
 from typing import TYPE_CHECKING
 
 from stickslip_ros.lazy_names import lazy_names
-from stickslip_ros.recordings.cdr import (
-    STATUS_TYPE,
-    Status,
-    decoder_for,
-    definition_from_fields,
-    encoder_for,
-    nanoseconds,
-    schema_text,
-    statuses,
-)
-from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.mcap_records import BagMessage
-from stickslip_ros.recordings.metadata import TopicDescription
-from stickslip_ros.recordings.qos import OfferedQos, qos_yaml
-from stickslip_ros.recordings.reader import BagReader, open_bag
-from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover
-from stickslip_ros.recordings.writer import COMPRESSIONS, BagWriter
+
+_PLACES = {
+    "message_types": "STATUS_TYPE definition_from_fields nanoseconds schema_text",
+    "cdr": "Status decoder_for encoder_for statuses",
+    "errors": "BagError",
+    "mcap_records": "BagMessage",
+    "metadata": "TopicDescription",
+    "qos": "OfferedQos qos_yaml",
+    "reader": "BagReader open_bag",
+    "recovery": "Recovered bytes_of recover",
+    "writer": "COMPRESSIONS BagWriter",
+    "resimulation": "Resimulated resimulate",
+    "runs": "describe recorded_axes recorded_runs recorded_states",
+}
 
 if TYPE_CHECKING:
+    from stickslip_ros.recordings.cdr import Status, decoder_for, encoder_for, statuses
+    from stickslip_ros.recordings.errors import BagError
+    from stickslip_ros.recordings.mcap_records import BagMessage
+    from stickslip_ros.recordings.message_types import (
+        STATUS_TYPE,
+        definition_from_fields,
+        nanoseconds,
+        schema_text,
+    )
+    from stickslip_ros.recordings.metadata import TopicDescription
+    from stickslip_ros.recordings.qos import OfferedQos, qos_yaml
+    from stickslip_ros.recordings.reader import BagReader, open_bag
+    from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover
     from stickslip_ros.recordings.resimulation import Resimulated, resimulate
     from stickslip_ros.recordings.runs import (
         describe,
@@ -30,6 +43,9 @@ if TYPE_CHECKING:
         recorded_runs,
         recorded_states,
     )
+    from stickslip_ros.recordings.writer import COMPRESSIONS, BagWriter
+else:
+    __getattr__ = lazy_names(__name__, _PLACES)
 
 __all__ = [
     "COMPRESSIONS",
@@ -59,10 +75,3 @@ __all__ = [
     "schema_text",
     "statuses",
 ]
-
-_PLACES = {
-    "resimulation": "Resimulated resimulate",
-    "runs": "describe recorded_axes recorded_runs recorded_states",
-}
-if not TYPE_CHECKING:  # what needs the axis, whose compiled parts take a second to load
-    __getattr__ = lazy_names(__name__, _PLACES)

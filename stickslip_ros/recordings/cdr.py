@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Converts messages from and to their serialized form (CDR), by the schema in the bag, without ROS.
 
-Also yields the fields of messages by name, and diagnostic statuses, the form of events; and makes
-schemas (``ros2msg``): the definitions of a type and of all types inside. Where these come from is
-the caller's affair: a callable gives the ``.msg`` text of a type, either the installed file or what
-:func:`definition_from_fields` makes of its fields.
+Also yields the fields of messages by name, and diagnostic statuses, the form of events.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.records import Schema
@@ -21,27 +17,14 @@ from mcap_ros2.decoder import DecoderFactory
 
 from stickslip_ros.recordings.errors import BagError, short
 from stickslip_ros.recordings.mcap_records import BagMessage
+from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, STATUS_TYPE, nanoseconds
 from stickslip_ros.recordings.metadata import CDR, TopicDescription
 
 if TYPE_CHECKING:
     from stickslip_ros.recordings.reader import BagReader
 
-STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
-JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 # Characters; the parser takes seconds for more. The largest of ROS itself have a third of it.
 _LARGEST_SCHEMA = 64 * 1024
-_NUMBERS = {f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)}
-_PRIMITIVES = _NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
-
-_SEPARATOR = "=" * 80
-_IDL_NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
-#: What IDL calls a sequence, an array and a string with a limit, and the words of ``.msg`` for it
-_IDL_FORMS = (
-    (re.compile(r"sequence<(.+), *(\d+)>"), "[<={}]"),
-    (re.compile(r"sequence<(.+)()>"), "[{}]"),
-    (re.compile(r"(.+)\[(\d+)\]"), "[{}]"),
-    (re.compile(r"(w?string)<(\d+)>"), "<={}"),
-)
 
 
 class _Bounded(bytes):
@@ -55,17 +38,6 @@ class _Bounded(bytes):
         if isinstance(key, slice) and key.stop > len(self):
             raise ValueError("it ends too early")
         return super().__getitem__(key)
-
-
-def nanoseconds(stamp: Any) -> int:
-    """Return a builtin_interfaces/Time in ns; it may be negative, which rclpy refuses."""
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
-def stamp_of(message: Any, recorded_ns: int) -> int:
-    """Return the time (ns) in the header of a message; when it was recorded if there is none."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return (nanoseconds(stamp) if stamp else 0) or recorded_ns
 
 
 def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
@@ -209,55 +181,3 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
             raise not_of_type(bag, topic_name, error) from None
         for status in read:
             yield Status(found.log_ns, stamp_ns, *status)
-
-
-def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
-    """Return the full ``ros2msg`` schema of a message type.
-
-    type_name: such as ``sensor_msgs/msg/JointState``; definition_of: gives the ``.msg`` text of a
-    type named that way; what it raises for a type it does not know goes through to the caller.
-    """
-    definitions = {type_name: definition_of(type_name)}
-    waiting = [type_name]
-    while waiting:
-        current = waiting.pop(0)
-        for inner in _referenced_types(definitions[current], current.split("/")[0]):
-            if inner not in definitions:
-                definitions[inner] = definition_of(inner)
-                waiting.append(inner)
-    top, *others = definitions.items()
-    parts = [top[1].rstrip() + "\n"]
-    for name, definition in others:
-        package, _, kind = name.split("/")
-        parts.append(f"{_SEPARATOR}\nMSG: {package}/{kind}\n{definition.rstrip()}\n")
-    return "".join(parts)
-
-
-def _referenced_types(definition: str, package: str) -> Iterator[str]:
-    """Yield the message types (``package/msg/Type``) named in the fields of a ``.msg`` text.
-
-    package: the package of the definition itself, for types written without one.
-    """
-    for line in definition.splitlines():
-        words = line.split("#", 1)[0].split()
-        item = re.split(r"[\[<]", words[0], maxsplit=1)[0] if words else "bool"
-        if item not in _PRIMITIVES:
-            *given_package, kind = item.split("/")
-            yield f"{given_package[0] if given_package else package}/msg/{kind}"
-
-
-def definition_from_fields(fields: Mapping[str, str]) -> str:
-    """Return a ``.msg`` text for the fields of a message: names to types in IDL words.
-
-    The names and types are those of ``get_fields_and_field_types()`` of a generated message class.
-    Constants, defaults and comments are not in there and so not in the text; they do not change
-    how a message is read.
-    """
-    return "".join(f"{_field_type(idl)} {name}\n" for name, idl in fields.items())
-
-
-def _field_type(idl: str) -> str:
-    for form, end in _IDL_FORMS:
-        if match := form.fullmatch(idl):
-            return _field_type(match[1]) + end.format(match[2])
-    return _IDL_NAMES.get(idl, idl)

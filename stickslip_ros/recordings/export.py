@@ -12,15 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.files import whole_file, whole_folder
-from stickslip_ros.recordings.cdr import (
-    STATUS_TYPE,
-    decode_messages,
-    decoder_for,
-    fields_of,
-    not_of_type,
-    stamp_of,
-)
+from stickslip_ros.recordings.cdr import decode_messages, decoder_for, fields_of, not_of_type
 from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.message_types import STATUS_TYPE, stamp_of
 from stickslip_ros.recordings.reader import BagReader
 
 #: The first columns of every table: s since the start of the bag by the stamp in the message, or

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -17,44 +17,15 @@ from stickslip_ros.axis.events import (
     is_set_point,
     unpack_set_points,
 )
-from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
-from stickslip_ros.recordings.cdr import (
-    STATUS_TYPE,
-    decode_messages,
-    nanoseconds,
-    not_of_type,
-    statuses,
-)
+from stickslip_ros.axis.joints import Joints, contact_joints, joints_of
+from stickslip_ros.parameters.groups import CONTACT_SUFFIX, SLIDER
+from stickslip_ros.recordings.cdr import decode_messages, not_of_type, statuses
 from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.message_types import STATUS_TYPE, nanoseconds
 from stickslip_ros.recordings.reader import BagReader
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis
-
-#: Of each joint in a state message: the end of its name, position, velocity, effort (None: unknown)
-Joints = Sequence[tuple[str, float, float, float | None]]
-
-
-def joints_of(axis: Axis) -> Joints:
-    """Return slider and piezo; the friction force on the slider is -F, on the piezo +F."""
-    state = axis.state
-    return (
-        (SLIDER, state.x, state.v, -state.force),
-        (PIEZO, state.u, state.rate, state.force),
-    )
-
-
-def contact_joints(axis: Axis) -> Joints:
-    """Return deflection and differential velocity of the contact, and the friction force.
-
-    Of several contacts that is their mean, and the whole force; the deflections of each follow.
-    """
-    state = axis.state
-    each = axis.simulation.deflections.tolist() if axis.parameters.friction.contacts > 1 else ()
-    return (
-        (CONTACT_SUFFIX, state.z, state.w, state.force),
-        *((f"{CONTACT_SUFFIX}_{k}", z, state.w, None) for k, z in enumerate(each, 1)),
-    )
 
 
 class Sample(NamedTuple):

@@ -25,9 +25,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
+from stickslip_ros.axis.joints import Joints
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.recordings import definition_from_fields, nanoseconds
-from stickslip_ros.recordings.runs import Joints
+from stickslip_ros.recordings.message_types import definition_from_fields, nanoseconds
 from stickslip_ros.ros.topics import OutputTopic
 
 #: Size of the message of a command: room for the longest trajectory that an axis takes

@@ -11,7 +11,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from stickslip_ros.recordings import OfferedQos, TopicDescription, schema_text
+from stickslip_ros.recordings import OfferedQos, TopicDescription
+from stickslip_ros.recordings.message_types import schema_text
 from stickslip_ros.ros.messages import message_class, message_definition
 
 # At 1 kHz, ten seconds of messages may wait for us while the machine has no time; those of one

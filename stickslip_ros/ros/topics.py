@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from stickslip_ros.axis.command import FLOAT64, JOINT_STATE, TRAJECTORY
-from stickslip_ros.recordings.cdr import STATUS_TYPE as STATUSES
-from stickslip_ros.recordings.runs import Joints, contact_joints, joints_of
+from stickslip_ros.axis.joints import Joints, contact_joints, joints_of
+from stickslip_ros.recordings.message_types import STATUS_TYPE as STATUSES
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.pages.twin import TwinStory
-from stickslip_ros.recordings.cdr import nanoseconds
+from stickslip_ros.recordings.message_types import nanoseconds
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.ros.process import SpinThread
 from stickslip_ros.twin import TrackedParameter

@@ -33,7 +33,7 @@ from stickslip_ros.errors import UsageError
 from stickslip_ros.identification.posterior import find_posterior
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.groups import AXIS_NODE, SLIDER
-from stickslip_ros.recordings.cdr import nanoseconds
+from stickslip_ros.recordings.message_types import nanoseconds
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.ros.followed_clock import FollowedClock, follows
 from stickslip_ros.ros.guarded_node import GuardedNode

@@ -14,13 +14,8 @@ import pytest
 from bags import EVENTS, JOINTS, STEPS, STORE, event, int32, joint_state, serialized, topic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from stickslip_ros.recordings import (
-    BagError,
-    TopicDescription,
-    decoder_for,
-    definition_from_fields,
-    schema_text,
-)
+from stickslip_ros.recordings import BagError, TopicDescription, decoder_for
+from stickslip_ros.recordings.message_types import definition_from_fields, schema_text
 
 
 def test_the_messages_of_an_axis_are_decoded() -> None:

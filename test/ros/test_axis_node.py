@@ -19,9 +19,9 @@ from sensor_msgs.msg import JointState
 from table_1 import table_1
 
 from stickslip_ros.axis import Axis
+from stickslip_ros.axis.joints import contact_joints
 from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.recordings.runs import contact_joints
 from stickslip_ros.ros import diagnostics
 from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient, CommandRefused

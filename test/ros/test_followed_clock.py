@@ -18,7 +18,8 @@ from std_msgs.msg import Float64, Int32
 from table_1 import TABLE_1
 
 from stickslip_ros.errors import StickslipError, UsageError
-from stickslip_ros.recordings import BagWriter, TopicDescription, schema_text
+from stickslip_ros.recordings import BagWriter, TopicDescription
+from stickslip_ros.recordings.message_types import schema_text
 from stickslip_ros.ros.axis_host import axis_or_host
 from stickslip_ros.ros.followed_clock import follows
 from stickslip_ros.ros.messages import message_definition

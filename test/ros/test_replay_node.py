@@ -17,7 +17,8 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
-from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, schema_text
+from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
+from stickslip_ros.recordings.message_types import schema_text
 from stickslip_ros.ros.messages import message_definition
 from stickslip_ros.ros.replay_node import Timetable, main, offered_qos, with_ticks
 

@@ -24,7 +24,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import UsageError
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.recordings.cdr import nanoseconds
+from stickslip_ros.recordings.message_types import nanoseconds
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.ros.messages import diagnostic_array, event_status, stamp
 from stickslip_ros.ros.twin_listener import TwinListener

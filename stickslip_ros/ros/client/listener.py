@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.parameters.groups import SLIDER
-from stickslip_ros.recordings import nanoseconds
+from stickslip_ros.recordings.message_types import nanoseconds
 from stickslip_ros.reporting import format_si
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.topics import DESCRIPTION, DIAGNOSTICS, EVENTS, JOINTS, SET_POINTS, STATUS
