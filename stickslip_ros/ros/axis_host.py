@@ -26,12 +26,12 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import STEPS_OF_TIME
 from stickslip_ros.axis.faults import VANISH
 from stickslip_ros.compiled import report_compilation
+from stickslip_ros.emulator import CONTROLLERS
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.diagnostics import Diagnostics
-from stickslip_ros.ros.emulation import emulate_if_asked
 from stickslip_ros.ros.followed_clock import follows
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
@@ -41,7 +41,7 @@ from stickslip_ros.ros.messages import (
     read_command,
     why_not,
 )
-from stickslip_ros.ros.own_parameters import AXES, OF_PROCESS
+from stickslip_ros.ros.own_parameters import AXES, EMULATE, EMULATE_PORT, OF_PROCESS
 from stickslip_ros.ros.process import Runnable, run
 from stickslip_ros.ros.sim_loop import SimLoop
 
@@ -70,7 +70,20 @@ def axis_or_host(arguments: Sequence[str] | None = None, **options: Any) -> Runn
     called = [node.get_fully_qualified_name() for node in made.nodes]
     for text in node_parameters.unused_files(sys.argv if arguments is None else arguments, called):
         made.nodes[0].get_logger().warning(text)
-    return emulate_if_asked(made)
+    return _emulate_if_asked(made)
+
+
+def _emulate_if_asked(axes: Runnable) -> Runnable:
+    """Return axes, also served as a controller if the parameter ``emulate`` names one."""
+    node = axes.nodes[0]
+    name, port = (node_parameters.declare_own(node, one) for one in (EMULATE, EMULATE_PORT))
+    if not name:
+        return axes
+    from stickslip_ros.ros.emulation import Emulation  # asyncio, 0.1 s
+
+    if name in CONTROLLERS and port < 0:
+        port = CONTROLLERS[name].port
+    return Emulation(axes, name, port)
 
 
 class AxisHost(GuardedNode):

@@ -16,11 +16,10 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.task import Future
 
-from stickslip_ros.emulator import CONTROLLERS, ServerThread, controller_of
+from stickslip_ros.emulator import ServerThread, controller_of
 from stickslip_ros.errors import UsageError
 from stickslip_ros.ros.axis_node import AxisNode
-from stickslip_ros.ros.node_parameters import declare_own
-from stickslip_ros.ros.own_parameters import EMULATE, EMULATE_PORT
+from stickslip_ros.ros.own_parameters import EMULATE_PORT
 from stickslip_ros.ros.process import Runnable
 
 _TICK_S = 0.1  # each takes a round of the executor
@@ -101,14 +100,3 @@ class Emulation:
             done(result, error)
         for node in self._axes:
             node.publish_events()
-
-
-def emulate_if_asked(axes: Runnable) -> Runnable:
-    """Return axes, also served as a controller if the parameter ``emulate`` names one."""
-    node = axes.nodes[0]
-    name, port = declare_own(node, EMULATE), declare_own(node, EMULATE_PORT)
-    if not name:
-        return axes
-    if name in CONTROLLERS and port < 0:
-        port = CONTROLLERS[name].port
-    return Emulation(axes, name, port)

@@ -22,7 +22,7 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.solver.arc_dispatch import friction_at
 from stickslip_ros.solver.arc_motion import turns_within
 from stickslip_ros.solver.event_loop import (
-    heat_since,
+    friction_work_since,
     open_account,
     period_of,
     repeat,
@@ -237,7 +237,7 @@ def anchor(plant: NDArray, axis: NDArray, x: float, v: float, z: float) -> None:
     s.cycle_z = math.nan  # a cycle with two plants is not repeated
     s.x, s.v, s.z = s.now_x, s.now_v, s.now_z = x, v, z
     s.rate = s.now_rate
-    s.heat += heat_since(s, plant_in(plant), s.tau - s.open_tau)
+    s.friction_work += friction_work_since(s, plant_in(plant), s.tau - s.open_tau)
     open_account(s)
 
 

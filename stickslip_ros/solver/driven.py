@@ -46,7 +46,7 @@ _FIRST_REST = 1e-3
 _NEARLY_AS_FAST = 0.7
 _STANDING = np.array([[1.0], [0.0]])
 #: What the kernel knows of a cycle that has ended
-_OF_LAST_CYCLE = ("cycle_x", "last_step", "last_heat")
+_OF_LAST_CYCLE = ("cycle_x", "last_step", "last_friction_work")
 #: Begin and end of the slip of a drive cycle that has none, s
 _NO_SLIP = (math.inf, math.inf)
 

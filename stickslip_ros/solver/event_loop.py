@@ -40,7 +40,7 @@ from stickslip_ros.solver.oscillator import Oscillator, half_period, propagate
 from stickslip_ros.solver.stops import (
     arc_to_stop,
     held_arc,
-    held_heat,
+    held_friction_work,
     holding_stop,
     make_held_plant,
 )
@@ -57,7 +57,7 @@ _STRAIGHT_WITHIN = 4e-12
 _SLIDING_WITHIN = 4e-14
 #: A bent piece shorter than this, in units of the ringing, is run as a straight line, which ends in
 #: the same state: its acceleration would hold the contact at a deflection so large that differences
-#: from it, and the heat that follows from these, are lost to rounding
+#: from it, and the friction work that follows from these, are lost to rounding
 _SHORTEST_BENT = 1e-5
 #: Largest difference at the start of two equal cycles, as a fraction of the tolerance
 REPEATED = 1e-3
@@ -113,7 +113,7 @@ def solve_cycles(
         _track_backstep(plant, s, kernel, limits.resting)
         _pass_arc(plant, s, arc, contacts)
         if straightened:
-            s.heat += heat_since(s, plant, s.tau - s.open_tau)
+            s.friction_work += friction_work_since(s, plant, s.tau - s.open_tau)
             open_account(s)
             s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
         if arc.length < limits.limit:
@@ -264,11 +264,11 @@ def _pass_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray 
     s.tau, s.x, s.v, s.z = s.tau + arc.length, x, v, arc.z_end
     s.v_most = max(s.v_most, abs(v))
     if s.stopped != 0:
-        s.heat += held_heat(arc, plant)
+        s.friction_work += held_friction_work(arc, plant)
         open_account(s)
     elif arc.hit != 0:  # its remaining kinetic energy goes into the stop
         s.x = s.low if arc.hit < 0 else s.high
-        s.heat += heat_since(s, plant, s.tau - s.open_tau)
+        s.friction_work += friction_work_since(s, plant, s.tau - s.open_tau)
         s.v = 0.0
         open_account(s)
         s.stopped, s.hits = arc.hit, s.hits + 1
@@ -279,7 +279,7 @@ def _move_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDA
     """Move each contact to the end of the arc, and correct the energy of their mean deflection.
 
     The correction is the elastic energy of all contacts minus that of the mean deflection; for a
-    runner held by a stop, also the heat of all dampers minus that of the mean.
+    runner held by a stop, also the work of all dampers minus that of the mean.
     """
     mean = arc.z_end = mean_at_end(contacts)
     stored = -0.5 * plant.sigma_0 * (mean * mean - s.z * s.z)
@@ -288,16 +288,16 @@ def _move_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDA
         stored += 0.5 * c.sigma_0 * (c.z_end * c.z_end - c.z * c.z)
         damped += c.sigma_1 * (c.z_end - c.z)
         c.z, c.second = c.z_end, c.second_end
-    s.heat -= stored
+    s.friction_work -= stored
     if s.stopped != 0:
-        s.heat -= s.rate * damped
+        s.friction_work -= s.rate * damped
 
 
 @compiled
 def _pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
     """Begin the next segment, where the rate changes; return whether that ends the cycle."""
     duration = drive[0, s.segment]
-    s.heat += heat_since(s, plant, duration - s.open_tau)
+    s.friction_work += friction_work_since(s, plant, duration - s.open_tau)
     s.since += duration
     s.tau = 0.0
     open_account(s)
@@ -310,14 +310,14 @@ def _pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
 
 @compiled
 def open_account(s: np.record) -> None:
-    """Start the energy balance of `heat_since` at the anchor."""
+    """Start the energy balance of `friction_work_since` at the anchor."""
     s.open_tau, s.open_x, s.open_v, s.open_z = s.tau, s.x, s.v, s.z
     s.impulse = 0.0
 
 
 @compiled
-def heat_since(s: np.record, plant: np.record, duration: float) -> float:
-    """Return the heat (J) of the contact since `open_account`.
+def friction_work_since(s: np.record, plant: np.record, duration: float) -> float:
+    """Return the friction work (J) of the contact since `open_account`.
 
     It is the work F w of both bodies on the contact minus its elastic energy. It follows from
     momentum and energy of the runner at the ends: F dt = -m dv + (F_ext - k x) dt, over duration
@@ -356,13 +356,13 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
         and (plant.spring == 0.0 or abs(step) <= close)
     ):  # it ended in the state in which it began, one step further
         s.steady = 1
-    s.last_step, s.last_heat = step, s.heat
+    s.last_step, s.last_friction_work = step, s.friction_work
     s.last_z_max, s.last_z_min = s.z_max, s.z_min
     s.cycle_x, s.cycle_v, s.cycle_z = s.x, s.v, s.z
     s.z_max = s.z_min = s.z
     s.last_x_min, s.last_x_max = s.x_min, s.x_max
     s.x_min = s.x_max = s.x
-    s.heat = 0.0
+    s.friction_work = 0.0
     if contacts is not None:  # it repeats only if every contact ends it as it began
         for c in contacts:
             if not abs(c.z - c.cycle_z) <= close:
@@ -400,7 +400,7 @@ def write_row(s: np.record, rows: NDArray, at: int) -> None:
     if at < len(rows):
         row = rows[at]
         row[0], row[1] = s.x, s.backstep
-        row[2], row[3], row[4] = s.last_z_max, s.last_z_min, s.last_heat
+        row[2], row[3], row[4] = s.last_z_max, s.last_z_min, s.last_friction_work
 
 
 @compiled

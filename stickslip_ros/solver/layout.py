@@ -100,13 +100,13 @@ STATE = _record(
     *_numbers("f8", "rate bend"),  # u', m/s, and u'', m/s^2
     # -- the running cycle
     *_numbers("f8", "z_max z_min"),  # extreme deflections, m
-    ("heat", "f8"),  # energy turned into heat in the contact, J
+    ("friction_work", "f8"),  # friction work: energy lost in the contact, J
     *_numbers("f8", "cycle_x cycle_v cycle_z"),  # at its start; cycle_z nan if the plant changed
     *_numbers("f8", "x_min x_max"),  # extreme positions at its events, m
     ("slid", "f8"),  # distance (m) that the contact has slid, in solved cycles, since the start
     ("v_most", "f8"),  # largest speed at an event since this was set to 0, m/s
-    # -- the last whole cycle; step and heat are nan before the first
-    *_numbers("f8", "last_step last_heat last_z_max last_z_min last_x_min last_x_max"),
+    # -- the last whole cycle; step and friction work are nan before the first
+    *_numbers("f8", "last_step last_friction_work last_z_max last_z_min last_x_min last_x_max"),
     # -- the account of energy, opened at the start of the segment or where the plant changed
     *_numbers("f8", "open_tau open_x open_v open_z"),
     ("impulse", "f8"),  # of the spring since then, N s

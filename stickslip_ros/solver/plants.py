@@ -96,7 +96,7 @@ def set_contacts(buffer: Array | None, plant: Plant) -> None:
 
 _NEVER_MOVED = np.zeros(KERNEL_SIZE)
 for _name, _value in {
-    **dict.fromkeys(("backstep", "last_step", "last_heat"), math.nan),
+    **dict.fromkeys(("backstep", "last_step", "last_friction_work"), math.nan),
     **dict.fromkeys(("low", "near_low"), -math.inf),
     **dict.fromkeys(("high", "near_high"), math.inf),
     "replay": 1,
@@ -159,7 +159,7 @@ def begin_cycles(
     s = kernel_in(axis).state
     s.start, s.level, s.count = t, s.now_u, count
     s.shift, s.slip, s.slip_end, s.sign = cycle
-    s.tau = s.since = s.heat = 0.0
+    s.tau = s.since = s.friction_work = 0.0
     s.x = s.cycle_x = s.x_min = s.x_max = s.now_x
     s.v = s.cycle_v = s.now_v
     s.z = s.cycle_z = s.z_min = s.z_max = s.now_z

@@ -77,7 +77,7 @@ class CycleResults:
     backstep: Array  #: of the last complete slip, m; nan before the first
     z_max: Array  #: largest asperity deflection, m
     z_min: Array  #: smallest asperity deflection, m
-    lost: Array  #: energy turned into heat in the contact, J
+    lost: Array  #: friction work: energy lost in the contact, J
 
 
 def check_closed(drive_cycle: DriveCycle, count: int) -> None:
@@ -228,7 +228,7 @@ class Simulation:
     @property
     def last_lost(self) -> float:
         """Energy (J) lost in the contact over the last whole cycle; nan before the first."""
-        return float(self._s["last_heat"])
+        return float(self._s["last_friction_work"])
 
     @property
     def slipping(self) -> bool:

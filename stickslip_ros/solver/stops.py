@@ -121,8 +121,8 @@ _release = bisection(_is_pressed)
 
 
 @compiled
-def held_heat(arc: np.record, plant: np.record) -> float:
-    """Return the energy (J) that the contact turns into heat over the arc of a held runner."""
+def held_friction_work(arc: np.record, plant: np.record) -> float:
+    """Return the energy (J) of friction work over the arc of a held runner."""
     h, rate, z0, z1 = arc.length, arc.rate, arc.z, arc.z_end
     z_sum = 0.5 * (z0 + z1) * h  # of an arc along which z is linear
     if arc.kind == TAYLOR:
