@@ -46,6 +46,7 @@ hypothesis.settings.load_profile("any machine")
 REAL_TIME = frozenset({"cli", "emulator", "examples", "ros", "testing", "validation"})
 #: Fixtures for tests with DDS, programs or sockets, none of which is quick.
 SLOW = frozenset({"stickslip_domain", "start_module", "emulate", "browser"})
+NO_BROWSER = "no browser for the tests of pages: apt-get install chromium"
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -66,6 +67,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_report_header() -> str:
     """Say what is left out as a whole."""
     return "" if importlib.util.find_spec("rclpy") else "no rclpy: test/ros is left out"
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Let the summary count what lacks a browser in one line, not in one for each place."""
+    for report in terminalreporter.stats.get("skipped", ()):
+        if NO_BROWSER in str(report.longrepr):
+            report.longrepr = (__file__, None, NO_BROWSER)
 
 
 def pytest_xdist_auto_num_workers() -> int:
@@ -179,7 +187,7 @@ def browser() -> Iterator[Browser]:
     names = ("chromium", "chromium-browser", "google-chrome")
     program = next(filter(None, map(shutil.which, names)), None)
     if not program:
-        pytest.skip("no Chromium on this machine: apt install chromium")
+        pytest.skip(NO_BROWSER)
     with api.sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
         yield found
