@@ -58,6 +58,7 @@ def test_bash_completes_subcommands_options_and_files(
         assert expected in completed(script, ["stickslip", *words], tmp_path), words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shell", SHELLS)
 def test_a_shell_can_read_its_script(scripts: dict[str, Path], shell: str) -> None:
     text = scripts[shell].read_text(encoding="utf-8")

@@ -71,6 +71,7 @@ def _levels(bag: BagReader) -> dict[str, int]:
     return {one.message: one.level for one in statuses(bag, "/stickslip_axis/events")}
 
 
+@pytest.mark.slow
 def test_runs_of_the_plain_drive_are_what_they_were() -> None:
     for name, options in SIMULATED.items():
         found, golden = simulated(options), GOLDEN["plain"][name]
@@ -80,6 +81,7 @@ def test_runs_of_the_plain_drive_are_what_they_were() -> None:
             assert positions_of(found) == pytest.approx(positions_of(golden), abs=ROUNDING), name
 
 
+@pytest.mark.slow
 def test_runs_with_effects_are_what_they_were() -> None:
     for name, options in WITH_EFFECTS.items():
         found, golden = simulated(options), GOLDEN["effects"][name]

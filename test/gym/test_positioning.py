@@ -50,6 +50,7 @@ def test_gymnasium_finds_nothing_wrong() -> None:
     check_env(gymnasium.make(ID, task="hold", ranges=voltage).unwrapped)
 
 
+@pytest.mark.slow
 def test_a_vector_has_the_bits_of_its_axes_alone() -> None:
     """Episodes end and begin anew on the way; changes of parameters act."""
     for task in TASKS.values():

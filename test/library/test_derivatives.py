@@ -106,6 +106,7 @@ def test_random_drives_against_converged_differences(count: int) -> None:
     assert max(known) < RIGHT
 
 
+@pytest.mark.slow
 def test_a_step_over_the_top_of_a_swing_leaves_out_no_yielding() -> None:
     """Swings end just beyond z_ba, one after the other; the third step was 8e-5 off by the mass."""
     p = ss.Parameters.of(

@@ -65,6 +65,7 @@ def test_simulate_tells_the_band(file: str, capsys: pytest.CaptureFixture[str]) 
     assert "50 draws of the ensemble lie within" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_sweep_has_a_band_for_each_metric(
     file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

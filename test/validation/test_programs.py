@@ -34,6 +34,7 @@ from validation.control import axis_loop, learned_feedforward, steps_then_scan
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.slow
 def test_bench_compares_with_peers_and_names_those_that_are_missing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -69,10 +70,12 @@ def test_the_solver_keeps_its_promise_on_sets_by_lot(count: int) -> None:
     assert found.judged
 
 
+@pytest.mark.slow
 def test_corners_of_all_ranges_end_well() -> None:
     assert accuracy.campaign(12, seed=3, corners=True).findings == []
 
 
+@pytest.mark.slow
 def test_what_an_unstable_motion_makes_of_an_error_is_no_error_of_the_solver() -> None:
     """A ringing under a narrow Stribeck curve; but a cycle by itself has to keep the bar."""
     ringing: dict[str, Any] = {
@@ -105,6 +108,7 @@ def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
     assert "there is no campaign 'fizz'; known: accuracy, " in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["guide", pytest.param("emulate", marks=pytest.mark.long)])
 def test_ctrl_c_ends_a_command_soon_and_leaves_nothing_half(
     name: str, capsys: pytest.CaptureFixture[str]
@@ -120,11 +124,13 @@ def test_sets_over_all_ranges_give_a_result_or_a_word() -> None:
         assert parameter_sets.judged(values) in ("result", "refused", "budget"), values
 
 
+@pytest.mark.slow
 def test_axes_under_random_commands_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(commands, "TAKES", 1.0)
     assert commands.main(["--axes", "2"]) == 0
 
 
+@pytest.mark.slow
 def test_targets_are_reached_or_given_up(capsys: pytest.CaptureFixture[str]) -> None:
     """Of them a load carries two away for ever, and one is reached where no scan corrects it."""
     for seed, number in (("1", "16"), ("1", "27"), ("777001", "61082")):
@@ -164,6 +170,7 @@ def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
     assert np.mean(drawn**2) < 1.9  # 16 values of mean square 1: chance in a hundred
 
 
+@pytest.mark.slow
 def test_the_baselines_of_control_arrive() -> None:
     assert steps_then_scan.scores(TASKS["vertical"], range(2)).max() < 0.06
     assert steps_then_scan.scores(TASKS["hold"], range(1)).max() < 1e-9
