@@ -11,6 +11,7 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PATIENCE = 300.0  # s, for a process on a busy machine
+NOTE = "simulating steps ...\n"  # what a command says there, where it takes more than a second
 
 
 def environment(**changes: str) -> dict[str, str]:

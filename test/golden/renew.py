@@ -107,7 +107,7 @@ STUDIED = {
         ("rmse", "noise", "offset", "metrics"),
     ),
     "identify steps": (f"identify --run config/table1_typical.yaml {STEPS}", ("parameters",)),
-    "predict": (f"predict --config {POINT}", ()),
+    "predict": (f"predict --config {POINT.relative_to(ROOT)}", ()),
 }
 
 
