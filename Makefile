@@ -46,7 +46,7 @@ PYTEST := $(PY) -m pytest -n auto --dist worksteal
 test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
 	@$(PYTEST) -m 'not long' $(ARGS)
 
-test-quick: $(STAMP)  ## run those that take less than a second and start no program (2 minutes)
+test-quick: $(STAMP)  ## run the quick ones, which start no program (two minutes of processor)
 	@$(PYTEST) -m 'not slow' $(ARGS)
 
 test-slow: $(STAMP)  ## run those that take many seconds each and that make test leaves out

@@ -44,6 +44,7 @@ hypothesis.settings.load_profile("any machine")
 REAL_TIME = frozenset({"cli", "emulator", "examples", "ros", "testing", "validation"})
 #: Fixtures for tests with DDS, programs or sockets, none of which is quick.
 SLOW = frozenset({"stickslip_domain", "start_module", "emulate", "browser"})
+NO_BROWSER = "no browser for the tests of pages: apt-get install chromium"
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -66,9 +67,20 @@ def pytest_report_header() -> str:
     return "" if importlib.util.find_spec("rclpy") else "no rclpy: test/ros is left out"
 
 
-def pytest_xdist_auto_num_workers() -> int:
-    """Return the workers of ``-n auto``: half as many again as processors, as many tests wait."""
-    return math.ceil(1.5 * len(os.sched_getaffinity(0)))
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Let the summary count what lacks a browser in one line, not in one for each place."""
+    for report in terminalreporter.stats.get("skipped", ()):
+        if NO_BROWSER in str(report.longrepr):
+            report.longrepr = (__file__, None, NO_BROWSER)
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Return the workers of ``-n auto``: half as many again as processors, as many tests wait.
+
+    Of those that are not slow none does, and each worker costs ten seconds before its first test.
+    """
+    waiting = 1.0 if config.getoption("markexpr") == "not slow" else 1.5
+    return math.ceil(waiting * len(os.sched_getaffinity(0)))
 
 
 class CompileOnce:
@@ -89,6 +101,19 @@ class CompileOnce:
     def pytest_configure_node(self, node: Any) -> None:
         """Tell a worker what to wait for."""
         node.workerinput["compiling"] = self._lock
+
+    def pytest_report_header(self) -> str:
+        """Say what comes before the first test."""
+        return "every worker loads the package and collects the tests: ten seconds or more"
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_xdist_node_collection_finished(self, node: Any, ids: list[str]) -> None:
+        """Tell who has collected, and what the tests still wait for."""
+        said = f"{node.gateway.id} has collected {len(ids)} tests"
+        if any(child.poll() is None for child in self._children):
+            said += "; what they need is still being compiled, minutes the first time"
+        terminal = node.config.pluginmanager.getplugin("terminalreporter")
+        terminal.write_line(f"\n{said}" if terminal.isatty else said)
 
     def pytest_unconfigure(self) -> None:
         """End them with the tests."""
@@ -178,7 +203,7 @@ def browser() -> Iterator[Browser]:
     names = ("chromium", "chromium-browser", "google-chrome")
     program = next(filter(None, map(shutil.which, names)), None)
     if not program:
-        pytest.skip("no Chromium on this machine: apt install chromium")
+        pytest.skip(NO_BROWSER)
     with api.sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
         yield found

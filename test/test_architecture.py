@@ -17,6 +17,7 @@ SCRIPT = runpy.run_path(str(ROOT / "docs" / "architecture.py"))
 TABLES = runpy.run_path(str(ROOT / "docs" / "tables.py"))
 
 
+@pytest.mark.slow
 def test_the_picture_of_the_rooms_is_current() -> None:
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
     assert page == SCRIPT["drawn"](ROOT / "stickslip_ros"), "run python docs/architecture.py"

@@ -273,6 +273,7 @@ for values in ({}, several, {"dwell_growth": 0.1, "amplifier_bandwidth": 2e4}, {
 """
 
 
+@pytest.mark.slow
 def test_a_running_axis_compiles_and_loads_nothing() -> None:
     """Ten seconds of it would be silence, a minute on a busy machine."""
     done = python("-c", _LATE)
@@ -287,6 +288,7 @@ def test_a_slow_drive_with_a_sensor_of_a_bandwidth_is_compiled_at_once() -> None
     assert time.process_time() - began < 5.0
 
 
+@pytest.mark.slow
 def test_a_damaged_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It would be an UnpicklingError, or a crash in machine code that is none."""
     cache, program = tmp_path / "cache", tmp_path / "program.py"

@@ -161,6 +161,7 @@ def test_the_import_alone_loads_nothing() -> None:
     assert found.stdout.split() == ["False", "False"], found.stderr
 
 
+@pytest.mark.slow
 def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
     found = run(
         "import sys\n"
@@ -226,6 +227,7 @@ def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Pat
     assert '"comand_steps"; maybe "command_steps"' in found.stdout
 
 
+@pytest.mark.slow
 def test_a_name_that_a_docstring_puts_in_backticks_exists() -> None:
     known: set[str] = set()
     docstrings: list[str] = []

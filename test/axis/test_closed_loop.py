@@ -238,6 +238,7 @@ BENT |= {"sensor_noise": 2.9e-11, "sensor_latency": 4.0667e-3, "target_tolerance
 BENT |= {"settle_time": 0.355989, "target_timeout": 0.2028}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "target", "longest"),
     [
@@ -262,6 +263,7 @@ def test_it_is_there_soon_and_quiet(values: dict[str, Any], target: float, longe
     assert np.ptp(x) < 2e-9
 
 
+@pytest.mark.slow
 def test_a_runner_that_slides_away_is_not_said_to_be_there() -> None:
     """The mean of the readings followed it late, and said so 25 nm away."""
     values = {"model": "epm_fix", "preload": 2.011, "mu": 0.2796, "mu_s": 0.1872, "mu_k": 0.08843}
@@ -417,6 +419,7 @@ def test_steps_that_lead_nowhere_end_though_they_pass_the_tolerance() -> None:
     assert "has not stayed so near for 0.8 s" in axis.status.fault
 
 
+@pytest.mark.slow
 def test_without_a_timeout_it_is_tried_for_ever() -> None:
     axis = Axis({**TABLE_1, **FAST, "amplitude": 30.0, "target_timeout": 0.0})
     axis.command_position(5e-6)
@@ -424,6 +427,7 @@ def test_without_a_timeout_it_is_tried_for_ever() -> None:
     assert axis.status.state == "targeting"
 
 
+@pytest.mark.slow
 def test_a_long_way_takes_longer_than_the_timeout() -> None:
     """What counts is the time without coming nearer; holding for long is no fault either."""
     axis = Axis({**TABLE_1, **FAST, "target_timeout": 0.2, "amplitude": 100.0})
@@ -433,6 +437,7 @@ def test_a_long_way_takes_longer_than_the_timeout() -> None:
     assert axis.status.state == "holding"
 
 
+@pytest.mark.slow
 def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
     axis = Axis({**TABLE_1, **FAST, "target_timeout": 2.0})
     axis.command_position(2e-6)
@@ -447,6 +452,7 @@ def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
     assert axis.status.state == "holding"
 
 
+@pytest.mark.slow
 def test_a_latency_that_changes_on_the_way_stops_nothing() -> None:
     """With a shorter one, readings arrive at once that should have come before."""
     for seed in range(10):

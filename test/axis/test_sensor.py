@@ -34,6 +34,7 @@ def test_the_noise_has_its_standard_deviation() -> None:
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.03
 
 
+@pytest.mark.slow
 def test_a_reading_hangs_on_seed_and_number_only() -> None:
     """Whatever was read before."""
     numbers = [3, 70_000, 3, 0, 1023, 1024]
@@ -112,6 +113,7 @@ def _filtered(p: Parameters, steps: int, times: NDArray[np.float64]) -> NDArray[
     return np.asarray(found.y[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "filter_",
     [{"sensor_order": 1}, {"sensor_order": 2}, {"sensor_order": 2, "sensor_damping": 0.1}],
@@ -126,6 +128,7 @@ def test_readings_are_those_of_an_integrator_of_the_filter(filter_: dict[str, An
     assert readings.x[during] == pytest.approx(expected, abs=0.005e-9)
 
 
+@pytest.mark.slow
 def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:
     p = table_1(sensor_bandwidth=3e3, sensor_order=2, frequency=500.0)
     motion = Motion.of_trace(trace_steps(p, 3), "")
@@ -192,6 +195,7 @@ def test_the_axis_reads_with_the_same_sensor() -> None:
     assert found == pytest.approx(readings.x[21:70].tolist(), abs=1e-14)
 
 
+@pytest.mark.slow
 def test_the_closed_loop_reaches_a_target_through_a_slow_sensor() -> None:
     axis = _axis(sensor_bandwidth=100.0, frequency=1000.0)
     axis.command_position(5e-6)
@@ -271,6 +275,7 @@ def test_a_runner_at_rest_is_looked_at_less_often_than_it_is_read(
     assert sum(samples) > still + 250
 
 
+@pytest.mark.slow
 def test_readings_at_rest_are_those_of_every_sample() -> None:
     """To 0.06 nm, with steps, a load and creep, and the same bits however time is divided."""
     lot = np.random.default_rng(1)

@@ -79,6 +79,7 @@ def test_a_place_that_cannot_be_written_is_said(
     assert f"cannot write {tmp_path / 'file' / 'report'}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_items_are_chosen_by_name_and_one_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

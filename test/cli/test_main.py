@@ -70,6 +70,7 @@ def test_bad_use_ends_with_2_and_one_line(capsys: pytest.CaptureFixture[str]) ->
         assert line.startswith("stickslip") and said in line, line
 
 
+@pytest.mark.slow
 def test_a_minus_sign_from_a_paper_is_one() -> None:
     """It is not in the encoding of a Western Windows, and is no number to Python."""
     run = stickslip("simulate", "--set", "preload=\u22121", PYTHONIOENCODING="cp1252")
@@ -240,6 +241,7 @@ sys.exit(main(["simulate"]))
 """
 
 
+@pytest.mark.slow
 def test_a_signal_that_a_destructor_swallows_comes_again() -> None:
     """Some that came while numba loaded compiled code were lost, and the command went on."""
     child = python("-c", IGNORING)
@@ -264,6 +266,7 @@ def test_what_needs_no_library_loads_none(option: str) -> None:
     assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
 
 
+@pytest.mark.slow
 def test_a_subcommand_loads_no_other() -> None:
     """The named one adds its options, the others their names alone."""
     block = (
@@ -301,6 +304,7 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
     assert json.loads(capsys.readouterr().out) == with_units
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("loaded", "who"),
     [

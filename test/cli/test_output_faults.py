@@ -10,6 +10,7 @@ import contextlib
 import errno
 import io
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import pytest
 from bags import record
-from child import environment, in_namespace, run
+from child import complaints, environment, in_namespace, run
 from file_layer import FileLayer, each_fault
 
 from stickslip_ros.cli.main import main
@@ -130,9 +131,10 @@ def test_a_folder_that_is_gone_is_named(tmp_path: Path) -> None:
 
 def test_a_real_full_disk(tmp_path: Path) -> None:
     """A file system of 8 kB, in a namespace of its own."""
-    words = " ".join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
-    mount = f"mount -t tmpfs -o size=8k tmpfs {tmp_path}"
-    done = in_namespace("mount", mount, f"{words}; code=$?; ls -A {tmp_path}; exit $code")
+    words = shlex.join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
+    disk = shlex.quote(str(tmp_path))
+    mount = f"mount -t tmpfs -o size=8k tmpfs {disk}"
+    done = in_namespace("mount", mount, f"{words}; code=$?; ls -A {disk}; exit $code")
     assert done.returncode == 2
     assert "trace.csv: No space left on device; make room on the disk" in done.stderr
     assert done.stdout.split()[-1:] != ["trace.csv"]
@@ -140,18 +142,19 @@ def test_a_real_full_disk(tmp_path: Path) -> None:
 
 
 def test_a_real_disk_that_may_only_be_read(tmp_path: Path) -> None:
-    words = " ".join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
-    done = in_namespace("mount", f"mount -t tmpfs -o ro tmpfs {tmp_path}", words)
+    words = shlex.join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
+    mount = f"mount -t tmpfs -o ro tmpfs {shlex.quote(str(tmp_path))}"
+    done = in_namespace("mount", mount, words)
     assert done.returncode == 2
     assert "trace.csv: Read-only file system; choose a place that you may" in done.stderr
 
 
 def test_memory_that_runs_out_is_one_line() -> None:
     """Ten million steps take 0.8 GB at a time; 0.3 are allowed, of which Python has the most."""
-    words = " ".join([*COMMAND, "simulate", "--steps", "10000000", "--frequency", "1000"])
+    words = shlex.join([*COMMAND, "simulate", "--steps", "10000000", "--frequency", "1000"])
     done = run("sh", "-c", f"ulimit -d 300000; exec {words}")
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.removeprefix("simulating steps ...\n") == (
+    assert complaints(done.stderr) == (
         "stickslip simulate: out of memory; ask for less at once, close other programs or raise "
         "the limit (ulimit -v)\n"
     )
@@ -165,7 +168,7 @@ def test_without_a_home_and_an_environment(tmp_path: Path) -> None:
         env={"PYTHONPATH": str(ROOT), "HOME": "/nowhere", "PATH": "/usr/bin:/bin"},
         cwd=tmp_path,
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, complaints(done.stderr)) == (0, "")
     assert [path.name for path in tmp_path.iterdir()] == ["trace.csv"]
 
 

@@ -200,6 +200,7 @@ def test_the_trace_is_a_table_that_agrees_with_the_run(as_json: Simulate, tmp_pa
     assert list(tmp_path.iterdir()) == [file]
 
 
+@pytest.mark.slow
 def test_the_sensor_writes_what_it_reads(as_json: Simulate, tmp_path: Path) -> None:
     """A table as a logger writes it, with a rest of a period before and after."""
     file = tmp_path / "readings.csv"

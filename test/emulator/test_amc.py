@@ -153,6 +153,7 @@ def test_what_cannot_be_is_an_error_with_a_text(emulate: Callable[..., Any]) -> 
         assert told == [0, text]
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.dictionaries(st.text(max_size=4), st.text(max_size=9), max_size=3), max_size=5),
     st.lists(st.integers(0, 200), max_size=6),

@@ -272,6 +272,7 @@ def test_names_are_no_axes() -> None:
         controller_of("anc300", ["x", "y"])  # type: ignore[list-item]
 
 
+@pytest.mark.slow
 def test_the_example_of_the_page_passes(tmp_path: Path) -> None:
     pytest.importorskip("pymeasure.instruments.attocube")
     pytest.importorskip("pyvisa_py")

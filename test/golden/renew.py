@@ -93,7 +93,7 @@ WITH_EFFECTS = {
     "surface": "--steps 12 --set surface_spread=0.1 slip_spread=0.02",
     "three contacts": "--steps 12 --set contacts=3 contact_spread=0.1",
     "six contacts of a guide": "--steps 6 --set contacts=6 contact_shares=guide",
-    "everything": f"--steps 12 --config {PRESET}",
+    "everything": f"--steps 12 --config {PRESET.relative_to(ROOT)}",
 }
 #: Sensors whose readings of a made-up motion are kept: name, parameters
 SENSORS: dict[str, dict[str, Any]] = {
@@ -115,7 +115,7 @@ STUDIED = {
         ("rmse", "noise", "offset", "metrics"),
     ),
     "identify steps": (f"identify --run config/table1_typical.yaml {STEPS}", ("parameters",)),
-    "predict": (f"predict --config {POINT}", ()),
+    "predict": (f"predict --config {POINT.relative_to(ROOT)}", ()),
 }
 
 

@@ -67,6 +67,7 @@ def _levels(bag: BagReader) -> dict[str, int]:
     return {one.message: one.level for one in statuses(bag, "/stickslip_axis/events")}
 
 
+@pytest.mark.slow
 def test_results_are_what_they_were() -> None:
     assert_same_bits(found_here(), {key: GOLDEN[key] for key in found_here()})
 

@@ -31,6 +31,7 @@ def test_every_interval_holds_the_truth_and_is_narrow(found: Fit) -> None:
     assert found.unknown == ()
 
 
+@pytest.mark.slow
 def test_what_the_values_rest_on_is_said(found: Fit) -> None:
     """A payload of 20 % moved sigma_0 by as much, which no residual shows; nothing was said."""
     (mass,) = (line for line in found.given if line.startswith("10 % more mass"))
@@ -42,15 +43,18 @@ def test_what_the_values_rest_on_is_said(found: Fit) -> None:
     assert not any("gain" in line for line in found.given)  # a wrong one is a misfit
 
 
+@pytest.mark.slow
 def test_the_noise_of_the_sensor_is_told(found: Fit) -> None:
     assert found.noise == pytest.approx(1e-9, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_file_of_the_fit_has_the_values(found: Fit) -> None:
     assert found.base.friction.sigma_0 == found.parameters["sigma_0"].value
     assert found.base.friction.preload == 0.5
 
 
+@pytest.mark.slow
 def test_json_has_everything_and_no_nan(found: Fit) -> None:
     told = json.loads(json.dumps(found.as_json(), allow_nan=False))
     assert set(told) >= {"parameters", "correlations", "noise", "residual", "misfit", "runs"}
@@ -59,6 +63,7 @@ def test_json_has_everything_and_no_nan(found: Fit) -> None:
     assert told["runs"][0]["steps"] == 10
 
 
+@pytest.mark.slow
 def test_the_profile_is_lowest_at_the_value(found: Fit) -> None:
     for one in found.profiles:
         assert one.values[np.argmin(one.rise)] == pytest.approx(found.parameters[one.name].value)

@@ -57,6 +57,7 @@ def test_one_line_says_what_does_not_fit(changed: dict[str, object], words: str 
     assert re.search(words, line)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_not_determined_is_left_out() -> None:
     """Two cycles beside a run, seen in the hum of its rest, were fitted as steps of the drive."""
     _, (known, motion) = small()
@@ -73,6 +74,7 @@ def test_a_run_that_is_not_determined_is_left_out() -> None:
     assert "2 cycles; 3 are needed" in said
 
 
+@pytest.mark.slow
 def test_wander_about_a_run_that_is_not_determined_makes_no_runs() -> None:
     """It was fitted as 3 and 2 steps at 631 Hz beside the twelve of the drive, 156 nm off."""
     one = draw(910027).traces[0]
@@ -80,6 +82,7 @@ def test_wander_about_a_run_that_is_not_determined_makes_no_runs() -> None:
     assert [run.steps for run in found.runs] == [12]
 
 
+@pytest.mark.slow
 def test_a_few_cycles_of_another_frequency_are_left_out() -> None:
     axis = Axis()
     drives = Drive(12, 400.0, pause=5e-3), Drive(3, 280.0, pause=8e-3)

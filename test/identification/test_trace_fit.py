@@ -86,6 +86,7 @@ def test_the_colour_of_noise_is_found() -> None:
         assert own[:2] == pytest.approx([1.0, -colour], abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_wander_is_made_white() -> None:
     """Its first orders alone left the slow part, which moved sigma_0ss by six deviations."""
     random, count = np.random.default_rng(5), 6000
@@ -130,6 +131,7 @@ def test_bins_of_nine_and_ten_samples_scale_a_wander_alike() -> None:
     assert bins.whole.all()
 
 
+@pytest.mark.slow
 def test_hum_is_found() -> None:
     t = np.arange(0.0, 0.13, 2e-5)
     noise = 1e-9 * np.random.default_rng(7).standard_normal(len(t))
@@ -191,6 +193,7 @@ def test_hum_is_as_large_beforehand_as_is_usual_or_as_it_stands_out() -> None:
     assert large.widths[0] == pytest.approx(1.5e-6, rel=0.01)
 
 
+@pytest.mark.slow
 def test_noise_does_not_hum() -> None:
     t = np.arange(0.0, 0.13, 2e-5)
     for seed in range(20):
@@ -198,6 +201,7 @@ def test_noise_does_not_hum() -> None:
         assert hum_in(t, lfilter([1.0], [1.0, -0.6], white)) == ()
 
 
+@pytest.mark.slow
 def test_hum_is_named_by_its_mains_and_taken_for_none_else() -> None:
     t = np.arange(0.0, 0.3, 1e-4)
     noise = 1e-9 * np.random.default_rng(11).standard_normal(len(t))

@@ -164,6 +164,7 @@ def test_an_item_that_fails_is_named_and_spoils_nothing(
     assert (tmp_path / "out" / "fig01.csv").exists()
 
 
+@pytest.mark.slow
 def test_an_earlier_report_is_replaced_as_a_whole(tmp_path: Path, executor: Executor) -> None:
     report(tmp_path / "out", [item("fig00")], executor)
     report(tmp_path / "out", [item("fig01")], executor)

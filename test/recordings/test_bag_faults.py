@@ -114,6 +114,7 @@ def test_a_bag_made_of_another_is_whole_or_not_there(
     assert {"mkdir", "open", "write", "fsync", "rename"} <= told
 
 
+@pytest.mark.slow
 def test_a_power_cut_costs_a_second_at_most(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

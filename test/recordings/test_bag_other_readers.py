@@ -62,6 +62,7 @@ def values(topic: str, message: Any) -> Any:
     ]
 
 
+@pytest.mark.slow
 def test_rosbags_agrees(bag: Path) -> None:
     with AnyReader([bag]) as theirs, open_bag(bag) as ours:
         assert {c.topic: c.msgcount for c in theirs.connections} == ours.counts
@@ -81,6 +82,7 @@ def test_rosbags_agrees(bag: Path) -> None:
             )
 
 
+@pytest.mark.slow
 def test_mcap_agrees(bag: Path) -> None:
     counts: Counter[str] = Counter()
     for file in sorted(bag.glob("*.mcap")):
@@ -166,6 +168,7 @@ def test_every_policy_comes_back(tmp_path: Path) -> None:
             assert bag.topics["/odd"] == topic
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", [8, 9])
 @pytest.mark.parametrize("mode", ["none", "storage", "file", "message"])
 def test_bags_of_rosbags_are_read(tmp_path: Path, version: Literal[8, 9], mode: str) -> None:

@@ -435,6 +435,7 @@ def test_metadata_yaml_that_counts_otherwise_is_told(
     assert caplog.messages == [warning]
 
 
+@pytest.mark.slow
 def test_chunks_are_bounded_in_sum(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred chunks of 4 MB of zeros in 40 kB; each by itself is no larger than is allowed."""
     zeros = struct.pack("<BQ", 0x80, 2**22 - 9) + bytes(2**22 - 9)

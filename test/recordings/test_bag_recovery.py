@@ -79,6 +79,7 @@ def test_a_killed_recorder_loses_a_second_at_most(
     assert max(lost) <= 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_what_is_whole_is_kept_as_it_was(tmp_path: Path, compression: str) -> None:
     written = record(tmp_path / "run", compression=compression, max_duration_ns=SECOND // 4)
@@ -200,6 +201,7 @@ def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: 
     assert any(f == "metadata.yaml counts 400 messages, 0 were found" for f in done.findings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 @pytest.mark.parametrize("junk", [0, 7, 5000])
 def test_a_cut_chunk_is_told_whatever_comes_behind_it(

@@ -241,6 +241,7 @@ HOSTILE: dict[str, Texts] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
 def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> None:
     record_axis(
@@ -371,6 +372,7 @@ def _of_model(version: str | None) -> Callable[[int, Texts], Texts]:
     return change
 
 
+@pytest.mark.slow
 def test_a_run_of_another_model_is_told_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

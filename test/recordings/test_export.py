@@ -91,6 +91,7 @@ def test_times_are_those_of_stamps_and_long_arrays_no_columns(tmp_path: Path) ->
     assert (short["data[63]"], long["data[0]"]) == ("0.0", "")
 
 
+@pytest.mark.slow
 def test_parquet_holds_the_same(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     record(tmp_path / "run", 100)

@@ -182,7 +182,9 @@ def test_the_policy_allows_what_the_nodes_have_and_no_more(
 @pytest.mark.parametrize(
     "strategy", ["Permissive", pytest.param("Enforce", marks=pytest.mark.long)]
 )
-def test_without_security_no_node_starts_unprotected(tmp_path: Path, strategy: str) -> None:
+def test_without_security_no_node_starts_unprotected(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, strategy: str
+) -> None:
     enclave = tmp_path / "enclaves" / "stickslip"
     enclave.mkdir(parents=True)
     for name in (*(f"{key}.pem" for key in KEYS), "governance.p7s", "permissions.p7s"):
@@ -193,6 +195,7 @@ def test_without_security_no_node_starts_unprotected(tmp_path: Path, strategy: s
         "ROS_SECURITY_ENABLE": "true",
         "ROS_SECURITY_STRATEGY": strategy,
         "ROS_SECURITY_KEYSTORE": str(tmp_path),
+        "ROS_LOG_DIR": str(tmp_path_factory.mktemp("log")),  # a home may be read-only
     }
     words = ("--ros-args", "--enclave", "/stickslip")
     done = python("-c", code, *words, cwd=tmp_path, **secured)

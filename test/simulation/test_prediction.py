@@ -101,6 +101,7 @@ def shares(p: Parameters, count: int) -> tuple[float, float, int]:
     return float(kept[holds].mean()), float(kept[stepping].mean()), int(holds.sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("preload", "step"), OVER_PRELOAD.items())
 def test_it_agrees_with_an_independent_integrator_over_preload(preload: float, step: float) -> None:
     found = predict(TABLE_1.replace(preload=preload))
@@ -108,6 +109,7 @@ def test_it_agrees_with_an_independent_integrator_over_preload(preload: float, s
     assert found.step == pytest.approx(1e-9 * step, abs=2e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("stroke", "steps"), OVER_STROKE.items())
 def test_it_agrees_with_an_independent_integrator_over_stroke(
     stroke: float, steps: tuple[float, float]
@@ -118,6 +120,7 @@ def test_it_agrees_with_an_independent_integrator_over_stroke(
         assert found.stroke - found.zero_offset == pytest.approx(found.step)
 
 
+@pytest.mark.slow
 def test_a0_hardly_depends_on_the_stroke() -> None:
     """25.8 nm for strokes of 50 to 160 nm, as the solver has it."""
     offsets = [
@@ -155,6 +158,7 @@ def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
     assert solved[0] == pytest.approx(step, abs=found.error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "words"),
     [
@@ -177,6 +181,7 @@ def test_outside_of_its_range_it_refuses(values: dict[str, object], words: str) 
         predict(TABLE_1.replace(**values))
 
 
+@pytest.mark.slow
 def test_the_inverse_looks_where_the_form_holds() -> None:
     """At the largest voltage of a slow slip it has no step: a smaller one makes that wanted."""
     p = TABLE_1.replace(
@@ -190,6 +195,7 @@ def test_the_inverse_looks_where_the_form_holds() -> None:
         predict(p, step=1e-6)
 
 
+@pytest.mark.slow
 def test_a_step_out_of_reach_is_refused() -> None:
     for step, words in (
         (1e-6, "1000 nm is out of reach: 300 V make 133.9 nm, of a stroke of 160.*voltage$"),
@@ -210,6 +216,7 @@ def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -
     assert told["amplitude"] == ss.predict(preload=1.0, step=5e-8).amplitude
 
 
+@pytest.mark.slow
 def test_many_amplitudes_at_once_are_each_of_them() -> None:
     """Also where the form does not hold, and where a slip takes longer than its cycle."""
     p = Parameters.of(preload=0.4, slewrate=0.5)

@@ -56,6 +56,7 @@ def test_an_impossible_number_of_steps_is_refused(steps: Any) -> None:
         ss.simulate(steps=steps)
 
 
+@pytest.mark.slow
 def test_the_table_adds_up() -> None:
     table = ss.simulate(steps=12, frequency=200.0).to_frame()
     np.testing.assert_allclose(table["step (m)"].cumsum(), table["position (m)"], rtol=1e-12)
@@ -217,6 +218,7 @@ def test_a_report_says_what_is_not_so_yet(steps: int, said: bool) -> None:
 matplotlib.use("agg")
 
 
+@pytest.mark.slow
 def test_every_point_is_as_it_is_alone() -> None:
     preloads, masses = [1.0, 0.4], np.array([0.003, 0.004, 0.01])
     found = ss.sweep(preload=preloads, mass=masses, metric=["step_size", "backstep"])

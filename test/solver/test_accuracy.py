@@ -68,6 +68,7 @@ def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     agree(p, drive_of(p), 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
     "values",

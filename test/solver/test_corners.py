@@ -54,6 +54,7 @@ def positions(values: dict[str, Any], tolerance: float, cycles: int = 6) -> Any:
     return simulation.run_cycles(cycles).position
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CARRIED_OFF)
 def test_a_runner_that_the_load_carries_off(case: str) -> None:
     values = CARRIED_OFF[case]

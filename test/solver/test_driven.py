@@ -258,6 +258,7 @@ FOUND: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FOUND)
 def test_a_drive_that_a_lot_found_agrees(name: str) -> None:
     """To 0.01 nm a cycle."""
@@ -387,6 +388,7 @@ def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
     assert simulation.state.rate == 0.0
 
 
+@pytest.mark.slow
 @given(
     name=st.sampled_from([*LOTS, "all"]),
     seed=st.integers(0, 10**6),

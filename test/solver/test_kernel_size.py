@@ -5,6 +5,8 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 import stickslip_ros
 
 MOST_LINES, MOST_ARGUMENTS = 60, 6
@@ -42,6 +44,7 @@ def test_lines_and_arguments() -> None:
         assert len(function.args.args) <= MOST_ARGUMENTS, function.name
 
 
+@pytest.mark.slow
 def test_the_kernel_is_found() -> None:
     names = {f.name for source in _SOURCES for f in compiled_functions(source.read_text("utf-8"))}
     assert {"advance", "next_arc", "expand", "z_rate", "root", "end"} <= names

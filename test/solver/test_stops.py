@@ -98,6 +98,7 @@ def test_a_free_fall_takes_the_time_that_it_should() -> None:
     assert simulation.stopped == 1
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     model=some.sampled_from(["ceim", "lugre", "epm_fix", "epm_calc"]),

@@ -64,6 +64,7 @@ def test_the_error_of_the_backstep_holds_the_truth() -> None:
     assert sum(one > 0.05 for one in wide) <= 2
 
 
+@pytest.mark.slow
 def test_the_ringing_tells_the_backstep_where_samples_draw_no_arc() -> None:
     """In step with the drive, samples lie at the same places of all cycles: 2.3 to 6 of a swing.
 
@@ -99,6 +100,7 @@ def test_exact_positions_give_the_mean_of_the_single_backsteps() -> None:
     assert found.error < 0.1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "frequency", "folded"),
     [(5e3, 20.0, True), (7001.3, 20.0, True), (15e3, 23.3, False), (50e3, 20.0, False)],
@@ -122,6 +124,7 @@ def test_what_a_ringing_that_may_be_folded_tells_is_not_determined(
         assert run.ringing_frequency == pytest.approx(6e3, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_folded_ringing_tells_no_backstep_without_noise_either() -> None:
     """Ringing of 12.3 kHz at 19 kS/s: 35.5 nm were told for 49.2."""
     bench = bench_trace(Axis(mass=1.5e-3), (Drive(12, pause=0.03),), Sensor(1.9e4), 0.03, 1)
@@ -130,6 +133,7 @@ def test_folded_ringing_tells_no_backstep_without_noise_either() -> None:
     assert math.isinf(run.backstep_error)
 
 
+@pytest.mark.slow
 def test_falls_that_samples_meet_at_other_places_tell_no_backstep() -> None:
     """Of 5 kHz at 7.6 kS/s no ringing is seen, and 6.5 +- 4.1 nm were told for 28.5."""
     trace = lab_trace("1.5 to 3 samples a swing", 52001)
@@ -138,6 +142,7 @@ def test_falls_that_samples_meet_at_other_places_tell_no_backstep() -> None:
     assert math.isinf(run.backstep_error)
 
 
+@pytest.mark.slow
 def test_a_slip_on_the_wrong_swing_of_the_ringing_tells_no_backstep() -> None:
     """The deepest point lies above the runner just before such a slip: 0.0 +- 0.9 nm for 41.9."""
     trace = lab_trace("no rest after", 51009)
@@ -146,6 +151,7 @@ def test_a_slip_on_the_wrong_swing_of_the_ringing_tells_no_backstep() -> None:
     assert math.isinf(run.backstep_error)
 
 
+@pytest.mark.slow
 def test_a_drive_nearly_in_step_with_the_sampling_tells_no_ringing_apart() -> None:
     """Of 13.06 kHz at 20 kS/s, 6941.9 +- 1.3 Hz were told, as if that was sure."""
     trace = lab_trace("hum", 52001)
@@ -154,6 +160,7 @@ def test_a_drive_nearly_in_step_with_the_sampling_tells_no_ringing_apart() -> No
     assert math.isnan(run.as_json()["ringing_frequency"])
 
 
+@pytest.mark.slow
 def test_ringing_that_the_next_slip_ends_has_an_error_of_the_method() -> None:
     """Less than two swings in a cycle: 5940 +- 4 Hz were told for 5965."""
     trace = lab_trace("at random", 52001)
@@ -166,6 +173,7 @@ def test_ringing_that_the_next_slip_ends_has_an_error_of_the_method() -> None:
         assert abs(error) < 2.0 * run.ringing.frequency_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "seed"),
     [

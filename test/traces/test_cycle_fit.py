@@ -27,6 +27,7 @@ EDGES: Array = np.concatenate(
 )  # the last cell is longer than a cycle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("frequency", "decay"), [(4100.0, 600.0), (7300.0, 2500.0)])
 def test_answers_to_rises_and_drops_are_those_of_an_integrator(
     frequency: float, decay: float
@@ -110,6 +111,7 @@ def test_no_cycles_and_no_noise_warn_nobody() -> None:
     assert np.isfinite(still.odds).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [-0.3, 0.0, 0.2, 0.4])
 def test_the_clock_and_the_ringing_are_tuned(late: float) -> None:
     """From up to four tenths of a period off, where ringing blurs the clock."""

@@ -159,6 +159,7 @@ def test_what_is_damped_out_is_no_ringing() -> None:
         assert (fit_ringing([(t, x)]) is not None) is rings
 
 
+@pytest.mark.slow
 def test_ringing_of_slow_cycles_is_seen_in_all_of_their_first_samples() -> None:
     """Of cycles of 2 s, every second sample was taken: 7 kHz at 20 kS/s became 329 Hz."""
     t = np.arange(40_000) / 2e4

@@ -148,6 +148,7 @@ def test_a_record_that_was_cut_off_is_doubted(bench: Bench) -> None:
     assert _doubts(_even(coarse), _grid(coarse), [], step, None) == _clipping(coarse.x) == ()
 
 
+@pytest.mark.slow
 def test_a_rest_on_one_value_of_a_converter_is_not_cut_off() -> None:
     """Uneven times hide the steps of the converter from positions at even ones."""
     sensor = Sensor(rate=1e5, noise=0.1e-9, quantum=2e-9, jitter=0.5)
@@ -204,6 +205,7 @@ def test_every_tenth_of_fast_cycles_is_doubted() -> None:
     assert "no run of equal steps explains the motion" in found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [0.0, 0.4, -0.3])
 def test_a_start_within_a_cycle_is_doubted(bench: Bench, part: float) -> None:
     """It made steps of the right size and a backstep of nothing."""

@@ -123,6 +123,7 @@ def test_without_noise_the_digits_are_the_noise() -> None:
     assert resample_evenly(t, x, 2**21).noise == pytest.approx(1e-9 / math.sqrt(12.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 5e-10, 8e-9])
 def test_a_coarse_converter_is_seen_and_counts(noise: float) -> None:
     """Steps repeat, and so does what rounding makes of them: errors were picometres."""

@@ -49,6 +49,7 @@ def ridge_fit(columns: Array, y: Array, widths: Array) -> joint_fit.RidgeFit:
     return joint_fit.RidgeFit(joint_fit.Rows(columns, y, every > 0.0), widths, every)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3000, 3010))
 @pytest.mark.parametrize("hard", [False, True], ids=["easy", "hard"])
 def test_the_step_lies_within_three_of_its_standard_errors(seed: int, hard: bool) -> None:
@@ -59,6 +60,7 @@ def test_the_step_lies_within_three_of_its_standard_errors(seed: int, hard: bool
             assert step.error < 0.3e-9
 
 
+@pytest.mark.slow
 def test_standard_errors_are_no_larger_than_they_have_to_be() -> None:
     """Root mean square of the deviations in standard errors: 1 but for chance."""
     deviations = []
@@ -96,6 +98,7 @@ def test_what_is_not_there_is_not_told() -> None:
     assert not found.disturbances.hums
 
 
+@pytest.mark.slow
 def test_a_walk_widens_the_error_and_a_bent_drift_hardly_does() -> None:
     """Both move the runner by some 20 nm; 20 walks, and one drift that bends as fast as creep."""
     sensor = Sensor(rate=50e3, noise=1e-9)

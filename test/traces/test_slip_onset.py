@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 PERIOD, RINGING = 1e-2, Ringing(frequency=7500.0, decay=600.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("cycles", "rate"), [(2, 2e5), (9, 2e5), (9, 5e6), (40, 2e5)])
 def test_cycles_of_many_samples_show_when_slips_begin(cycles: int, rate: float) -> None:
     """However many samples a few cycles have, slips stay among those that are looked at."""

@@ -47,6 +47,7 @@ def test_the_true_period_leaves_least(bench: Bench, even: EvenSamples, period: f
     assert squares.left([_grid(bench, 0)]) < squares.left([_grid(bench, 0, period)])
 
 
+@pytest.mark.slow
 def test_the_ends_of_a_run_are_found(bench: Bench, even: EvenSamples) -> None:
     squares, true, other = Squares(even), _grid(bench, 0), _grid(bench, 1)
     for early, late in ((2, 0), (0, -2), (-1, 1), (1, -2), (-2, 0)):
@@ -80,6 +81,7 @@ def test_a_run_of_noise_is_chance(bench: Bench, even: EvenSamples) -> None:
         assert Squares(ramp).repeats(_grid(bench, 0, period)) < 0.0
 
 
+@pytest.mark.slow
 def test_more_cycles_than_a_long_record_is_looked_at_are_no_chance() -> None:
     """20 000 true cycles were dropped as noise: averaged, the record showed none of them."""
     bench = bench_trace(Axis(), (Drive(3000, 1e3, pause=0.02),), Sensor(2e4, noise=1e-9), 0.02, 1)
@@ -92,6 +94,7 @@ def test_more_cycles_than_a_long_record_is_looked_at_are_no_chance() -> None:
     assert not np.isnan(squares.repeats(short))
 
 
+@pytest.mark.slow
 def test_few_samples_of_many_cycles_tell_a_ringing_between_them() -> None:
     """The ringing has two thirds of a sample a swing: neighbouring cycles have little in common."""
     (drive,) = drives = (Drive(60, 370.0, direction=-1, amplitude=200.0, pause=0.01),)

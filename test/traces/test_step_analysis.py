@@ -49,6 +49,7 @@ def _ringing_of(p: Parameters) -> tuple[float, float]:
     return plant.ringing_frequency, p.friction.sigma_1 / (2.0 * plant.mass)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "rate", "known"),
     [
@@ -119,6 +120,7 @@ def test_other_axes(values: dict[str, Any], known: bool) -> None:
     assert found.decay == pytest.approx(decay, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [2, 3, 5, 8, 12])
 @pytest.mark.parametrize("values", [{}, {"frequency": 1e4, "preload": 1.0}], ids=str)
 def test_a_trace_says_what_the_run_that_made_it_says(values: dict[str, Any], steps: int) -> None:
@@ -130,6 +132,7 @@ def test_a_trace_says_what_the_run_that_made_it_says(values: dict[str, Any], ste
     assert found.backstep == pytest.approx(run.backstep, abs=1e-11)  # between two samples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_backward_is_forward_in_the_mirror(known: bool) -> None:
     t, x, u = _sampled(10, 5e4)
@@ -157,6 +160,7 @@ def test_three_cycles_of_uneven_samples_are_enough(known: bool) -> None:
     assert found.ringing_frequency == pytest.approx(_ringing_of(TYPICAL)[0], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_record_may_begin_anywhere_and_rest_at_both_ends() -> None:
     """A recorder is started before the drive; and one that runs already catches part of a cycle."""
     t, x, u = _sampled(10, 1e5)
@@ -198,6 +202,7 @@ def test_the_points_of_a_step_are_where_the_contact_says() -> None:
     assert np.isnan(found.points["D"]).all()
 
 
+@pytest.mark.slow
 def test_the_balance_of_eq_9_adds_up() -> None:
     """What ringing regains closes it: the stick loses less than 2 nm of 160 at 0.4 N."""
     trace = trace_steps(TYPICAL, 10)
@@ -238,6 +243,7 @@ def test_a_decay_that_is_not_determined_is_given_nowhere() -> None:
     assert "of critical" not in unknown.report() and "not determined" in unknown.report()
 
 
+@pytest.mark.slow
 def test_ringing_faster_than_the_samples_is_not_made_up() -> None:
     """10.1 kHz sampled at 20 kHz looks like 9.9 kHz."""
     t, x, _ = _sampled(10, 2e4, preload=1.0, mass=3e-3)

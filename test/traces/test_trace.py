@@ -94,6 +94,7 @@ def test_a_file_holds_the_deflection_of_each_contact(tmp_path: Path) -> None:
     assert np.array_equal(again.each, several.each) and np.array_equal(again.work, several.work)
 
 
+@pytest.mark.slow
 def test_a_file_is_written_whole_or_not_at_all(
     trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,6 +142,7 @@ def _cycles_of(p: Parameters, steps: int) -> tuple[CycleResults, Simulation]:
     return simulation.run_cycles(steps), simulation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", EFFECTS)
 @pytest.mark.parametrize("rate", [0.0, 1e5, 1e7])
 def test_the_work_along_a_trace_is_heat_and_what_the_contacts_hold(

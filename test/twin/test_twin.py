@@ -84,6 +84,7 @@ def test_causes_beyond_what_a_law_knows_are_left_out() -> None:
     assert change.verdict and change.verdict.explained and "preload" in change.verdict.possible
 
 
+@pytest.mark.slow
 def test_an_axis_that_stays_the_same_is_ok_and_known() -> None:
     twin = Twin(P)
     updates = [one for one in feed(twin, list(_log())) if one]
@@ -95,6 +96,7 @@ def test_an_axis_that_stays_the_same_is_ok_and_known() -> None:
         assert estimate.low < truth < estimate.high
 
 
+@pytest.mark.slow
 def test_a_fifth_of_the_preload_is_told_within_fifty_cycles() -> None:
     twin = _told(_log(preload=0.8))
     (change,) = twin.changes
@@ -124,6 +126,7 @@ def test_the_cause_is_among_those_named(name: str, value: float) -> None:
     assert math.expm1(size) == pytest.approx(value - 1.0, abs=0.012)
 
 
+@pytest.mark.slow
 def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
     """The amplifier takes a share of the stroke, the sensor one of the step."""
     axis = RealAxis(P, lambda t, _: Hidden(amplifier=0.97 if t >= 2.5 else 1.0), seed=5)
@@ -134,6 +137,7 @@ def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
     assert change.verdict is not None and change.verdict.cause == "amplifier"
 
 
+@pytest.mark.slow
 def test_readings_go_on_while_a_cause_is_judged() -> None:
     """A piece at a time; then the tracker starts anew from the cause and has lost no reading."""
     twin, axis, random = Twin(P), Axis(P), _random()
@@ -158,6 +162,7 @@ def test_readings_go_on_while_a_cause_is_judged() -> None:
     assert twin.troubles.keys() <= {"jumps of the position"}  # that of the preload
 
 
+@pytest.mark.slow
 def test_what_changes_slowly_drifts() -> None:
     """The preload falls by 6 % in a second, which is no change where drift may be as large."""
     twin, axis, random = Twin(P, TwinSettings(drift_hour=0.3, drift_window=4.0)), Axis(P), _random()
@@ -173,6 +178,7 @@ def test_what_changes_slowly_drifts() -> None:
     assert not twin.changes
 
 
+@pytest.mark.slow
 def test_steps_to_and_fro_do_not_drift() -> None:
     """A step back is no step that has fallen by twice its size."""
     twin, axis, random = Twin(P, TwinSettings(drift_window=4.0)), Axis(P), _random()
@@ -187,12 +193,14 @@ def test_steps_to_and_fro_do_not_drift() -> None:
         assert abs(twin.drift[0]) < 0.01  # what it learns; back and forth would be 0.5
 
 
+@pytest.mark.slow
 def test_a_wrong_file_is_told_from_the_start() -> None:
     twin = _told(_log(), P.replace(preload=0.8, mu=0.4))
     assert twin.changes[0].at_start
     assert "file" in twin.changes[0].text
 
 
+@pytest.mark.slow
 def test_what_no_parameter_explains_is_unlike_the_model() -> None:
     random = np.random.default_rng(2)
     log: Log = [
@@ -202,6 +210,7 @@ def test_what_no_parameter_explains_is_unlike_the_model() -> None:
     assert _told(log).level[0] == UNLIKE
 
 
+@pytest.mark.slow
 def test_a_prediction_holds_what_comes() -> None:
     axis, twin = RealAxis(P, lambda *_: Hidden(), seed=2), Twin(P)
     axis.step(200)
@@ -224,6 +233,7 @@ def test_a_prediction_holds_what_comes() -> None:
         twin.predict_steps(1)
 
 
+@pytest.mark.slow
 def test_troubles_are_told_and_survived() -> None:
     log = list(_log())
     bad: Log = [*log[:100], (math.nan, 0.0), (1.0, math.nan), log[50], log[99]]
@@ -251,6 +261,7 @@ def test_troubles_are_told_and_survived() -> None:
     assert twin.measure(t - 39.9, x) is None
 
 
+@pytest.mark.slow
 def test_old_readings_among_new_ones_move_nothing() -> None:
     """Somebody sends readings of seconds ago once more: that is no jump of the clock."""
     log, random = list(_log()), _random()
@@ -264,6 +275,7 @@ def test_old_readings_among_new_ones_move_nothing() -> None:
     assert twin.tracker.x == good.tracker.x and (twin.tracker.theta == good.tracker.theta).all()
 
 
+@pytest.mark.slow
 def test_a_command_that_comes_late_makes_no_change() -> None:
     """The axis was stopped 0.3 s ago; the readings since deviate, but are no evidence."""
     twin, axis, random = Twin(P), Axis(P), _random()
@@ -285,6 +297,7 @@ def test_a_command_that_comes_late_makes_no_change() -> None:
     assert step.low < 133.85e-9 < step.high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trouble", ["late", "twice", "old", "none", "gap", "clock", "restart"])
 def test_an_axis_that_stays_the_same_is_not_accused_in_disorder(trouble: str) -> None:
     """Random steps back and forth, and one trouble in each move; the axis is another one a time."""
@@ -328,6 +341,7 @@ def _arrival(one: tuple[float, Any]) -> float:
     return one[0]
 
 
+@pytest.mark.slow
 def test_rest_and_closed_loop_make_blind_and_move_no_estimate() -> None:
     twin = _told(_log())
     before = twin.tracker.theta.copy()
@@ -349,6 +363,7 @@ def test_settings_out_of_range_are_refused() -> None:
         TwinSettings(certainty=2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("begins", [0.0, 3.0])
 def test_a_drift_is_told_and_forecasts_go_with_it(begins: float) -> None:
     """The preload falls by 3 % a second, at 80 V: a move of a second ends 2 % beyond.

@@ -32,6 +32,7 @@ from validation.campaigns.intervals import linear, summary, whole
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.slow
 def test_bench_compares_with_peers_and_names_those_that_are_missing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -67,10 +68,12 @@ def test_the_solver_keeps_its_promise_on_sets_by_lot(count: int) -> None:
     assert found.judged
 
 
+@pytest.mark.slow
 def test_corners_of_all_ranges_end_well() -> None:
     assert accuracy.campaign(12, seed=3, corners=True).findings == []
 
 
+@pytest.mark.slow
 def test_what_an_unstable_motion_makes_of_an_error_is_no_error_of_the_solver() -> None:
     """A ringing under a narrow Stribeck curve; but a cycle by itself has to keep the bar."""
     ringing: dict[str, Any] = {
@@ -103,6 +106,7 @@ def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
     assert "there is no campaign 'fizz'; known: accuracy, " in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["guide", pytest.param("emulate", marks=pytest.mark.long)])
 def test_ctrl_c_ends_a_command_soon_and_leaves_nothing_half(
     name: str, capsys: pytest.CaptureFixture[str]
@@ -125,11 +129,13 @@ def test_records_of_any_shape_give_a_result_or_a_sentence() -> None:
             assert record_shapes.outcome(case) in record_shapes.GOOD, case
 
 
+@pytest.mark.slow
 def test_axes_under_random_commands_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(commands, "TAKES", 1.0)
     assert commands.main(["--axes", "2"]) == 0
 
 
+@pytest.mark.slow
 def test_targets_are_reached_or_given_up(capsys: pytest.CaptureFixture[str]) -> None:
     """Of them a load carries two away for ever, and one is reached where no scan corrects it."""
     for seed, number in (("1", "16"), ("1", "27"), ("777001", "61082")):

@@ -82,6 +82,7 @@ def test_phases_follow_each_other_and_a_step_backward_mirrors_one_forward() -> N
     assert [point["name"] for point in curves(P)["slip"]["points"]] == ["C", "D", "E", "F"]
 
 
+@pytest.mark.slow
 def test_the_sample_measurement_lies_on_the_step_that_made_it(overlay: Overlay) -> None:
     """Made by an integrator that shares no code, with 2 nm of noise."""
     assert (overlay.steps, overlay.direction) == (10, 1)

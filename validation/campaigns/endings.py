@@ -205,6 +205,23 @@ def _may_mount() -> bool:
         return False
 
 
+@contextmanager
+def _signals_for_children() -> Iterator[None]:
+    """Have programs hear the signals that a shell's background or nohup has us ignore.
+
+    They would inherit that. What is handled here, by doing nothing, is at its default for them.
+    """
+    ignored = [one for one in SIGNALS.values() if signal.getsignal(one) == signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, lambda *_: None)
+    try:
+        yield
+    finally:
+        for number in ignored:
+            signal.signal(number, signal.SIG_IGN)
+
+
+@_signals_for_children()
 def study(moments: int, seed: int) -> int:
     """Try so many ends; print those that were bad and return how many there were."""
     choose_domain()
@@ -242,8 +259,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--moments", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args(argv)
-    for number in (signal.SIGINT, signal.SIGHUP):  # which a shell's background or nohup ignores
-        signal.signal(number, signal.SIG_DFL)
     return int(study(args.moments, args.seed) > 0)
 
 

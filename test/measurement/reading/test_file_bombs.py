@@ -341,6 +341,7 @@ def test_a_pipe_is_refused_whatever_its_name_says(tmp_path: Path) -> None:
             read_measurement(path)
 
 
+@pytest.mark.slow
 def test_a_pipe_beside_a_file_is_not_waited_for(tmp_path: Path) -> None:
     if not hasattr(os, "mkfifo"):
         pytest.skip("there are no pipes")

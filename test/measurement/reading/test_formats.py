@@ -371,6 +371,7 @@ def write_bag(path: Path, ros: int, storage: str = "") -> None:
         fill(writer2)
 
 
+@pytest.mark.slow
 def test_bags_of_others_are_read(tmp_path: Path) -> None:
     """The slider by itself; any other number of any topic by its path."""
     for name, ros, storage in [("axis.bag", 1, ""), ("sqlite", 2, "SQLITE3"), ("mcap", 2, "MCAP")]:
