@@ -72,11 +72,11 @@ def run(args: argparse.Namespace) -> int:
     plan.refuse_if_impossible()
     _refuse_foreign(args.out)
     report_left_out("sweep", left_out(plan.base))
-    with report_compilation():
-        plan.evaluate(0, 1)  # so that no thread has to compile
-    workers = cluster(args.cluster, args.jobs) if args.cluster else threads(args.jobs)
-    with progress_bar(plan.points, "computing points") as bar, workers as executor:
-        found = compute(plan, executor, bar.update)
+    with cluster(args.cluster, args.jobs) if args.cluster else threads(args.jobs) as executor:
+        with report_compilation():
+            plan.evaluate(0, 1)  # so that no thread has to compile
+        with progress_bar(plan.points, "computing points") as bar:
+            found = compute(plan, executor, bar.update)
     if args.out:
         write_text(args.out, found.csv_file())
     if found.done < plan.points:

@@ -65,11 +65,11 @@ ROWS = [
     (
         "sweep",
         "--vary preload=1:2:20000000 --json",
-        ["too many for --json, a table, page or picture"],
+        ["at most 10000000 values", "lower COUNT"],
     ),
     ("sweep", "--vary preload=1:2:3 --jobs 0", ["1 or more"]),
     ("sweep", "--vary preload=1:2:3 --out a.png", ["FILE.csv", "--plot writes a picture"]),
-    ("sweep", "--vary preload=1:2:3 --resume", ["--out FILE.csv"]),
+    ("sweep", "--vary preload=1:2:3 --cluster tcp://nowhere", ["no cluster answers", "give local"]),
     ("sweep", "--vary preload=1:2:3 --out /nowhere/a.csv", ["cannot write /nowhere/a.csv"]),
     ("sweep", "--vary preload=1:2:3 --table no/t.csv", ["cannot write no/t.csv"]),
     ("sweep", "--vary preload=1:2:3 --set amplitude=400 --out a.csv", ["no point of the sweep"]),
