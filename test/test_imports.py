@@ -291,7 +291,7 @@ RANKS = {"np.linalg.matrix_rank"}
 
 
 def rounded_by_processor(tree: ast.Module) -> list[str]:
-    """Return what a file computes in a way that depends on the processor, outside compiled code."""
+    """Return what a file rounds by processor or version of Python, outside compiled code."""
     compiled = {
         inner
         for node in ast.walk(tree)
@@ -306,6 +306,8 @@ def rounded_by_processor(tree: ast.Module) -> list[str]:
             "scipy."
         ):
             found.append(ast.unparse(node))
+        elif isinstance(node, ast.Name) and node.id == "sum" and node not in compiled:
+            found.append("sum")  # since Python 3.12 it makes up for rounding
         elif text.startswith("np.") and text.split(".")[1] in BY_PROCESSOR and node not in compiled:
             found.append(text)
     return [one for one in found if one not in RANKS and one != "np.linalg"]
@@ -318,6 +320,8 @@ def test_what_is_repeated_to_the_bit_is_rounded_alike_on_every_processor() -> No
             assert found == [], file
 
 
-@pytest.mark.parametrize("code", ["a @ b", "np.exp(x)", "np.linalg.solve(a, b)", "scipy.signal"])
+@pytest.mark.parametrize(
+    "code", ["a @ b", "sum(a)", "np.exp(x)", "np.linalg.solve(a, b)", "scipy.signal"]
+)
 def test_arithmetic_that_depends_on_the_processor_is_seen(code: str) -> None:
     assert rounded_by_processor(ast.parse(f"def f(a, b, x):\n    return {code}"))

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.arrays import Array, add_up
 from stickslip_ros.laws.law import DISTANCES, Contact
 from stickslip_ros.model.friction import contact_columns, contact_of, is_defined
 from stickslip_ros.parameters import FrictionParameters, ParameterError, Parameters
@@ -87,9 +87,9 @@ def mean_contact(contacts: tuple[Contact, ...]) -> Contact:
     friction force, sigma_0 z_lim, is the sum of those of the contacts.
     """
     added = ("sigma_0", "sigma_1", "sigma_2")
-    sums = {name: sum(getattr(c, name) for c in contacts) for name in added}
+    sums = {name: add_up(getattr(c, name) for c in contacts) for name in added}
     means = {
-        name: sum(c.sigma_0 * getattr(c, name) for c in contacts) / sums["sigma_0"]
+        name: add_up(c.sigma_0 * getattr(c, name) for c in contacts) / sums["sigma_0"]
         for name in Contact._fields[DISTANCES]
     }
     return contacts[0]._replace(**sums, **means)
@@ -203,7 +203,7 @@ class ContactForces:
     @property
     def total(self) -> float:
         """Sum of the six, N: what the lumped contact of the model may be loaded with."""
-        return float(sum(astuple(self)))
+        return float(add_up(astuple(self)))
 
     @classmethod
     def of(cls, matrix: Array, right: Array) -> ContactForces:

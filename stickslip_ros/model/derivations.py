@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from stickslip_ros.arrays import add_up
 from stickslip_ros.parameters import ParameterError
 
 
@@ -47,7 +48,7 @@ def contact_radius(preload: float, radius: float, one: Elastic, other: Elastic) 
     preload in N on this one contact.
     """
     _above_zero(preload=preload, radius=radius)
-    compliance = sum((1.0 - body.poisson**2) / body.youngs_modulus for body in (one, other))
+    compliance = add_up((1.0 - body.poisson**2) / body.youngs_modulus for body in (one, other))
     return (0.75 * preload * radius * compliance) ** (1.0 / 3.0)
 
 
@@ -58,7 +59,7 @@ def sigma_0_of_mindlin(preload: float, radius: float, one: Elastic, other: Elast
     The paper ("Breguet 3-36") names only what it depends on, and that the preload (N) enters by its
     cubic root, as here.
     """
-    compliance = sum((2.0 - body.poisson) / body.shear_modulus for body in (one, other))
+    compliance = add_up((2.0 - body.poisson) / body.shear_modulus for body in (one, other))
     return 8.0 * contact_radius(preload, radius, one, other) / compliance
 
 

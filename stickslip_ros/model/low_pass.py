@@ -16,12 +16,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.arrays import Array, add_up
 from stickslip_ros.compiled import compiled
 
+Matrix = list[list[float]]
 #: Value and derivatives at the start of the cubic between two samples, by rate at its start, rise
 #: and rate at its end; time in samples
-_HERMITE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-4.0, 6.0, -2.0], [6.0, -12.0, 6.0]])
+_HERMITE = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-4.0, 6.0, -2.0], [6.0, -12.0, 6.0]]
 #: Terms of the exponential's series, after the matrix was halved to at most this norm
 _TERMS, _NORM = 18, 0.5
 
@@ -37,16 +38,16 @@ class LowPass:
         """
         omega = 2.0 * math.pi * bandwidth * dt
         # Taylor coefficients of the input follow the states of the filter.
-        taylor = np.zeros((order + 4, order + 4))
-        taylor[0, 0] = -omega
+        taylor = [[0.0] * (order + 4) for _ in range(order + 4)]
+        taylor[0][0] = -omega
         if order == 2:
-            taylor[0, :2], taylor[1, :2] = (0.0, omega), (-omega, -2.0 * damping * omega)
-        taylor[order - 1, order] = omega
+            taylor[0][:2], taylor[1][:2] = [0.0, omega], [-omega, -2.0 * damping * omega]
+        taylor[order - 1][order] = omega
         for k in range(order, order + 3):
-            taylor[k, k + 1] = 1.0
-        end = exponential(taylor)
-        self._coupling = end[:order, :order].copy()
-        self._input = product(end[:order, order:].copy(), _HERMITE)
+            taylor[k][k + 1] = 1.0
+        end = exponential(taylor)[:order]
+        self._coupling = np.array([row[:order] for row in end])
+        self._input = np.array(product([row[order:] for row in end], _HERMITE))
         self._dt = dt
         self.settle(x)
 
@@ -87,34 +88,27 @@ def _filter(
         y[k] = x[k] + after[0]
 
 
-@compiled
-def product(a: NDArray, b: NDArray) -> NDArray:
+def product(a: Matrix, b: Matrix) -> Matrix:
     """Return the matrix product of a (n, m) and b (m, l), summed up in the order of m."""
-    out = np.zeros((a.shape[0], b.shape[1]))
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            for k in range(a.shape[1]):
-                out[i, j] += a[i, k] * b[k, j]
-    return out
+    columns = list(zip(*b, strict=True))
+    return [
+        [add_up(x * y for x, y in zip(row, column, strict=True)) for column in columns] for row in a
+    ]
 
 
-@compiled
-def exponential(matrix: NDArray) -> NDArray:
+def exponential(matrix: Matrix) -> Matrix:
     """Return the exponential of a matrix (n, n), by its series after halving, and squaring."""
-    size, norm = len(matrix), 0.0
-    for i in range(size):
-        row = 0.0
-        for j in range(size):
-            row += abs(matrix[i, j])
-        norm = max(norm, row)
-    halvings = 0
+    norm, halvings = max(add_up(map(abs, row)) for row in matrix), 0
     while norm > _NORM:
         norm, halvings = 0.5 * norm, halvings + 1
-    part = matrix * 0.5**halvings
-    term, out = np.eye(size), np.eye(size)
+    part = [[0.5**halvings * x for x in row] for row in matrix]
+    out = term = [[float(i == j) for j in range(len(matrix))] for i in range(len(matrix))]
     for k in range(1, _TERMS + 1):
-        term = product(term, part) / k
-        out += term
+        term = [[x / k for x in row] for row in product(term, part)]
+        out = [
+            [x + y for x, y in zip(one, other, strict=True)]
+            for one, other in zip(out, term, strict=True)
+        ]
     for _ in range(halvings):
         out = product(out, out)
     return out

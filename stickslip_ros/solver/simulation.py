@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.arrays import Array, add_up
 from stickslip_ros.model import DriveCycle, Plant, alpha_of, alpha_of_law
 from stickslip_ros.solver.advance import (
     ENDLESS,
@@ -357,4 +357,4 @@ class Simulation:
             return float(alpha_of(float(s["now_z"]), w, self.plant.contact))
         each = zip(self.plant.contacts, contact_records(self._each).view(np.recarray), strict=True)
         found = [(c.sigma_0, alpha_of_law(c, own, w)) for c, own in each]
-        return float(sum(k * alpha for k, alpha in found) / sum(k for k, _ in found))
+        return float(add_up(k * alpha for k, alpha in found) / add_up(k for k, _ in found))

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.arrays import add_up
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.law import ALWAYS_PLASTIC
 from stickslip_ros.model.friction import alpha_at, z_limit
@@ -30,7 +31,7 @@ _A = np.array(
     ]
 )
 #: Its square, written out: a product of linear algebra rounds differently with the processor
-_A_A = np.array([[sum(row[k] * _A[k][j] for k in range(3)) for j in range(3)] for row in _A])
+_A_A = np.array([[add_up(row[k] * _A[k][j] for k in range(3)) for j in range(3)] for row in _A])
 _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
 #: Newton's iterations, at most
 _ITERATIONS = 15
