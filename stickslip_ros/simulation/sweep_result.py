@@ -17,7 +17,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import Parameters, ParameterSource, parameter
 from stickslip_ros.reporting import axes_or_new, format_si, html_table, to_json
-from stickslip_ros.reporting.tables import frame
+from stickslip_ros.reporting.tables import csv_text, frame
 from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.simulation.left_out import left_out
 from stickslip_ros.simulation.parallel import in_order, threads, workers_of
@@ -187,11 +187,7 @@ class SweepResult:
     def csv(self) -> str:
         """Return the table as text; a field without a value is empty."""
         heading, columns = self.table()
-        texts = [
-            [repr(value) if math.isfinite(value) else "" for value in column.tolist()]
-            for column in columns
-        ]
-        return "\n".join([",".join(heading), *(",".join(row) for row in zip(*texts, strict=True))])
+        return csv_text(heading, np.transpose(columns).tolist()).removesuffix("\n")
 
     def csv_file(self) -> str:
         """Return the content of a file: what defines the sweep as comments, then the table."""
