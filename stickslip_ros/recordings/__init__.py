@@ -10,7 +10,8 @@ from stickslip_ros.lazy_names import lazy_names
 
 _PLACES = {
     "message_types": "STATUS_TYPE definition_from_fields nanoseconds schema_text",
-    "cdr": "Status decoder_for encoder_for statuses",
+    "cdr": "Status decoder_for statuses",
+    "encoding": "encoder_for",
     "errors": "BagError",
     "mcap_records": "BagMessage",
     "metadata": "TopicDescription",
@@ -23,7 +24,8 @@ _PLACES = {
 }
 
 if TYPE_CHECKING:
-    from stickslip_ros.recordings.cdr import Status, decoder_for, encoder_for, statuses
+    from stickslip_ros.recordings.cdr import Status, decoder_for, statuses
+    from stickslip_ros.recordings.encoding import encoder_for
     from stickslip_ros.recordings.errors import BagError
     from stickslip_ros.recordings.mcap_records import BagMessage
     from stickslip_ros.recordings.message_types import (

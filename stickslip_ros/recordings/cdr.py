@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Converts messages from and to their serialized form (CDR), by the schema in the bag, without ROS.
+"""Reads messages from their serialized form (CDR), by the schema in the bag, without ROS.
 
 Also yields the fields of messages by name, and diagnostic statuses, the form of events.
 """
@@ -10,9 +10,6 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.records import Schema
-
-# What the package's own Writer encodes with; it has no public name.
-from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.decoder import DecoderFactory
 
 from stickslip_ros.recordings.errors import BagError, short
@@ -67,7 +64,10 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             raise ValueError("it has no definition")
     # The text is a stranger's and the parser has no error of its own for what is wrong with it.
     except Exception as error:
-        raise _broken_schema(where, "decoded", error) from error
+        raise BagError(
+            f"{where} cannot be decoded, its schema is broken: {short(error)}; "
+            "record it anew or leave the topic out"
+        ) from error
 
     def decoded(data: bytes) -> Any:
         try:
@@ -79,25 +79,6 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             ) from error
 
     return decoded
-
-
-def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
-    """Return a function that makes the data of a message of an object like a decoded one.
-
-    Raises BagError: the schema of the topic is broken.
-    """
-    try:
-        encode = serialize_dynamic(topic.type, topic.schema)[topic.type]
-    except Exception as error:  # as for decoding
-        raise _broken_schema(f"topic {topic.name} ({topic.type})", "encoded", error) from error
-    return lambda message: bytes(encode(message))
-
-
-def _broken_schema(where: str, done: str, error: Exception) -> BagError:
-    return BagError(
-        f"{where} cannot be {done}, its schema is broken: {short(error)}; "
-        "record it anew or leave the topic out"
-    )
 
 
 def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:

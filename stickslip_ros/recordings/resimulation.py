@@ -13,6 +13,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from stickslip_ros.axis import Axis
@@ -21,7 +22,7 @@ from stickslip_ros.axis.resimulation import Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
 from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
-from stickslip_ros.recordings.cdr import encoder_for
+from stickslip_ros.recordings.encoding import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import (
     SET_POINT_TOPICS,
@@ -215,15 +216,16 @@ class _Copy:
         """Write an event as the node of the axis publishes it; set points have their own topic."""
         ns = run.start_ns + round(event.time * 1e9)
         node = run.node.lstrip("/")
-        status = {
-            "level": event.level,
-            "name": f"{node}: event",
-            "message": f"{event.name} {event.outcome}",
-            "hardware_id": node,
-            "values": [{"key": k, "value": v} for k, v in event_texts(event).items()],
-        }
-        stamp = {"sec": ns // 10**9, "nanosec": ns % 10**9}
-        message = {"header": {"stamp": stamp, "frame_id": ""}, "status": [status]}
+        status = SimpleNamespace(
+            level=event.level,
+            name=f"{node}: event",
+            message=f"{event.name} {event.outcome}",
+            hardware_id=node,
+            values=[SimpleNamespace(key=k, value=v) for k, v in event_texts(event).items()],
+        )
+        stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
+        header = SimpleNamespace(stamp=stamp, frame_id="")
+        message = SimpleNamespace(header=header, status=[status])
         names = SET_POINT_TOPICS if is_set_point(event) else ()
         topics = [f"{run.node}/{name}" for name in (*names, "events")]
         topic = next(topic for topic in topics if topic in self._bag.topics)

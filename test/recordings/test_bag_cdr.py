@@ -7,6 +7,7 @@ import re
 import struct
 import tracemalloc
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 from bags import EVENTS, JOINTS, STEPS, STORE, event, int32, joint_state, serialized, topic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from stickslip_ros.recordings import BagError, TopicDescription, decoder_for
+from stickslip_ros.recordings import BagError, TopicDescription, decoder_for, encoder_for
 from stickslip_ros.recordings.message_types import definition_from_fields, schema_text
 
 
@@ -188,3 +189,28 @@ def test_fields_become_a_definition() -> None:
     known = {"a/msg/Top": definition_from_fields(fields), "geometry_msgs/msg/Point": "float64 x"}
     text = schema_text("a/msg/Top", known.__getitem__)
     assert re.findall("MSG: .*", text) == ["MSG: geometry_msgs/Point"]
+
+
+@pytest.mark.parametrize("frame", ["", "a", "µm"])
+@pytest.mark.parametrize("joints", [0, 1, 3])
+def test_what_we_encode_is_what_rosbags_reads(frame: str, joints: int) -> None:
+    stamp = SimpleNamespace(sec=-3, nanosec=4)
+    header = SimpleNamespace(stamp=stamp, frame_id=frame)
+    names = [f"joint{'x' * k}" for k in range(joints)]
+    state = SimpleNamespace(
+        header=header, name=names, position=[1e-9 * k for k in range(joints)],
+        velocity=[0.5] * joints, effort=[],
+    )  # fmt: skip
+    read = STORE.deserialize_cdr(encoder_for(JOINTS)(state), JOINTS.type)
+    assert (read.header.stamp.sec, read.header.stamp.nanosec) == (-3, 4)
+    assert (read.header.frame_id, read.name) == (frame, names)
+    assert [read.position.tolist(), read.velocity.tolist()] == [state.position, state.velocity]
+    assert not len(read.effort)
+    pairs = [SimpleNamespace(key=name, value=frame) for name in names]
+    one = SimpleNamespace(level=2, name="/axis: event", message="é", hardware_id="", values=pairs)
+    array = SimpleNamespace(header=header, status=[one, one])
+    for status in STORE.deserialize_cdr(encoder_for(EVENTS)(array), EVENTS.type).status:
+        assert (status.level, status.name, status.message) == (2, "/axis: event", "é")
+        assert [(pair.key, pair.value) for pair in status.values] == [(n, frame) for n in names]
+    with pytest.raises(BagError, match=STEPS.name):
+        encoder_for(STEPS)
