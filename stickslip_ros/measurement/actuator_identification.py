@@ -66,6 +66,8 @@ _LEADS = 0.01
 #: A single loop begins where it ends unless an actuator that never moved explains it so many times
 #: as well.
 _LIKELIER = 0.5
+#: Gains (m/V) that actuators have: a plate of one layer, a long bender.
+_GAINS = (2e-10, 2e-5)
 #: Deviations above this share of the deflection's scatter: it does not follow the voltage.
 _UNRELATED = 0.5
 
@@ -412,6 +414,14 @@ def _check(seen: ActuatorRecording, lead: float, best: IdentifiedActuator) -> No
     if best.rms_error * best.span > _UNRELATED * float(np.std(seen.deflection[seen.first :])):
         raise ParameterError(
             "the deflection does not follow the voltage; is it noise, or another column?"
+        )
+    gain = best.span / seen.range
+    if not _GAINS[0] <= gain <= _GAINS[1]:
+        raise ParameterError(
+            f"the deflection goes over {format_si(best.span, 'm')} for "
+            f"{format_si(seen.range, 'V')}, {gain:.2g} m/V, where actuators have {_GAINS[0]:g} to "
+            f"{_GAINS[1]:g}; are both columns swapped (--columns), or is a unit another one "
+            "(--units)?"
         )
     if lead > _LEADS:
         raise ParameterError(

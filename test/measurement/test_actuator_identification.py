@@ -69,6 +69,7 @@ def test_what_is_no_loop() -> None:
         (FULL, NOISE, "does not follow the voltage"),
         (NOISE, NOISE[::-1], "no loop is to be seen"),
         (1e7 * bouc_wen(FULL), 1e-9 * FULL, "runs ahead of the voltage.*swapped"),
+        (FULL, 1e-10 * FULL, "1e-10 m/V, where actuators have .*swapped"),
         (FULL, FULL[:-1], "as many of each: 401, 400"),
         (FULL, np.where(FULL == 150.0, np.nan, FULL), "finite numbers"),
         (FULL, -FULL, "does not rise with the voltage"),

@@ -33,25 +33,38 @@ _WIDEST = 256
 _UNITS = ("units", "unit", "Units", "Unit", "unit_string", "YUnits")
 _STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
 _STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
-#: A MATLAB file is broken if it takes longer: seconds, and those for each byte of it.
-_PATIENCE, _PATIENCE_A_BYTE = 20.0, 1e-7
-#: Memory (bytes) of the interpreter and its libraries; copies of the variables beside it.
-_INTERPRETER, _COPIES = 500_000_000, 4
-#: Reads the file named first and leaves its variables, or what is wrong, in the one named second;
-#: the third argument is the memory (bytes) that it may take, where the system can limit that.
+#: A MATLAB file is broken if it takes longer: seconds, and those for each byte of its arrays.
+_PATIENCE, _PATIENCE_A_BYTE = 8.0, 1e-8
+#: Memory (bytes) of the interpreter and its libraries; copies of the arrays beside it.
+_INTERPRETER, _COPIES = 600_000_000, 3
+#: Reads the file named first and leaves its variables, or what is wrong, in the one named second.
+#: The third argument is how many bytes its variables may state; the others limit memory and time,
+#: where the system can. Lists of cells and records are no columns, so they are not unpacked.
 _CHILD = """
 import sys
 sys.path[:1] = []  # the folder that we happen to be in
-import pickle, warnings
+import math, pickle, warnings
 warnings.simplefilter("ignore")
+sizes = {"double": 8, "single": 4, "logical": 1, "struct": 0, "cell": 0, "object": 0}
+sizes.update((sign + "int" + str(8 * n), n) for sign in ("", "u") for n in (1, 2, 4, 8))
 try:
     import scipy.io
+    stated = {
+        name: math.prod(shape) * (sizes[kind] or 1)
+        for name, shape, kind in scipy.io.whosmat(sys.argv[1])
+        if sizes.get(kind, -1) > 0 or (kind in sizes and math.prod(shape) == 1)
+    }
+    most, memory, copies, patience, a_byte = map(float, sys.argv[3:])
+    total = sum(stated.values())
+    if total > most:
+        raise MemoryError
     try:
         import resource
-        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
+        resource.setrlimit(resource.RLIMIT_AS, (int(memory + copies * total),) * 2)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(patience + a_byte * total),) * 2)
     except ImportError:
         pass
-    held = scipy.io.loadmat(sys.argv[1])
+    held = scipy.io.loadmat(sys.argv[1], variable_names=list(stated))
 except BaseException as error:
     held = " ".join(str(error).split())[:160] or type(error).__name__
     held = None if isinstance(error, MemoryError) else held
@@ -189,9 +202,11 @@ def read_mat(path: Path) -> Table:
             return read_hdf5(path)
     with tempfile.TemporaryDirectory(prefix="stickslip-") as folder:
         out, allowance = Path(folder, "variables"), Allowance(path)
-        memory = _INTERPRETER + _COPIES * allowance.left
-        command = [sys.executable, "-c", _CHILD, os.path.abspath(path), str(out), str(memory)]
-        patience = _PATIENCE + _PATIENCE_A_BYTE * path.stat().st_size
+        limits = allowance.left, _INTERPRETER, _COPIES, _PATIENCE, _PATIENCE_A_BYTE
+        command = [sys.executable, "-c", _CHILD, os.path.abspath(path), str(out)]
+        command += map(str, limits)
+        # of the clock: other work takes its time, too
+        patience = 10.0 * (_PATIENCE + _PATIENCE_A_BYTE * allowance.left)
         one_thread = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # each reserves memory
         try:
             child = subprocess.run(

@@ -119,10 +119,11 @@ def read_tdms(path: Path) -> Table:
 
 
 def _channels(file: Any, allowance: Allowance) -> Iterator[Column]:
-    """Yield the channels that hold numbers or dates."""
-    for channel in (channel for group in file.groups() for channel in group.channels()):
-        if len(channel) < 2:
-            continue
+    """Yield the channels that hold numbers or dates, their clocks from the earliest start on."""
+    channels = [c for group in file.groups() for c in group.channels() if len(c) >= 2]
+    starts = [c.properties.get("wf_start_time") for c in channels]
+    dated = [start for start in starts if isinstance(start, np.datetime64)]
+    for channel, start in zip(channels, starts, strict=True):
         allowance.spend(len(channel) * np.dtype(channel.dtype or object).itemsize)
         values, facts = np.asarray(channel[:]), channel.properties
         unit = facts.get("unit_string") or None
@@ -130,8 +131,10 @@ def _channels(file: Any, allowance: Allowance) -> Iterator[Column]:
             values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"
         if values.dtype.kind in "fiu":
             step = float(facts.get("wf_increment", 0.0))
-            clock = Clock(float(facts.get("wf_start_offset", 0.0)), step)
-            known = clock if 0.0 < step < math.inf else None
+            begin = float(facts.get("wf_start_offset", 0.0))
+            if isinstance(start, np.datetime64):
+                begin += float((start - min(dated)) / np.timedelta64(1, "s"))
+            known = Clock(begin, step) if 0.0 < step < math.inf else None
             yield Column(f"{channel.group_name}/{channel.name}", unit, known, values)
 
 

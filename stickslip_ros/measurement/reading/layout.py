@@ -25,7 +25,7 @@ _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 #: 1,234.5 and 1.234,5 with the sign of the thousands as ','.
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d*)?(?:[eE][+-]?\d+)?")
 #: Texts for a value that was not measured, with or without a sign.
-_GAPS = {"", "nan", "nan(ind)", "1.#qnan", "1.#ind", "1.#inf", "inf", "infinity", "∞", "null",
+GAPS = {"", "nan", "nan(ind)", "1.#qnan", "1.#ind", "1.#inf", "inf", "infinity", "∞", "null",
          "none", "n/a", "na", "over", "overflow", "ol"}  # fmt: skip
 _STAMP = re.compile(
     r"(?:(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})[T\s_]+)?"
@@ -48,7 +48,7 @@ def number_text(cell: str, decimal: str, grouped: bool = False) -> str | None:
 
 def is_gap(cell: str) -> bool:
     """Return whether a cell is a text for a missing value."""
-    return cell.lower().lstrip("+-") in _GAPS or cell.startswith("**")
+    return cell.lower().lstrip("+-") in GAPS or cell.startswith("**")
 
 
 def is_stamp(cell: str) -> bool:

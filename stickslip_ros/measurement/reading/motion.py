@@ -102,8 +102,8 @@ _FEWEST = 16
 _DATES = 1e8
 #: Steps of the time are this many times as large as the last digit that a number holds.
 _GRAINS = 8.0
-#: No actuator deflects by more (m): its unit is another one.
-_WIDEST_LOOP = 0.01
+#: No actuator deflects by more (m), and none of a stick-slip drive: its unit is another one.
+_WIDEST_LOOP, _WIDEST_STROKE = 0.01, 1e-3
 #: Share of times that are like the one before them where times are rounded.
 _MANY_TIES = 0.05
 #: Part of a fringe from which on a step from one sample to the next may be a jump or motion.
@@ -126,7 +126,12 @@ def read_measurement(path: Path, how: Reading | None = None) -> Motion:
 def motion_of(table: Table, source: str, how: Reading) -> Motion:
     """Return the motion in a table. Raises MeasurementError."""
     values, notes = _read(table, MOTION, how)
-    x = values["x"]
+    x, stroke = values["x"], float(np.ptp(values.get("u", [0.0])))
+    if stroke > _WIDEST_STROKE:
+        raise MeasurementError(
+            f"the actuator's deflection goes over {stroke:g} m, which no stick-slip drive does; "
+            "say in which unit it is: --units u=nm, or in which column: --columns u=NAME"
+        )
     if how.wavelength is not None:
         x, note = without_fringe_jumps(x, 0.5 * how.wavelength)
         notes = (*notes, note)
@@ -207,13 +212,16 @@ def _read(
     clock = _clock(table, chosen, how)
     loaded = table.load(list(chosen.values()))
     values = dict(zip(chosen, loaded.values, strict=True))
+    notes = [*table.notes, *loaded.notes, *contradictions(chosen, how)]
+    if clock is not None and "t" not in values and not how.rate:
+        values, clock = _on_one_clock(values, chosen, clock, notes)
     lengths = {len(one) for one in values.values()}
     if len(lengths) > 1:
         raise MeasurementError(
             "the columns are not of one length: "
             + ", ".join(f"{chosen[key]} has {len(v)}" for key, v in values.items())
+            + "; name others with --columns"
         )
-    notes = [*table.notes, *loaded.notes, *contradictions(chosen, how)]
     places = np.arange(lengths.pop())
     if clock is not None:
         numbers = values["t"] if "t" in values else _numbers(clock, loaded, len(places), how)
@@ -269,6 +277,41 @@ def _clock(table: Table, chosen: dict[str, Column], how: Reading) -> Clock | Non
     if counter is not None:
         chosen["t"] = counter
     return Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
+
+
+def _on_one_clock(
+    values: dict[str, Array], chosen: Mapping[str, Column], clock: Clock, notes: list[str]
+) -> tuple[dict[str, Array], Clock]:
+    """Return columns that have clocks of their own at the times of the slowest, and its clock.
+
+    Values in between are interpolated. Where all have one clock and length, nothing changes.
+    Raises MeasurementError if they have no time in common.
+    """
+    clocks = {key: chosen[key].clock for key in values}
+    own = {key: one for key, one in clocks.items() if one is not None}
+    alike = {(one.start, one.step, len(values[key])) for key, one in own.items()}
+    if len(alike) == 1 or len(own) < len(values):
+        return values, clock
+    base = max(own, key=lambda key: (own[key].step, own[key] == clock))
+    clock, other = own[base], "the others"
+    times = {key: own[key].start + own[key].step * np.arange(len(v)) for key, v in values.items()}
+    begin, end = max(t[0] for t in times.values()), min(t[-1] for t in times.values())
+    near = 1e-6 * clock.step  # starts are rounded
+    kept = (times[base] >= begin - near) & (times[base] <= end + near)
+    if not kept.any():
+        raise MeasurementError(
+            "its columns were recorded one after the other: "
+            + ", ".join(f"{chosen[key]} from {t[0]:g} s to {t[-1]:g} s" for key, t in times.items())
+        )
+    if len(times) == 2:
+        other = next(str(chosen[key]) for key in times if key != base)
+    notes.append(
+        f"the columns have times of their own: {other} is taken at those of {chosen[base]}, every "
+        f"{clock.step:g} s from {begin:g} s to {end:g} s"
+    )
+    at = times[base][kept]
+    values = {key: np.interp(at, times[key], value) for key, value in values.items()}
+    return values, Clock(float(at[0]), clock.step)
 
 
 def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> Array:

@@ -115,8 +115,15 @@ _IN = re.compile(
 )
 _TAIL = re.compile(r"(?P<name>.+?)(?:[_\s:,]\s*)(?P<unit>[A-Za-zµμÅ/^0-9°%]+)")
 _CHANNEL_WITH_UNIT = re.compile(r"(?P<name>(?:CH|CHAN|C|MATH)\d*)\s*(?P<unit>V|mV|A)")
-#: Tails of a name that are one letter may be a word of it: only times end so.
-_TIMES = {"t", "time", "timestamp", "elapsed", "elapsed_time", "zeit"}
+#: Tails of a name that are one letter may be a word of it: only these end in their unit.
+_WITH_LETTER = {
+    "s": {"t", "time", "timestamp", "elapsed", "elapsed_time", "zeit", "seconds"},
+    "m": {
+        "x", "position", "pos", "runner", "slider", "displacement", "distance", "weg", "path",
+        "deflection", "elongation", "stroke", "actuator", "piezo", "u",
+    },
+    "V": {"voltage", "volt", "drive", "piezo", "command", "u"},
+}  # fmt: skip
 
 
 def name_and_unit(text: str) -> tuple[str, str | None]:
@@ -137,7 +144,7 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
         name, unit = found["name"].strip(), found["unit"]
         if len(unit) > 1 and unit[:1] != "/":
             return name, unit
-        if unit == "s" and re.split(r"[./]", name.lower())[-1] in _TIMES:
+        if re.split(r"[./_ ]", name.lower())[-1] in _WITH_LETTER.get(unit, ()):
             return name, unit
     return text, None
 

@@ -31,6 +31,7 @@ from tqdm import tqdm
 
 from stickslip_ros.measurement.reading.layout import (
     COMMENTS,
+    GAPS,
     Layout,
     Stamps,
     lines_text,
@@ -49,9 +50,10 @@ from stickslip_ros.measurement.reading.table import (
 from stickslip_ros.opening import Allowance, ReadError, open_regular
 
 #: Characters that the form of a table is found from, and that are read at once.
-_SAMPLE, _BLOCK = 2_000_000, 8_000_000
-#: Bytes in memory for a byte of unpacked text.
-_GROWS = 5
+_SAMPLE, _BLOCK = 2_000_000, 4_000_000
+#: What a byte and a line of unpacked text take of the allowance: bytes in memory, and the time of a
+#: row as bytes. A row of a measurement takes more than a byte when it is packed, as it has noise.
+_GROWS, _ROW = 5, 300
 #: Lines longer than this are of no table.
 _LONGEST = 100_000
 _PACKED: dict[bytes, Callable[..., Any]] = {
@@ -67,12 +69,14 @@ _ENCODINGS = {
 _CONTROLS = bytes([*range(1, 9), *range(14, 27), *range(28, 32)])
 #: Faults of packed files.
 UNPACKING = (EOFError, zlib.error, lzma.LZMAError)
-#: Lines that are read one by one where a block cannot be read at once.
-_SINGLY = 500
-#: Share of rows that may be words before the table is taken for something else.
-_MOST_WORDS = 0.1
+#: A line of numbers and separators alone.
+_PLAIN = re.compile(r"[-+0-9.eE,;|\s\"]*[0-9][-+0-9.eE,;|\s\"]*")
+#: Share of rows that may be words before the table is taken for something else; so many lines of
+#: words are read before that is judged, each alone.
+_MOST_WORDS, _FEW_WORDS = 0.1, 20_000
 #: A block has a number in a form that NumPy does not read.
-_ODD = ('"', "#", "%", "(", "[", "d", "D", "∞")
+_ODD = ("#", "%", "d", "D", "∞")
+_BRACKETS = re.compile(r"^[ ]*[(\[]|[)\]][ ]*$", re.MULTILINE)
 #: End of the name of Rohde & Schwarz's numbers; bytes of their description at most.
 _NUMBERS, _DESCRIPTION = ".wfm.csv", 1_000_000
 _WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?\s*(?P<unit>[^\W\d]\S*)")
@@ -111,7 +115,7 @@ class _Unpacked(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         found = self._inner.read(len(buffer))
         # A row of single digits takes 8 bytes a number where it took 2.
-        self._allowance.spend(_GROWS * len(found))
+        self._allowance.spend(_GROWS * len(found) + _ROW * found.count(b"\n"))
         buffer[: len(found)] = found
         return len(found)
 
@@ -209,7 +213,7 @@ class Rows:
         """lines are the first ones of the file, which show the form of its rows."""
         self._layout, self._wanted = layout, wanted
         self._stamps = [Stamps() for _ in wanted]
-        begin = [line for line in lines[layout.first : layout.first + 500] if line.strip()]
+        begin = [line for line in lines[layout.first : layout.first + 500] if not _is_empty(line)]
         marks = [line.count(layout.delimiter) for line in begin] if layout.delimiter else []
         #: Separators that nearly every row has.
         self._marks = max(set(marks), key=marks.count) if marks else 0
@@ -223,16 +227,13 @@ class Rows:
     def add(self, lines: list[str], last: bool) -> None:
         """Read further lines; the last one of all may be cut off."""
         skip = max(0, self._layout.first - self._lines_seen)
-        self._take(lines[skip:], self._lines_seen + skip, last)
+        indices = range(self._lines_seen + skip, self._lines_seen + len(lines))
         self._lines_seen += len(lines)
+        self._take(lines[skip:], indices, last)
 
     def loaded(self) -> Loaded:
         """Return the table. Raises MeasurementError if too many lines are words."""
-        if self._words > _MOST_WORDS * max(self._count, 10):
-            raise MeasurementError(
-                f"{self._words} of {self._words + self._count} lines are no rows of numbers, first "
-                f"{self._first_word}; remove them, or export a table of numbers"
-            )
+        self._check_words()
         values = []
         for k in range(len(self._wanted)):
             values.append(np.concatenate([part[k] for part in self._parts] or [np.empty(0)]))
@@ -244,29 +245,69 @@ class Rows:
             notes.append(f"{rows} left out, not being numbers: {self._first_word}")
         return Loaded(values, self._place, tuple(notes), tuple(self._breaks))
 
+    def _check_words(self) -> None:
+        """Raise MeasurementError if too many lines are words."""
+        if self._words > _MOST_WORDS * max(self._count, 10):
+            raise MeasurementError(
+                f"{self._words} of {self._words + self._count} lines are no rows of numbers, first "
+                f"{self._first_word}; remove them, or export a table of numbers"
+            )
+
     def _place(self, row: int) -> str:
         """Return the place of a row in the file, for people."""
         line = self._layout.first + row
-        for other in self._no_rows:
+        for other in sorted(self._no_rows):
             if other > line:
                 break
             line += 1
         return f"line {line + 1}"
 
-    def _take(self, lines: list[str], number: int, last: bool) -> None:
-        """Read lines, the first of them with an index in the file."""
+    def _take(self, lines: list[str], indices: Sequence[int], last: bool) -> None:
+        """Read lines, of which each has an index in the file."""
         values = None if last else self._at_once(lines)
-        if values is None and len(lines) > _SINGLY:  # most of them are as they should be
-            middle = len(lines) // 2
-            self._take(lines[:middle], number, False)
-            self._take(lines[middle:], number + middle, last)
-            return
         if values is None:
-            rows = self._one_by_one(lines, number, last)
-            values = list(np.array(rows, np.float64).reshape(len(rows), len(self._wanted)).T)
+            values = self._mixed(lines, indices, last)
         self._parts.append([np.ascontiguousarray(column, np.float64) for column in values])
         self._count += len(values[0])
+        if self._words > _FEW_WORDS:
+            self._check_words()
         self._lengths = [len(line) for line in lines[-200:] if line] or self._lengths
+
+    def _mixed(self, lines: list[str], indices: Sequence[int], last: bool) -> list[NDArray[Any]]:
+        """Return the columns of lines some of which are no rows like the others.
+
+        Those that look like the others are read at once, the rest one by one.
+        """
+        alike = [] if last else [k for k, line in enumerate(lines) if self._is_plain(line)]
+        at_once = self._at_once([lines[k] for k in alike])
+        if at_once is None:
+            alike, at_once = [], []
+        rows = np.full((len(lines), len(self._wanted)), np.nan)
+        is_row = np.zeros(len(lines), bool)
+        is_row[alike] = True
+        for column, values in enumerate(at_once):
+            rows[alike, column] = values
+        words = []
+        for k in np.flatnonzero(~is_row).tolist():
+            if not _is_empty(lines[k]):
+                row = self._row(lines[k])
+                if row is not None and not (last and len(lines[k]) < min(self._lengths, default=0)):
+                    rows[k], is_row[k] = row, True
+                    continue
+                words.append(k)
+            self._no_rows.append(indices[k])
+        if words and not self._first_word:
+            text = " ".join(lines[words[0]].split())
+            self._first_word = f"line {indices[words[0]] + 1} ({text[:40]!r})"
+        self._words += len(words)
+        self._breaks += (self._count + np.cumsum(is_row)[words]).tolist()
+        return list(rows[is_row].T)
+
+    def _is_plain(self, line: str) -> bool:
+        mark = self._layout.delimiter
+        return _PLAIN.fullmatch(line) is not None and (
+            mark is None or line.count(mark) == self._marks
+        )
 
     def _at_once(self, lines: list[str]) -> list[NDArray[Any]] | None:
         """Return the columns of lines that are rows like all others, None if they are not."""
@@ -277,6 +318,12 @@ class Rows:
             mark is not None and block.count(mark) != len(lines) * self._marks
         ):
             return None
+        if "(" in block or "[" in block:
+            block = _BRACKETS.sub("", block)
+        if '"' in block:
+            if mark is None or mark == layout.decimal or self._marks != len(layout.kinds) - 1:
+                return None
+            block = block.replace('"', "")  # no separator is within quotes
         if layout.decimal == ",":
             if "." in block:
                 return None
@@ -287,34 +334,17 @@ class Rows:
             return None if rows is None or rows.shape != (len(lines), len(layout.kinds)) else list(
                 rows.T[wanted])  # fmt: skip
         rows = _load(block, mark, wanted)
-        if rows is None:  # empty cells are gaps
-            edge = re.escape(mark)
-            gap = re.compile(rf"(^|{edge})(?=[ ]*(?:{edge}|$))", re.MULTILINE)
-            rows = _load(gap.sub(r"\1nan", block), mark, wanted)
+        if rows is None:
+            edge, words = re.escape(mark), "|".join(map(re.escape, GAPS))
+            gap = rf"(^|{edge})[ ]*[-+]?(?:{words})(?=[ ]*(?:{edge}|$))"
+            block = re.sub(gap, r"\1nan", block, flags=re.MULTILINE | re.IGNORECASE)
+            rows = _load(block, mark, wanted)
         return None if rows is None or len(rows) != len(lines) else list(rows.T)
 
-    def _one_by_one(self, lines: list[str], number: int, last: bool) -> list[list[float]]:
-        """Return rows; lines of words are counted."""
-        rows: list[list[float]] = []
-        for index, line in enumerate(lines, start=number):
-            if not line.strip() or line.strip().startswith(COMMENTS):
-                self._no_rows.append(index)
-                continue
-            text = lines_text(line, self._layout.delimiter)
-            row = self._row(self._layout.split(text.split(" #")[0] if " #" in text else text))
-            if row is None or (last and len(line) < min(self._lengths, default=0)):
-                self._words += 1
-                self._no_rows.append(index)
-                self._breaks.append(self._count + len(rows))
-                self._first_word = self._first_word or (
-                    f"line {index + 1} ({' '.join(line.split())[:40]!r})"
-                )
-                continue
-            rows.append(row)
-        return rows
-
-    def _row(self, row: list[str]) -> list[float] | None:
-        """Return the wanted numbers of a row, None if it is none."""
+    def _row(self, line: str) -> list[float] | None:
+        """Return the wanted numbers of a line, None if it is no row."""
+        text = lines_text(line, self._layout.delimiter)
+        row = self._layout.split(text.split(" #")[0] if " #" in text else text)
         layout = self._layout
         width = len(layout.kinds)
         if len(row) != width:
@@ -330,6 +360,11 @@ class Rows:
             ]
         except (ValueError, OverflowError):
             return None
+
+
+def _is_empty(line: str) -> bool:
+    """Return whether a line has nothing for the table: blanks, or a comment."""
+    return (text := line.strip()) == "" or text.startswith(COMMENTS)
 
 
 def _load(block: str, mark: str | None, wanted: list[int] | None) -> NDArray[Any] | None:

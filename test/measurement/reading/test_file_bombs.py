@@ -167,6 +167,21 @@ def struct_in_matlab(path: Path) -> None:
     scipy.io.savemat(path, {"a": {"b": {"c": inner}}}, do_compression=True)
 
 
+def lines_in_text(line: bytes, count: int) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        rows = b"".join(b"%f,%d\n" % (1e-5 * k, k % 7) for k in range(400))
+        text = b"time (s),x (nm)\n" + rows + line * (count * (COUNT // 10_000_000 or 1))
+        path.write_bytes(gzip.compress(text))
+
+    return write
+
+
+def cells_in_matlab(path: Path) -> None:
+    cells = np.empty(COUNT // 100, object)
+    cells[:] = [np.zeros(0)] * len(cells)
+    scipy.io.savemat(path, {"x": cells}, do_compression=True)
+
+
 def matlab_4_that_promises(path: Path) -> None:
     path.write_bytes(np.array([0, 10**9, 2, 0, 2], "<i4").tobytes() + b"x\0" + bytes(8000))
 
@@ -260,6 +275,11 @@ BOMBS: list[tuple[str, Callable[[Path], None], str]] = [
     (".csv.gz", parts_in_a_row, ""),
     (".mat", many_in_matlab, UNPACK_VARIABLE),
     (".mat", struct_in_matlab, UNPACK_VARIABLE),
+    (".mat", cells_in_matlab, ""),
+    (".csv.gz", lines_in_text(b"\n", 100_000_000), UNPACK_VARIABLE),
+    (".csv.gz", lines_in_text(b"no number at all,nor this\n", 3_000_000), ""),
+    (".csv.gz", lines_in_text(b'"0","0"\n', 10_000_000), UNPACK_VARIABLE),
+    (".csv.gz", lines_in_text(b"# comment\n", 10_000_000), UNPACK_VARIABLE),
     (".mat", matlab_4_that_promises, ""),
     (".mat", octave_matrix, ""),
     (".mat", octave_range, ""),

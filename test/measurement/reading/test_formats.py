@@ -102,6 +102,36 @@ def write_tdms(path: Path) -> None:
         writer.write_segment([channel])
 
 
+@pytest.mark.parametrize(("late", "every"), [(400, 1), (0, 2), (401, 2), (-300, 3)])
+def test_channels_with_times_of_their_own_meet(tmp_path: Path, late: int, every: int) -> None:
+    """The voltage begins so many samples later, and has every so-manyth of them."""
+    nptdms = pytest.importorskip("nptdms")
+    begun, step, number = np.datetime64("2026-03-01T10:00:00.000000"), 1e-5, np.arange(5000)
+
+    def channel(name: str, unit: str, numbers: Any, first: int, each: int, gain: float) -> Any:
+        facts = {
+            "wf_start_time": begun + np.timedelta64(10 * first, "us"),
+            "wf_start_offset": 0.0,
+            "wf_increment": each * step,
+            "unit_string": unit,
+        }
+        values = gain * (50.0 - 50.0 * np.cos(2.0 * np.pi * 20.0 * step * numbers))
+        return nptdms.ChannelObject("g", name, values, properties=facts)
+
+    voltages = number[max(late, 0) :: every] if late >= 0 else np.arange(late, 4000, every)
+    path = tmp_path / "loop.tdms"
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([
+            channel("deflection", "m", number, 0, 1, 1e-8),
+            channel("voltage", "V", voltages, late, every, 1.0),
+        ])  # fmt: skip
+    found = read_loop(path, Reading({"voltage": "g/voltage", "deflection": "g/deflection"}))
+    assert found.deflection == pytest.approx(1e-8 * found.volts, abs=1e-12)
+    common = min(5000, voltages[-1]) - max(late, 0)
+    assert len(found.volts) == pytest.approx(common / every, abs=1)
+    assert any("times of their own" in note for note in found.notes)
+
+
 def write_uff(path: Path) -> None:
     pyuff = pytest.importorskip("pyuff")
     data = pyuff.prepare_58(

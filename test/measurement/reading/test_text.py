@@ -27,6 +27,7 @@ def test_separators_and_headers_are_understood(tmp_path: Path) -> None:
         table("t (ms) x (nm)", " "),
         table("t (ms)  x (nm)", "  ", ","),
         table('"time (ms)";"x (nm)"', ";"),
+        table("time_ms,runner_position_nm", ","),
         "# interferometer 3\n\n" + table("# time (ms), x (nm)", ","),
         "Serial;1234\nDate;today\n" + table("time (ms);x (nm)", ";", ","),
     ]:
@@ -182,3 +183,25 @@ def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
         read_measurement(file)
     with pytest.raises(MeasurementError, match="No such file"):
         read_measurement(tmp_path / "none.csv")
+
+
+def test_metres_and_seconds_behind_a_name_are_units(tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    for header in ("time_s,position_m", "t_s,stage_x_m", "time (s),displacement m"):
+        file.write_text(table(header, ","))
+        assert read_measurement(file).x[1] == pytest.approx(10.5)
+    file.write_text(table("time_s,item_m", ","))  # which may be a word
+    with pytest.raises(MeasurementError, match="states no unit"):
+        read_measurement(file)
+
+
+def test_lines_of_all_kinds_between_the_rows_change_no_row(tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    rows = [f"{k},{2 * k}" for k in range(4000)]
+    others = {40: "", 1000: "# a comment", 2000: '"2000","4000"', 3000: "again", 3999: "3999,OVER"}
+    file.write_text("t (s),x (nm)\n" + "\n".join(others.get(k, row) for k, row in enumerate(rows)))
+    found = read_measurement(file)
+    kept = [k for k in range(4000) if k not in (40, 1000, 3000, 3999)]
+    assert found.t.tolist() == kept
+    assert found.x == pytest.approx(2e-9 * np.array(kept))
+    assert any("'again'" in note for note in found.notes)
