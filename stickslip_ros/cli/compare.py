@@ -125,7 +125,7 @@ def _motions(
             simulation = (
                 simulate_as_measured(p, measurement, seen.runs, name)
                 if args.steps is None
-                else simulate_motion(p, args.steps, name)
+                else simulate_motion(p, args.steps, name, period, 2.0 * period)
             )
         loaded = LoadedMotion(simulation, None, p.flat(), __version__)
         return loaded, measurement, seen.runs, period

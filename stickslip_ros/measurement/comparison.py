@@ -131,6 +131,12 @@ class Comparison:
                 f"steps repeat: a clock offset of {again:.9g} s fits about as well; of such "
                 "offsets the one with most time in common is taken"
             )
+        notes += [
+            f"different number of steps: {int(one.run)} and {int(one.measured)}; the other values "
+            "are means of each, compared as far as both are settled"
+            for one in self.metrics
+            if one.name == "steps" and one.differs
+        ]
         if len(self.pairs) > 1:
             notes += [f"{one.name}: {one.verdict}" for one in self.pairs]
             notes.append("each metric is that of the run of steps in which it is worst")

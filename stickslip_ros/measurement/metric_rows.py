@@ -36,8 +36,4 @@ METRICS = (
     MetricRow(
         "damping ratio", "", "damping-error", 2e-2,
         "of the same", missing="no ringing seen"),
-    MetricRow(
-        "0-amplitude", "m", "zero-amplitude-error", 1e-10,
-        "where a line through the steps over the actuator's deflection crosses zero; only if the "
-        "run contains the deflection and it varies by 10 % or more"),
 )  # fmt: skip

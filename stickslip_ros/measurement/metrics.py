@@ -1,23 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """The runs of steps of both motions in pairs, with their metrics, and which of them differ.
 
-The runs of the measurement have the numbers of `analyse`. The alignment gives the place of a run in
-the other motion; its own actuator, or its own steps, give its slips. It is then analysed at the
-times of the measurement, with the noise of the measurement, by position alone, so that a bias of
-the estimators is the same for both. Only if both motions include their actuators, each is analysed
-with its own.
+Both motions are analysed alike: the run at the samples of the measurement, by position alone, so
+that a bias of the estimators is the same for both. Only if both motions include their actuators,
+each is analysed with its own. The alignment says which run of steps is which.
 
 A value differs if the two are further apart than the tolerance: so many standard uncertainties of
 the difference that chance exceeds one of all metrics in 0.3 % of comparisons (Šidák, J. Am. Stat.
-Assoc. 62 (1967) 626), and never less than what the fits themselves can resolve. The uncertainty
-comes from the scatter between settled cycles, for ringing from its fit.
+Assoc. 62 (1967) 626), and never less than what the fits themselves can resolve.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,31 +25,17 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
-from stickslip_ros.measurement.step_count import nearest_run, step_counts
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.reporting import format_si
-from stickslip_ros.traces.analysis import analyse_grid, has_actuator, runs_of, why_left_out
-from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
-from stickslip_ros.traces.even_samples import SlipGrid, noise_of, resample_evenly
-from stickslip_ros.traces.joint_fit import fit_steps
+from stickslip_ros.traces.analysis import has_actuator, why_left_out
+from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.measured_value import COVERAGE, MeasuredValue
-from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, main_run
-from stickslip_ros.traces.step_analysis import analyse_cycles
 
-#: Amplitudes vary if the actuator's deflections vary by this part, over this many kinds of cycles.
-_VARIED, _AMPLITUDES = 0.1, 3
-#: Part of a period by which cycles are not the same.
-_UNLIKE = 0.1
 #: Part of a period by which slips of both may be apart and be the same.
 _MET = 0.25
-#: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
-_CLEAR = 0.1
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98
-#: Periods before and after a slip between which the deflection of its cycle lies; decimals (m) to
-#: which deflections are the same.
-_DEFLECTED, _SAME = (0.9, 0.1), 10
 
 
 @dataclass(frozen=True)
@@ -153,15 +136,16 @@ def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alig
     """
     if not measured:
         return align(motions, fits, None, None)
-    main = main_run(measured)
+    main, part = main_run(measured), motions.run
+    begun = align_starts(motions, measured) if fits.offset else None
+    if len(measured) > 1:
+        clock = begun or align(motions, fits, None, None)
+        first = main.slips[0] - _BEFORE * main.period
+        last = main.slips[-1] + _AFTER * main.period
+        part = part.between(*clock.run_time(np.array([first, last])))
     try:
-        begun = align_starts(motions, measured) if fits.offset else None
-        if begun is None and len(measured) == 1:
-            found = None if has_actuator(motions.run.u) else motions.found_in_run
-            return align(motions, fits, main_run(runs_of(motions.run, found)), main)
-        part, cycles = _steps_near(motions, begun or align(motions, fits, None, None), main)
-        own = analyse_cycles(part.t, part.x, part.u, cycles)
-        return align(motions, fits, own, main, begun)
+        own = [one for one in motions.runs_in(part, main.period) if one.direction == main.direction]
+        return align(motions, fits, main_run(own), main, begun)
     except TraceError:
         return align(motions, fits, None, main)
 
@@ -176,50 +160,36 @@ def pair_runs(
     if not measured:
         missing = "the measurement has no steps"
         return [RunPair(None, None, missing_metrics(missing), missing)]
-    run, measurement = motions.run, motions.measurement
+    run, period = motions.run, main_run(measured).period
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
-    noise, seen = noise_of(measurement.x), run
+    seen = run if exact else Motion(run.source, pairs.t, pairs.run)
+    try:
+        runs, why = motions.runs_in(seen, period), "none are found there"
+    except TraceError as error:
+        runs, why = [], str(error)
     limit = significant(len(METRICS) * len(measured))
-    if not exact:
-        seen = Motion(run.source, pairs.t, pairs.run)
     found = []
-    for k, one in enumerate(measured):
-        first, second, why = step_counts(motions, alignment, measured, k)
-        count = ComparisonMetric("steps", "", first, second, 0.5, why)
-        try:
-            part, cycles = _steps_near(motions, alignment, one)
-            if exact:
-                own = analyse_cycles(part.t, part.x, part.u, cycles)
-            else:  # by the samples about them, the ends of the cycles unknown
-                slips = cycles.slips
-                # Where the periods differ, slips apart are no errors of the search.
-                alike = abs(one.period / cycles.period - 1.0) * one.steps < _MET
-                if alike and len(slips) != one.steps:
-                    # It has missed the first one, say, or counted one after the last.
-                    slips = slips[match_slips(slips, cycles.period, one, alignment)[1]]
-                    if not len(slips):
-                        raise TraceError("its steps are at other times")
-                    if len(slips) < one.steps:
-                        there = alignment.measurement_time(slips)
-                        one = _with_slips(measurement, measured, one, there)
-                nearest, same = match_slips(slips, cycles.period, one, alignment)
-                if alike and same.any() and math.isfinite(alignment.offset_error):
-                    # Where ringing makes the search find slips late, both are judged alike.
-                    late = alignment.run_time(one.slips)[nearest] - slips
-                    slips = slips + float(np.median(late[same]))
-                cycles = Cycles.even(slips, cycles.period, cycles.direction)
-                begin = cycles.slips[0] - _BEFORE * cycles.period
-                part = seen.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
-                if len(part.t) < 2 * len(cycles.slips):
-                    raise TraceError("fewer than two samples a cycle are in common")
-                own = analyse_cycles(part.t, part.x, None, cycles, noise=noise)
-        except TraceError as error:
-            missing = f"the run has no such steps: {error}"
-            found.append(RunPair(None, one, missing_metrics(missing, count), missing))
+    for one in measured:
+        begin, end = alignment.run_time(np.array([one.start, one.end])).tolist()
+        own = nearest_run(runs, one.direction, begin, end)
+        if own is None:
+            missing = f"the run has no such steps: {why}"
+            found.append(RunPair(None, one, missing_metrics(missing), missing))
         else:
-            metrics = step_metrics(motions, seen, own, one, alignment, limit)
-            found.append(RunPair(own, one, [*metrics, count]))
+            metrics = step_metrics(motions, own, one, alignment.gain, limit)
+            found.append(RunPair(own, one, metrics))
     return found
+
+
+def nearest_run(runs: Sequence[Run], direction: int, begin: float, end: float) -> Run | None:
+    """Return the run with most time between begin and end (s), None if there is none."""
+    shared = [
+        (min(one.end, end) - max(one.start, begin), k)
+        for k, one in enumerate(runs)
+        if one.direction == direction
+    ]
+    longest, k = max(shared, default=(0.0, 0))
+    return runs[k] if longest > 0.0 else None
 
 
 def with_left_out(
@@ -246,42 +216,6 @@ def match_slips(
     return nearest, np.abs(there[nearest] - slips) < _MET * period
 
 
-def _with_slips(measurement: Motion, runs: Sequence[Run], run: Run, slips: Array) -> Run:
-    """Return a measured run with some of its slips (s) alone, as the search would have found it."""
-    grids = [
-        SlipGrid(float(at[0]), one.period, len(at), one.direction, abs(one.step_size), 0.0)
-        for one in runs
-        for at in (slips if one is run else one.slips,)
-    ]
-    even = resample_evenly(measurement.t, measurement.x, len(measurement.t))
-    estimates, _ = fit_steps(even, grids, [one.ringing for one in runs])
-    k = next(k for k, one in enumerate(runs) if one is run)
-    grid = grids[k]
-    part = measurement.between(grid.begin - 0.5 * run.period, grid.end + _AFTER * run.period)
-    return replace(analyse_grid(part.t, part.x, grid, estimates[k]), doubts=run.doubts)
-
-
-def _steps_near(motions: MotionPair, alignment: Alignment, measured: Run) -> tuple[Motion, Cycles]:
-    """Return motion and cycles of the run where a measured run lies over it. Raises TraceError.
-
-    The cycles are the run's own: it may be driven faster than the measurement, or not at all.
-    """
-    first = measured.slips[0] - _BEFORE * measured.period
-    last = measured.slips[-1] + _AFTER * measured.period
-    begin, end = alignment.run_time(np.array([first, last]))
-    part = motions.run.between(begin, end)
-    if has_actuator(motions.run.u):
-        if not has_actuator(part.u):
-            raise TraceError("its actuator rests there")
-        frequency = measured.frequency if measured.steps == 1 else None
-        return part, cycles_of_actuator(part.t, part.u, frequency)
-    best = nearest_run(motions.found_in_run, measured.direction, begin, end)
-    if best is None:
-        raise TraceError("none are found there")
-    begin, end = best.start - 0.5 * best.period, best.end + _AFTER * best.period
-    return replace(motions.run.between(begin, end), u=None), best.cycles
-
-
 def significant(comparisons: int) -> float:
     """Return the standard errors that one of so many differences exceeds by chance.
 
@@ -291,129 +225,57 @@ def significant(comparisons: int) -> float:
     return float(-scipy.special.ndtri(-0.5 * math.expm1(math.log1p(-chance) / comparisons)))
 
 
-def missing_metrics(why: str, count: ComparisonMetric | None = None) -> list[ComparisonMetric]:
-    """Return the metrics of a run that one of both motions does not show, without values.
-
-    count is that of the steps, where it is known.
-    """
-    metrics = [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
-    return [*metrics, count or ComparisonMetric.missing("steps", "", why)]
+def missing_metrics(why: str) -> list[ComparisonMetric]:
+    """Return the metrics of a run that one of both motions does not show, without values."""
+    rows = [ComparisonMetric.missing(row.name, row.unit, why) for row in METRICS]
+    return [*rows, ComparisonMetric.missing("steps", "", why)]
 
 
-def _estimates(
-    motion: Motion,
-    steps: Run,
-    deflection: Array | str,
-    same_method: bool,
-    gain: float = 1.0,
-    period: float | None = None,
-) -> dict[str, MeasuredValue | str]:
-    """Return what each of `METRICS` is for a run of steps in one of both motions, or why not.
-
-    motion has the samples that the steps are analysed at, deflection (m) is that of the actuator in
-    each cycle, or why it tells nothing. If both have their backstep by the same method, its error
-    cancels. gain is that of the lengths over those of the run, period (s) that of its parameters.
-    """
-    ringing, backstep = steps.ringing or Ringing(math.nan, math.nan), steps.mean_backstep
-    damping_error = ringing.damping_ratio_error
-    if math.isinf(damping_error):
-        # It is that of the method, the same for both. Chance moves frequency and decay alike (the
-        # Cramer-Rao bounds of a damped oscillation).
-        damping_error = ringing.frequency_error / ringing.frequency
-    zero: MeasuredValue | str = deflection if isinstance(deflection, str) else zero_crossing(
-        deflection, single_steps(steps) / gain)  # fmt: skip
-    if isinstance(zero, MeasuredValue) and not math.isfinite(zero.value):
-        zero = f"fewer than {_AMPLITUDES} clear steps of different amplitude"
+def _estimates(steps: Run, spacing: float) -> dict[str, MeasuredValue]:
+    """Return each of `METRICS` of a run of steps; spacing (s) is that of its samples."""
+    damping_error = ringing_error = math.nan
+    if steps.ringing is not None:
+        ringing_error, damping_error = (
+            steps.ringing.frequency_error, steps.ringing.damping_ratio_error,
+        )  # fmt: skip
+        if math.isinf(damping_error):
+            # It is that of the method, the same for both. Chance moves frequency and decay alike
+            # (the Cramer-Rao bounds of a damped oscillation).
+            damping_error = ringing_error / steps.ringing_frequency
     # The first and the last slip give the period, each to about two samples.
-    period_error = 2.0 * motion.spacing / max(1, steps.steps - 1)
     return {
-        "period": MeasuredValue(period or steps.period, period_error),
-        "step size": steps.mean_step,
-        "backstep": MeasuredValue(backstep.value, backstep.chance) if same_method else backstep,
-        "ringing frequency": MeasuredValue(ringing.frequency, ringing.frequency_error),
-        "damping ratio": MeasuredValue(ringing.damping_ratio, damping_error),
-        "0-amplitude": zero,
+        "period": MeasuredValue(steps.period, 2.0 * spacing / max(1, steps.steps - 1)),
+        "step size": MeasuredValue(steps.step_size, steps.step_size_error),
+        "backstep": MeasuredValue(steps.backstep, steps.backstep_error),
+        "ringing frequency": MeasuredValue(steps.ringing_frequency, ringing_error),
+        "damping ratio": MeasuredValue(steps.damping_ratio, damping_error),
     }
 
 
 def step_metrics(
-    motions: MotionPair, seen: Motion, run: Run, measured: Run, alignment: Alignment, limit: float
+    motions: MotionPair, run: Run, measured: Run, gain: float, limit: float
 ) -> list[ComparisonMetric]:
-    """Return the metrics of one run of steps, lengths and times of the measurement made comparable.
+    """Return the metrics of one run of steps, and the number of its steps.
 
-    seen has the samples that the run is analysed at, limit is in standard errors.
+    gain is that of lengths of the measurement over those of the run; limit is in standard errors.
     """
-    deflections = _deflections(motions.run, run, measured, alignment)
-    same = run.mean_backstep.method == measured.mean_backstep.method
-    of_run = _estimates(seen, run, deflections[0], same, period=motions.period)
-    of_measured = _estimates(motions.measurement, measured, deflections[1], same, alignment.gain)
+    spacing = motions.spacing
+    of_run, of_measured = _estimates(run, spacing), _estimates(measured, spacing)
+    if motions.period is not None:
+        of_run["period"] = MeasuredValue(motions.period, 0.0)
     metrics = []
     for row in METRICS:
         first, second = of_run[row.name], of_measured[row.name]
-        if isinstance(first, str) or isinstance(second, str):
-            why = first if isinstance(first, str) else str(second)
-            metrics.append(ComparisonMetric.missing(row.name, row.unit, why))
-            continue
-        scale = 1.0 / alignment.gain if row.scaled else 1.0
+        scale = 1.0 / gain if row.scaled else 1.0
         error = math.hypot(first.error, scale * second.error)
         floor = row.floor * (1.0 if row.unit == "m" else abs(first.value))
-        tolerance = max(limit * error, floor)
         why = row.missing if not math.isfinite(first.value + second.value) else ""
         if not why and not math.isfinite(error):
-            why = "too few cycles to tell its uncertainty"
+            why = "the record does not tell its uncertainty"
+        tolerance = max(limit * error, floor)
         metrics.append(
             ComparisonMetric(row.name, row.unit, first.value, scale * second.value, tolerance, why)
         )
-    return metrics
-
-
-def _deflections(
-    motion: Motion, run: Run, measured: Run, alignment: Alignment
-) -> tuple[Array | str, Array | str]:
-    """Return the run's deflections (m) in each cycle of both, or why they tell no 0-amplitude."""
-    deflection = deflections_of(motion, run)
-    why = ""
-    if not np.nanmax(deflection, initial=0.0) > 0.0:
-        why = "the run does not hold the actuator's deflection"
-    elif np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
-        why = "the amplitude does not vary"
-    elif abs(measured.period - run.period) > _UNLIKE * run.period:
-        why = "run and measurement have other periods"
-    if why:
-        return why, why
-    places = np.searchsorted(run.slips, alignment.run_time(measured.slips) - 0.5 * run.period)
-    return deflection, np.append(deflection, math.nan)[places]
-
-
-def deflections_of(motion: Motion, steps: Run) -> Array:
-    """Return the actuator's deflection (m, peak to peak) in each cycle; nan in a cut one."""
-    found = []
-    for slip in steps.slips:
-        first, last = slip - _DEFLECTED[0] * steps.period, slip + _DEFLECTED[1] * steps.period
-        u = motion.between(first, last).u
-        whole = motion.t[0] <= first and last <= motion.t[-1]
-        found.append(np.ptp(u) if u is not None and len(u) and whole else math.nan)
-    return np.array(found)
-
-
-def single_steps(steps: Run) -> Array:
-    """Return the sizes of steps (m); nan where a slip before was too small to be seen."""
-    single = steps.slips - steps.starts < (1.0 + _UNLIKE) * steps.period
-    return np.where(single, np.abs(steps.step_sizes), math.nan)
-
-
-def zero_crossing(deflection: Array, step: Array) -> MeasuredValue:
-    """Return the deflection (m) at which a line through the steps (m) of the cycles crosses zero.
-
-    Both are (cycles,); steps that are a small part of their deflection lie on no line and are left
-    out. nan where fewer than three deflections are left.
-    """
-    clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
-    deflection, step = deflection[clear], step[clear]
-    if len(np.unique(np.round(deflection, _SAME))) < _AMPLITUDES:
-        return MeasuredValue(math.nan, math.nan)
-    (slope, cut), covariance = np.polyfit(deflection, step, 1, cov="unscaled")
-    zero = -cut / slope
-    scatter = float(np.std(step - slope * deflection - cut, ddof=2))
-    gradient = np.array([cut / slope**2, -1.0 / slope])
-    return MeasuredValue(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
+    doubts = "; ".join(dict.fromkeys((*run.doubts, *measured.doubts)))
+    own, other = (math.nan, math.nan) if doubts else (run.steps, measured.steps)
+    return [*metrics, ComparisonMetric("steps", "", own, other, 0.5, doubts)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -13,8 +12,8 @@ import scipy  # its parts load when they are used, which takes half a second
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.motion.motion import Motion
-from stickslip_ros.traces.analysis import find_runs
-from stickslip_ros.traces.cycles import Cycles
+from stickslip_ros.traces.analysis import find_runs, has_actuator, runs_of
+from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.ringing import cycle_of, detrend
 from stickslip_ros.traces.runs import Run
 
@@ -97,10 +96,18 @@ class MotionPair:
     measurement: Motion
     period: float | None = None  #: of the drive by its parameters, where a run is made of them, s
 
-    @cached_property
-    def found_in_run(self) -> list[Run]:
-        """The runs of steps that are found in the run without its actuator."""
-        return find_runs(self.run.t, self.run.x)
+    def runs_in(self, part: Motion, period: float) -> list[Run]:
+        """Return the runs of steps in a part of the run, sought at a period (s) first.
+
+        The actuator shows the cycles where the part has one. Raises TraceError.
+        """
+        if has_actuator(part.u):
+            return runs_of(part)
+        try:
+            found = find_runs(part.t, part.x, period)
+        except TraceError:
+            found = []
+        return found or find_runs(part.t, part.x)
 
     @property
     def on_measurement(self) -> bool:

@@ -26,7 +26,6 @@ from stickslip_ros.motion.motion import Motion
 from stickslip_ros.motion.sampling import PlannedRun, trace_runs, trace_steps
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.analysis import find_runs
-from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.measured_value import estimate_settled_mean
 from stickslip_ros.traces.runs import Run
 
@@ -197,8 +196,7 @@ def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
     found = compared()
     own, (other,) = found.run_steps, found.runs
     assert own is not None
-    error = float(np.std(own.step_sizes[7:], ddof=1)) / np.sqrt(STEPS - 7)
-    limit = significant(len(METRICS)) * float(np.hypot(error, other.step_size_error))
+    limit = significant(len(METRICS)) * math.hypot(own.step_size_error, other.step_size_error)
     assert metric(found, "step size").tolerance == pytest.approx(limit, rel=1e-6)
     assert metric(found, "step size").measured == other.step_size
     assert limit > 1e-10  # or the least tolerance would be looked at
@@ -271,7 +269,7 @@ def test_each_run_of_steps_is_compared_with_its_own() -> None:
         assert step.tolerance < 2e-9
         assert abs(step.difference) < 0.5e-9
     other = compare(to_and_fro(preload=0.48), sensor, runs=runs)
-    assert {"step size", "backstep"} <= set(other.differing)
+    assert "step size" in other.differing
     assert [len(other.as_json()["by_run"]), other.as_json()["steps"]] == [2, 18]
     half = other.run.between(-1.0, 0.11)
     assert half.u is not None
@@ -352,40 +350,21 @@ def test_another_period_than_that_of_the_parameters_differs_in_every_run() -> No
 @pytest.mark.parametrize("blind", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("steps", "rest", "differs"),
-    [(12, 0.02, False), (12, 0.0, False), (10, 0.0, True), (10, 0.02, True), (11, 0.02, True),
+    [(12, 0.02, False), (10, 0.0, None), (10, 0.02, True), (11, 0.02, True),
      pytest.param(13, 0.02, True, marks=pytest.mark.long)],
 )  # fmt: skip
 def test_another_number_of_steps_differs(
-    steps: int, rest: float, differs: bool, blind: bool
+    steps: int, rest: float, differs: bool | None, blind: bool
 ) -> None:
     """Ten steps agreed with twelve: only the time in common was looked at."""
     long = simulate_motion(table_1(), steps, "run", rest, 1.5 * rest)
     sensor = measured(simulate_motion(table_1(), 12, "axis", 0.02, 0.03))
     found = compare_told(measured(long, seed=2) if blind else long, sensor)
     count = metric(found, "steps")
-    if blind and not rest:  # where a record begins or ends, steps without rest may be cut
-        assert "does not rest before and after" in count.verdict
-        return
-    assert (count.run, count.measured) == (steps, 12)
-    assert ("steps" in found.differing) == differs
-
-
-@pytest.mark.parametrize("late", [1, -1])
-def test_a_step_found_too_late_or_too_early_does_not_count(late: int) -> None:
-    """One after the last slip was analysed with the others: backstep and damping were off."""
-    t = np.arange(to_and_fro().t[0], to_and_fro().t[-1], 2e-5)
-    x = to_and_fro().position_at(t) + np.random.default_rng(4).normal(0.0, NOISE, len(t))
-    sensor = Motion("sensor", t + 0.3, x)
-    found = find_runs(sensor.t, sensor.x, 0.01)
-    moved = [Cycles.even(one.slips + late * 0.01, 0.01, one.direction) for one in found]
-    runs = [replace(one, cycles=cycles) for one, cycles in zip(found, moved, strict=True)]
-    true = compare(simulate_as_measured(table_1(), sensor, runs, "run"), sensor, runs=runs)
-    assert true.differing == []
-    assert [one.measured.steps for one in true.pairs if one.measured] == [9, 7]
-    wrong = simulate_as_measured(table_1(preload=0.48), sensor, found, "run")
-    other = compare(wrong, sensor, runs=found)
-    assert other.alignment.offset == pytest.approx(0.3, abs=2e-4)
-    assert all("step size" in one.verdict for one in other.pairs)
+    assert count.differs is differs  # unknown: without a rest beside them, steps may be cut off
+    if differs is not None:
+        assert (count.run, count.measured) == (steps, 12)
+    assert any(f"steps: {steps} and 12" in note for note in found.notes()) == bool(differs)
 
 
 def test_of_offsets_that_fit_alike_the_one_with_most_time_in_common_is_taken() -> None:
@@ -505,31 +484,6 @@ def test_steps_and_shape_make_the_whole() -> None:
     assert np.isnan(compare(ramp(), ramp()).shape_rmse)
 
 
-def test_zero_amplitude_is_told_where_amplitudes_vary() -> None:
-    """Steps lose 26 nm of the deflection in the run, 28 nm in the measurement."""
-    cycle, rate, period = np.arange(24), 20e3, PERIOD
-    amplitude = 110e-9 + 10e-9 * (cycle % 6)
-    t = np.arange(len(cycle) * round(period * rate)) / rate
-    k, part = np.divmod(t / period + 1e-9, 1.0)
-    k = k.astype(int)
-    rising = np.minimum(part / 0.98, 1.0)
-    u = np.asarray(amplitude[k] * np.minimum(rising, (1.0 - part) / 0.02), dtype=np.float64)
-
-    def stepping(lost: float) -> np.ndarray:
-        steps = amplitude - lost
-        return np.cumsum(steps)[k] - steps[k] * (1.0 - rising)
-
-    less, more = (Motion("axis", t, stepping(lost), u=np.asarray(u)) for lost in (26e-9, 28e-9))
-    zero = metric(compare(less, more, Fits(offset=False)), "0-amplitude")
-    assert zero.run == pytest.approx(26e-9, abs=1e-9)
-    assert zero.difference == pytest.approx(2e-9, abs=0.1e-9)
-    assert zero.differs
-    # Without the actuator, the six steps together are what repeats.
-    told = find_runs(t, more.x, 6.0 * PERIOD)
-    blind = compare(less, Motion("sensor", t, more.x), Fits(offset=False), runs=told)
-    assert metric(blind, "0-amplitude").why_missing == "run and measurement have other periods"
-
-
 def without_doubts(motion: Motion) -> list[Run]:
     """The runs of a motion, as if it showed the rests beside them."""
     return [replace(one, doubts=()) for one in find_runs(motion.t, motion.x, PERIOD)]
@@ -538,13 +492,9 @@ def without_doubts(motion: Motion) -> list[Run]:
 def test_limits_are_kept_or_not() -> None:
     softer = measured(run(sigma_1=10.0))
     found = compare(run(), softer, runs=without_doubts(softer))
-    zero = metric(found, "0-amplitude")
-    assert (zero.differs, zero.why_missing) == (None, "the amplitude does not vary")
-    names = ("rmse", "damping-error", "zero-amplitude-error")
-    loose, tight = ({name: limit for name in names} for limit in (1.0, 1e-12))
-    assert [one.kept for one in judge(found, loose)] == [True, True, False]
-    assert [one.kept for one in judge(found, tight)] == [False, False, False]
-    assert "cannot be determined (the amplitude does not vary)" in str(judge(found, loose)[2])
+    loose, tight = (dict.fromkeys(("rmse", "damping-error"), limit) for limit in (1.0, 1e-12))
+    assert [one.kept for one in judge(found, loose)] == [True, True]
+    assert [one.kept for one in judge(found, tight)] == [False, False]
 
 
 @pytest.mark.slow

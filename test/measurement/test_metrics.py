@@ -12,11 +12,8 @@ from numpy.typing import NDArray
 from stickslip_ros.measurement.alignment import ClockSearch
 from stickslip_ros.measurement.metrics import (
     ComparisonMetric,
-    deflections_of,
     most_different,
-    single_steps,
     step_metrics,
-    zero_crossing,
 )
 from stickslip_ros.measurement.motion_pair import (
     Alignment,
@@ -74,7 +71,7 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
 def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() -> None:
     motion = Motion("axis", T, _wave(T))
     run, sensor = (_steps(ringing=Ringing(7e3, 600.0, error, math.inf)) for error in (30.0, 40.0))
-    found = step_metrics(MotionPair(motion, motion), motion, run, sensor, Alignment(), 3.0)
+    found = step_metrics(MotionPair(motion, motion), run, sensor, 1.0, 3.0)
     tolerance = next(one.tolerance for one in found if one.name == "damping ratio")
     assert tolerance == pytest.approx(3.0 * 50.0 / 7e3)
 
@@ -82,7 +79,7 @@ def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() 
 def test_a_length_by_a_wrong_gain_is_scaled_and_so_is_its_error() -> None:
     motion = Motion("axis", T, _wave(T))
     run, sensor = _steps(), _steps(mean_step=MeasuredValue(2e-7, 1e-9))
-    found = step_metrics(MotionPair(motion, motion), motion, run, sensor, Alignment(gain=2.0), 3.0)
+    found = step_metrics(MotionPair(motion, motion), run, sensor, 2.0, 3.0)
     step = next(one for one in found if one.name == "step size")
     assert (step.measured, step.tolerance) == pytest.approx((1e-7, 3.0 * 0.5e-9))
 
@@ -95,42 +92,6 @@ def test_of_two_runs_the_one_that_differs_more_is_shown() -> None:
     agrees = ComparisonMetric("step size", "m", 1e-7, 1e-7, 1e-9)
     assert most_different([[agrees], [missing]]) == [missing]
     assert most_different([[missing], [near]]) == [near]
-
-
-def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:
-    random = np.random.default_rng(3)
-    deflection = np.tile(np.linspace(4e-8, 1.6e-7, 7), 20)
-    step = 0.9 * (deflection - 2.5e-8) + 1e-10 * random.standard_normal(140)
-    found = zero_crossing(deflection, step)
-    assert found.value == pytest.approx(2.5e-8, abs=5 * found.error)
-    again = (step + 1e-10 * random.standard_normal(140) for _ in range(300))
-    scattered = [zero_crossing(deflection, one).value for one in again]
-    assert found.error == pytest.approx(np.std(scattered), rel=0.2)
-    unclear = np.concatenate((step, [0.0, math.nan, 0.099 * 2e-8]))
-    assert zero_crossing(np.concatenate((deflection, [1e-8, 1e-7, 2e-8])), unclear) == found
-    few = np.repeat([1e-7, 1.5e-7], 10)
-    assert math.isnan(zero_crossing(few, few - 2e-8).value)
-    enough = np.append(few, 1.2e-7)
-    assert zero_crossing(enough, enough - 2e-8).value == pytest.approx(2e-8)
-
-
-def test_deflections_are_those_of_whole_cycles_up_to_their_slips() -> None:
-    swing = 1e-9 * (5.0 + np.floor(T / PERIOD + 0.05)) * (((T / PERIOD + 0.05) % 1.0) > 0.4)
-    motion = Motion("axis", T, 0.0 * T, u=swing)
-    steps = _steps(cycles=Cycles.even(PERIOD * np.array([0.5, 1.0, 3.0, 9.85, 9.95]), PERIOD, 1))
-    found = deflections_of(motion, steps)
-    assert found[1:4] == pytest.approx([5e-9, 7e-9, 14e-9])
-    assert np.isnan(found[[0, 4]]).all()
-    assert np.isnan(deflections_of(replace(motion, u=None), steps)).all()
-
-
-def test_a_step_over_a_slip_too_small_is_not_single() -> None:
-    starts = PERIOD * np.array([0.0, 1.0, 1.91, 2.89, 4.0])
-    cycles = replace(_steps(5).cycles, starts=starts)
-    steps = _steps(cycles=cycles, step_sizes=1e-9 * np.array([1.0, -2.0, 3.0, 4.0, -5.0]))
-    found = single_steps(steps)
-    assert found[[0, 1, 2, 4]] == pytest.approx([1e-9, 2e-9, 3e-9, 5e-9])
-    assert math.isnan(found[3])
 
 
 def test_the_clocks_of_both_lead_to_each_other() -> None:
