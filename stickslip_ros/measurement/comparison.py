@@ -15,7 +15,6 @@ from stickslip_ros.measurement.metrics import (
     ComparisonMetric,
     RunPair,
     align_runs,
-    match_slips,
     most_different,
     pair_runs,
     with_left_out,
@@ -25,7 +24,6 @@ from stickslip_ros.measurement.motion_pair import (
     Alignment,
     Fits,
     MotionPair,
-    Pairs,
     low_pass,
 )
 from stickslip_ros.motion.motion import Motion
@@ -39,18 +37,6 @@ from stickslip_ros.traces.runs import Run
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
-
-
-@dataclass(frozen=True)
-class CycleTable:
-    """Cycle by cycle, each of shape (cycles,); nan where a thing cannot be determined."""
-
-    slip: Array  #: begin of the slip by the clock of the run, s
-    step: Array  #: of the run, m
-    measured_step: Array  #: m
-    backstep: Array  #: of the run, m
-    measured_backstep: Array  #: m
-    rmse: Array  #: root mean square difference from slip to slip, m
 
 
 @dataclass(frozen=True, repr=False)
@@ -75,7 +61,6 @@ class Comparison:
     largest_at: float  #: and when, s
     normalised: float  #: rmse as part of the range of the run
     noise: float  #: standard deviation of the sensor's noise, m
-    cycles: CycleTable | None
 
     @property
     def difference(self) -> Array:
@@ -243,9 +228,6 @@ class Comparison:
             "steps": sum(p.measured.steps for p in self.pairs if p.measured and not p.left_out),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
-            "cycles": None
-            if self.cycles is None
-            else {name: getattr(self.cycles, name).tolist() for name in vars(self.cycles)},
             "notes": self.notes(),
         }
         return to_json(found)
@@ -307,7 +289,6 @@ def compare(
         largest_at=float(pairs.t[worst]),
         normalised=rmse / span if span > 0.0 else math.nan,
         noise=noise_of(measurement.x) / alignment.gain,
-        cycles=_cycle_table(run_pairs, alignment, pairs, difference),
     )
 
 
@@ -320,25 +301,3 @@ def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -
     weight = np.add.reduceat(weights, edges[:-1])
     levels = np.add.reduceat(weights * difference, edges[:-1])
     return np.repeat(levels / np.where(weight > 0.0, weight, 1.0), np.diff(edges))
-
-
-def _cycle_table(
-    pairs: Sequence[RunPair], alignment: Alignment, samples: Pairs, difference: Array
-) -> CycleTable | None:
-    """Return the cycles of all runs that both motions show, None if there are none."""
-    squares = np.concatenate(([0.0], np.cumsum(difference**2)))
-    found = []
-    for run, measured in ((one.run, one.measured) for one in pairs):
-        if run is None or measured is None:
-            continue
-        slips = run.slips
-        nearest, same = match_slips(slips, run.period, measured, alignment)
-        scale = np.where(same, alignment.gain, np.nan)
-        at = np.searchsorted(samples.t, np.append(slips, slips[-1] + run.period))
-        with np.errstate(invalid="ignore"):
-            rmse = np.sqrt(np.diff(squares[at]) / np.diff(at))
-        steps, backsteps = measured.step_sizes[nearest], measured.backsteps[nearest]
-        found.append((slips, run.step_sizes, steps / scale, run.backsteps, backsteps / scale, rmse))
-    if not found:
-        return None
-    return CycleTable(*(np.concatenate(same) for same in zip(*found, strict=True)))

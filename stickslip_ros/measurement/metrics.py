@@ -19,9 +19,7 @@ from typing import Any
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
@@ -32,8 +30,6 @@ from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.measured_value import COVERAGE, MeasuredValue
 from stickslip_ros.traces.runs import Run, main_run
 
-#: Part of a period by which slips of both may be apart and be the same.
-_MET = 0.25
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98
 
@@ -205,15 +201,6 @@ def with_left_out(
         else next(their)
         for one, why in zip(measured, why_left_out(measured, compared), strict=True)
     ]
-
-
-def match_slips(
-    slips: Array, period: float, measured: Run, alignment: Alignment
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the measured slip nearest to each slip (s) of the run, and whether it is the same."""
-    there = alignment.run_time(measured.slips)
-    nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
-    return nearest, np.abs(there[nearest] - slips) < _MET * period
 
 
 def significant(comparisons: int) -> float:

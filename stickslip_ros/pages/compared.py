@@ -5,16 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import islice
-from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.comparison import Comparison, CycleTable
+from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
 from stickslip_ros.motion.motion import Motion
-from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual, settled_bands
+from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import (
@@ -39,8 +37,6 @@ PHASES = (
     ("C", "E", "slowdown 1, presliding 2, slip", "#f3c9bd"),
     ("E", "F", "slowdown 2", "#dccfe8"),
 )
-#: Rows of the table of cycles.
-_ROWS = 200
 
 
 def comparison_page(
@@ -55,7 +51,6 @@ def comparison_page(
         "found": found,
         "judgements": judgements,
         "versions": {"stickslip_ros, run": simulation.version or "not known", **versions()},
-        "cycles": _table(found),
         "parameters": {name: _parameter(name, value) for name, value in known.items()},
     }
     return ResultPage("compare.html", _plots(found), parts)
@@ -82,30 +77,7 @@ def _plots(found: Comparison) -> list[PlotPlace]:
         close = "The same cycle, close to its slip."
         plots.append(PlotPlace("step", "One step and its phases", text, _step(found, middle)))
         plots.append(PlotPlace("slip", "Backstep and ringing", close, _slip(found, middle)))
-    if found.cycles is not None and len(found.cycles.slip) > 1:
-        text = (
-            "Step, backstep and RMSE of each cycle, run and measurement, on the scale of the "
-            "settled steps, with 95 % intervals of the measured means. The table below has the "
-            "numbers."
-        )
-        plots.append(PlotPlace("cycles", "Cycle by cycle", text, _cycles(found)))
     return plots
-
-
-def _table(found: Comparison) -> dict[str, Any] | None:
-    table = found.cycles
-    if table is None:
-        return None
-    columns = (
-        table.step, table.measured_step, table.measured_step - table.step,
-        table.backstep, table.measured_backstep, table.measured_backstep - table.backstep,
-        table.rmse,
-    )  # fmt: skip
-    rows = [
-        [f"{1e9 * value:.2f}" if math.isfinite(value) else "" for value in row]
-        for row in islice(zip(*columns, strict=True), _ROWS)
-    ]
-    return {"rows": rows, "left_out": len(table.slip) - len(rows)}
 
 
 def _parameter(name: str, value: Value) -> str:
@@ -204,57 +176,5 @@ def _close(
         380 if with_actuator is None else 420,
         xaxis=axis_of(f"time after the {what} ({time_unit})"),
         yaxis=axis_of(f"displacement ({unit})"),
-    )
-    return {"data": data, "layout": layout}
-
-
-def _settled_range(table: CycleTable) -> Figure:
-    """Return the range of the settled steps; the first ones from rest are far off."""
-    both = 1e9 * np.concatenate([table.step[2:], table.measured_step[2:]])
-    both = both[np.isfinite(both)]
-    if not len(both):
-        return {}
-    margin = 0.2 * float(np.ptp(both)) + 0.1
-    return {"range": [float(both.min()) - margin, float(both.max()) + margin]}
-
-
-def _cycles(found: Comparison) -> Figure:
-    table = found.cycles
-    assert table is not None
-    number = np.arange(1.0, len(table.slip) + 1.0)
-    nano = 1e9
-    lines = (
-        (nano * table.measured_step, "step, measured", MEASURED, "y"),
-        (nano * table.step, "step, run", SIMULATED, "y"),
-        (nano * table.measured_backstep, "backstep, measured", "#e08e84", "y2"),
-        (nano * table.backstep, "backstep, run", "#7f9fd0", "y2"),
-        (nano * table.rmse, "RMSE of the cycle", RESIDUAL, "y3"),
-    )
-    mode = "lines+markers" if len(number) <= 200 else "lines"
-    data = []
-    for values, name, color, axis in lines:
-        if not np.isfinite(values).any():
-            continue
-        filled = np.nan_to_num(values, nan=float(np.nanmean(values)))
-        if len(number) > _OVERVIEW:
-            shown_number, shown_values = thin_columns(number, filled, count=_OVERVIEW)
-        else:
-            shown_number, shown_values = number, values
-        data.append(
-            line_of(shown_number, shown_values, name, color, "nm", "", yaxis=axis, mode=mode,
-                  marker={"size": 4})
-        )  # fmt: skip
-    shapes, first = [], 1
-    for one in found.pairs:
-        if one.run is not None and one.measured is not None:
-            shapes += settled_bands(one.measured, first, found.alignment.gain)
-            first += one.run.steps
-    layout = layout_of(
-        600,
-        shapes=shapes,
-        xaxis=axis_of("cycle", anchor="y3", tickformat="d"),
-        yaxis=axis_of("step (nm)", domain=[0.70, 1.0], **_settled_range(table)),
-        yaxis2=axis_of("backstep (nm)", domain=[0.35, 0.65]),
-        yaxis3=axis_of("RMSE (nm)", domain=[0.0, 0.30], rangemode="tozero"),
     )
     return {"data": data, "layout": layout}

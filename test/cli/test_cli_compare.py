@@ -67,7 +67,7 @@ def test_the_model_is_compared_with_a_measurement(
     assert simulated["version"] == __version__
     assert (traced["parameters"], traced["version"]) == (None, None)
     assert traced["rmse"] == pytest.approx(simulated["rmse"], rel=1e-6)
-    assert len(simulated["cycles"]["step"]) == STEPS
+    assert simulated["steps"] == STEPS
 
 
 def test_assignments_change_the_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -181,11 +181,7 @@ def test_page_and_picture_are_whole(
         assert what in text
     assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
     data = json.loads(text.split('id="data">')[1].split("</script>")[0])
-    step, backstep = data["cycles"]["layout"]["shapes"]  # 95 % of the measured means, in nm
-    assert (step["yref"], backstep["yref"]) == ("y", "y2")
-    assert backstep["x1"] == step["x1"] - 1.0  # without the last one
-    assert step["y0"] < 134.0 < step["y1"] < step["y0"] + 20.0
-    assert backstep["y0"] < 47.0 < backstep["y1"] < backstep["y0"] + 20.0
+    assert set(data) == {"overview", "step", "slip"}
     assert png.read_bytes().startswith(b"\x89PNG")
     assert sorted(tmp_path.iterdir()) == [page, png]
 
