@@ -55,6 +55,19 @@ class Ros:
 
         return self.add(Node(name, context=self.context, **options))
 
+    def hear(self, kind: type[Any], topic: str, qos: QoSProfile | int = 1000) -> list[Any]:
+        """Return a list that takes every message of a topic from now on."""
+        heard: list[Any] = []
+        self.node("ears").create_subscription(kind, topic, heard.append, qos)
+        return heard
+
+    @staticmethod
+    def latched(depth: int = 100) -> QoSProfile:
+        """Return the quality of service with which the last messages wait for who comes late."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
     def publisher(
         self, node: Node, kind: type[Any], topic: str, qos: QoSProfile | int = 10
     ) -> Publisher:
