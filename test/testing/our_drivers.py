@@ -12,11 +12,7 @@ import pytest
 from emulated import Emulated
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.testing.axis_drivers import (
-    PARAMETERS,
-    AxisDriver,
-    undo_if_refused,
-)
+from stickslip_ros.testing.axis_drivers import PARAMETERS, AxisDriver, undo_if_refused
 from stickslip_ros.testing.driver import Driver
 from stickslip_ros.testing.plugin import own_domain
 
