@@ -70,37 +70,6 @@ def dead_links(folder: Path) -> Iterator[str]:
                 yield f"{page.name}: {target}"
 
 
-def uncited(text: str) -> Iterator[str]:
-    """Yield the displayed equations of a page that cite neither the paper nor one of its sources.
-
-    A citation stands in the equation: Eq. 1 to 31 of the paper, or the number of a source in [].
-    """
-    listed = text.partition("\n## Sources\n")[2]
-    sources = re.findall(r"^(\d+)\. ", listed, re.MULTILINE)
-    for equation in re.findall(r"\$\$(.*?)\$\$", text, re.DOTALL):
-        cited = " ".join(re.findall(r"\\text\{([^}]*)\}", equation))
-        of_paper = re.findall(r"Eq\. ((?:\d+(?:, )?)+)", cited)
-        of_others = re.findall(r"\d+", " ".join(re.findall(r"\[[\d, ]+\]", cited)))
-        numbers = [int(one) for some in of_paper for one in re.findall(r"\d+", some)]
-        good = all(1 <= one <= 31 for one in numbers) and set(of_others) <= set(sources)
-        if not good or not (numbers or of_others):
-            yield equation.strip()
-
-
-def test_every_displayed_equation_has_a_citation() -> None:
-    pages = {page: page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")}
-    assert [(page.name, one) for page, text in pages.items() for one in uncited(text)] == []
-    shown = {page.stem: text.count("$$") // 2 for page, text in pages.items()}
-    physics = ("friction", "drive", "effects", "derivations", "solver", "prediction")
-    assert [name for name in physics if not shown[name]] == []
-    assert sum(shown.values()) > 35
-    # What a page computes with stands nowhere as plain text.
-    plain = re.compile(r"^    [\w' /^]+ = .*$", re.MULTILINE)
-    assert [
-        plain.findall((ROOT / "docs" / f"{name}.md").read_text("utf-8")) for name in physics
-    ] == [[] for _ in physics]
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site, every warning an error; give its folder."""
