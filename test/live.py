@@ -98,7 +98,6 @@ class Process:
     """A program of ours, running on its own; its output is collected in a file."""
 
     def __init__(self, command: Sequence[str], folder: Path, output: Path) -> None:
-        """Start it in a folder."""
         self._output = output
         # Tests that are killed leave no node behind, which would answer in a later test's domain.
         if shutil.which("setpriv"):
@@ -115,7 +114,6 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Its number."""
         return self._child.pid
 
     @property

@@ -35,7 +35,6 @@ class Links(HTMLParser):
     """The targets of the links of a page, the places in it, and what it loads from elsewhere."""
 
     def __init__(self, text: str) -> None:
-        """Read a page."""
         super().__init__()
         self.targets: list[str] = []
         self.loaded: list[str] = []
@@ -43,7 +42,6 @@ class Links(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Take a tag."""
         for name, value in attrs:
             if name == "id" and value:
                 self.places.add(value)

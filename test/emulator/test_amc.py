@@ -27,12 +27,10 @@ class Driver:
     """Sends requests as the maker's driver does."""
 
     def __init__(self, emulated: Any) -> None:
-        """Connect."""
         self.client = emulated.client()
         self._number = 0
 
     def request(self, method: str, *values: object, **others: object) -> Any:
-        """Return what answers a method."""
         self._number += 1
         asked = {"jsonrpc": "2.0", "method": method, "api": 2, "id": self._number, **others}
         if values:

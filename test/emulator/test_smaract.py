@@ -23,7 +23,6 @@ class McsDriver:
     """As the EPICS driver and ALBA's talk to an MCS."""
 
     def __init__(self, client: Any) -> None:
-        """Talk over a client."""
         self._client = client
 
     def send(self, command: str) -> str:
@@ -197,7 +196,6 @@ class Mcs2Driver:
     """As the EPICS driver and the Tango server talk to an MCS2."""
 
     def __init__(self, client: Any) -> None:
-        """Talk over a client."""
         self._client = client
 
     def write(self, command: str) -> None:

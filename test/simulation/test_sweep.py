@@ -323,7 +323,6 @@ class Direct(Executor):
         self.parts: list[range] = []
 
     def submit(self, function: Any, /, *args: Any, **_: Any) -> Future[Any]:
-        """Run the function now."""
         self.parts += args
         future: Future[Any] = Future()
         future.set_result(function(*args))

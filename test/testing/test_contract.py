@@ -24,7 +24,6 @@ class Outcomes:
     """Collects what became of each test of an inner run."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
         self.of: dict[str, str] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
