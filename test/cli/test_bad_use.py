@@ -73,7 +73,7 @@ ROWS = [
     ("identify-actuator", "actuator_loop.csv --out a --operators 0", ["--operators is 0"]),
     ("identify-actuator", "actuator_loop.csv --out a --set max_voltage=0", ["max_voltage is 0 V"]),
     ("identify", "--prior sigma_0=3", ["--prior is 'sigma_0=3'; write it as NAME=MEAN:SD"]),
-    ("identify", "--prior sigma_0=3:0", ["deviation of 0; it has to be above 0"]),
+    ("identify", "--prior sigma_0=9N/um:0N/um", ["deviation of 0; it has to be above 0"]),
     ("identify", "--bounds sigma_0=a:b", ["write it as NAME=LOW:HIGH"]),
     ("identify", "--fit nothing", ["there is no parameter 'nothing'"]),
     ("identify", "--laws ceim,dahl", ["dahl is no law to rank"]),
