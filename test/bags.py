@@ -50,7 +50,6 @@ def int32(value: int) -> bytes:
 
 
 def serialized(type_name: str, **fields: Any) -> bytes:
-    """Return a serialized message."""
     return bytes(STORE.serialize_cdr(STORE.types[type_name](**fields), type_name))
 
 

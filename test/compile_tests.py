@@ -11,13 +11,11 @@ from bench_traces import Axis, Drive, Sensor, bench_trace
 import stickslip_ros as ss
 from stickslip_ros.model import Plant, drive_of
 from validation.benchmark import judge
-from validation.benchmark.reference import displacement_from_rest
 from validation.whole_system import positions
 
 
 def _integrators() -> None:
     p = ss.Parameters.of({"frequency": 1e4})
-    displacement_from_rest(Plant.of(p), drive_of(p), 1)
     judge.positions(Plant.of(p), drive_of(p), 1)
     positions(p, 1)
 

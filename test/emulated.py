@@ -17,7 +17,6 @@ class Emulated:
     """A controller with its axes, served on a free port."""
 
     def __init__(self, name: str, axes: list[Axis]) -> None:
-        """Start to serve."""
         own = OwnAxes(axes)
         own.begin()
         self.axes = axes
@@ -29,7 +28,6 @@ class Emulated:
         return self.server.call(what)
 
     def client(self) -> Client:
-        """Return a connection."""
         return Client(self.port)
 
 
@@ -37,24 +35,19 @@ class Client:
     """Sends bytes and reads up to others."""
 
     def __init__(self, port: int) -> None:
-        """Connect."""
         self.socket = socket.create_connection(("127.0.0.1", port), TIMEOUT)
         self._kept = b""
 
     def __enter__(self) -> Client:
-        """Return itself."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Hang up."""
         self.close()
 
     def close(self) -> None:
-        """Hang up."""
         self.socket.close()
 
     def send(self, data: bytes) -> None:
-        """Send bytes."""
         self.socket.sendall(data)
 
     def until(self, end: bytes) -> bytes:

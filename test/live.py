@@ -55,6 +55,19 @@ class Ros:
 
         return self.add(Node(name, context=self.context, **options))
 
+    def hear(self, kind: type[Any], topic: str, qos: QoSProfile | int = 1000) -> list[Any]:
+        """Return a list that takes every message of a topic from now on."""
+        heard: list[Any] = []
+        self.node("ears").create_subscription(kind, topic, heard.append, qos)
+        return heard
+
+    @staticmethod
+    def latched(depth: int = 100) -> QoSProfile:
+        """Return the quality of service with which the last messages wait for who comes late."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
     def publisher(
         self, node: Node, kind: type[Any], topic: str, qos: QoSProfile | int = 10
     ) -> Publisher:
@@ -85,7 +98,6 @@ class Process:
     """A program of ours, running on its own; its output is collected in a file."""
 
     def __init__(self, command: Sequence[str], folder: Path, output: Path) -> None:
-        """Start it in a folder."""
         self._output = output
         # Tests that are killed leave no node behind, which would answer in a later test's domain.
         if shutil.which("setpriv"):
@@ -102,7 +114,6 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Its number."""
         return self._child.pid
 
     @property

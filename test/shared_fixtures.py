@@ -116,7 +116,6 @@ class CompileOnce:
         terminal.write_line(f"\n{said}" if terminal.isatty else said)
 
     def pytest_unconfigure(self) -> None:
-        """End them with the tests."""
         for child in self._children:
             child.kill()
             child.wait()

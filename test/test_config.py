@@ -24,10 +24,6 @@ ESSENTIAL = {"model", "preload", "mass", "amplitude", "frequency", "slewrate", "
 each_file = pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 
 
-def test_both_drives_of_table_1_are_there() -> None:
-    assert {"table1_typical.yaml", "table1_vibration.yaml"} <= {file.name for file in FILES}
-
-
 def named(file: Path) -> dict[str, Any]:
     """Return the values that a file names, as PyYAML reads them."""
     (body,) = yaml.safe_load(file.read_text(encoding="utf-8")).values()
@@ -37,19 +33,15 @@ def named(file: Path) -> dict[str, Any]:
 @each_file
 def test_a_file_makes_an_axis_that_steps(file: Path) -> None:
     """Valid on its own: names what is essential, contradicts nothing, moves the runner."""
-    assert set(named(file)) >= ESSENTIAL
+    values = named(file)
+    assert set(values) >= ESSENTIAL
+    for name, value in values.items():  # 1e-6 would be a text and 1 an integer for other readers
+        assert type(value) is PARAMETERS[name].kind, name
     axis = Axis(read_yaml(file))
     axis.command_steps(3)
     axis.advance(1.0)
     assert axis.status.steps_done == 3
     assert axis.state.x > 0.0
-
-
-@each_file
-def test_numbers_are_written_so_that_ros_reads_them_as_numbers(file: Path) -> None:
-    """A `1e-6` would be a text and a `1` an integer, for other readers of these files."""
-    for name, value in named(file).items():
-        assert type(value) is PARAMETERS[name].kind, name
 
 
 def test_the_presets_are_what_their_first_lines_say() -> None:
@@ -113,14 +105,13 @@ def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency
             assert 0.9 * stroke < axis.status.mean_step < 1.02 * stroke
 
 
-@each_file
-def test_a_real_node_takes_it(ros: Ros, file: Path) -> None:
+def test_a_real_node_takes_it(ros: Ros) -> None:
     pytest.importorskip("rclpy")
     from stickslip_ros.ros.axis_node import AxisNode
 
-    arguments = ["--ros-args", "--params-file", str(file)]
-    node = AxisNode(context=ros.context, cli_args=arguments)
-    ros.add(node)
-    for name, value in named(file).items():
-        assert node.get_parameter(name).value == value
-    assert node.axis.parameters == read_yaml(file)
+    for file in FILES:
+        arguments = ["--ros-args", "--params-file", str(file)]
+        node = AxisNode(context=ros.context, cli_args=arguments)
+        assert {name: node.get_parameter(name).value for name in named(file)} == named(file)
+        assert node.axis.parameters == read_yaml(file)
+        node.destroy_node()

@@ -48,9 +48,6 @@ def test_manifest_is_format_3_with_every_required_tag(manifest: ET.Element) -> N
         assert (found[0].text or "").strip(), tag
     assert manifest.findtext("license") == "Apache-2.0"
     assert manifest.findtext("export/build_type") == "ament_python"
-
-
-def test_maintainer_has_a_valid_role_address(manifest: ET.Element) -> None:
     # With an address that it cannot read, colcon takes the package for plain Python, silently.
     maintainer = manifest.find("maintainer")
     assert maintainer is not None

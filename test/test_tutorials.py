@@ -64,15 +64,6 @@ def test_the_pictures_are_what_their_program_draws(tmp_path: Path) -> None:
     assert {picture.stem for picture in tmp_path.glob("*.png")} == PICTURED
 
 
-def test_a_tutorial_opens_with_a_picture() -> None:
-    folder = PAGES[0].parent
-    for name in sorted(PICTURED):
-        assert re.match(
-            rf"# .+\n\n!\[[^]]{{20,}}\]\({name}\.png\)\n", (folder / f"{name}.md").read_text()
-        )
-        assert (folder / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
-
-
 @pytest.mark.slow
 def test_the_notebook_runs() -> None:
     """Its cells in their order; what the last line of each returns shows itself."""
@@ -104,10 +95,7 @@ def test_the_notebook_runs() -> None:
     ],
 )
 def test_a_tutorial_does_what_it_shows(
-    page: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
@@ -135,9 +123,3 @@ def test_a_tutorial_does_what_it_shows(
             (tmp_path / name).write_text(block, encoding="utf-8")
     assert runner.failures == 0
     assert (done > 0) == (page.name not in WITHOUT_BLOCKS)
-
-
-def test_every_tutorial_is_reached_from_the_front_page() -> None:
-    front = (PAGES[0].parent.parent / "index.md").read_text(encoding="utf-8")
-    assert len(PAGES) >= 7
-    assert [page.stem for page in PAGES if f"tutorials/{page.stem}\n" not in front] == []

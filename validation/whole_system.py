@@ -81,7 +81,7 @@ def _alpha(z: float, w: float, z_ba: float, z_ss: float, printed: bool) -> float
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
-def _contact(z: float, theta: float, w: float, c: NDArray) -> tuple[float, float, float]:
+def contact_rates(z: float, theta: float, w: float, c: NDArray) -> tuple[float, float, float]:
     """Return z' (m/s), the rate of the age and F (N) of a contact with the constants c."""
     z_ba, z_ss, top, theta_rate = c[3], c[4], 0.0, 0.0
     if c[8] == FOREIGN:
@@ -134,7 +134,7 @@ def _rates(
     w = y[V] * _SPEED - rate
     force, slid, stiffness, first = 0.0, 0.0, 0.0, CREEP + len(s.taus)
     for k in range(len(c)):
-        z_rate, aging, one = _contact(
+        z_rate, aging, one = contact_rates(
             y[first + 2 * k] * _NM, y[first + 2 * k + 1] * c[k, 12], w, c[k]
         )
         dy[first + 2 * k], dy[first + 2 * k + 1] = z_rate / _NM, aging / c[k, 12]

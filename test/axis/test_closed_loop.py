@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from found import FOUND
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
@@ -63,6 +64,7 @@ CASES: list[tuple[dict[str, Any], int, float]] = [
     ({"sensor_latency": 0.01}, 5, 1.0),
     ({"sensor_latency": 0.0, "sensor_noise": 0.0, "sensor_resolution": 0.0}, 5, 1.0),
     ({"sensor_rate": 100.0}, 3, 2.0),
+    ({"sensor_bandwidth": 100.0, "sensor_noise": 0.0}, 3, 3.0),
     ({"amplitude_levels": 255}, 5, 1.0),
     ({"spring": 1e3}, 5, 1.0),
     ({"actuator": "hysteresis"}, 10, 1.0),
@@ -166,31 +168,18 @@ def test_reached_means_within_the_tolerance_for_the_hold_time() -> None:
     assert axis.status.state == "holding"
 
 
-HEAVY = {"model": "lugre", "preload": 1.579, "mu": 0.0595, "mu_s": 0.4715, "mu_k": 0.4619}
-HEAVY |= {"v_stribeck": 0.01647, "sigma_1": 64.52, "mass": 0.6835, "force": -3.1e-3}
-HEAVY |= {"frequency": 4833.0, "amplitude": 39.8, "slewrate": 50.36, "scan_rate": 8.9e5}
-HEAVY |= {"sensor_rate": 190.77, "sensor_latency": 1.75e-3, "sensor_noise": 3.3e-10}
-HEAVY |= {"settle_time": 0.0647, "target_timeout": 0.67}
-LIGHT = {"preload": 0.1787063771854706, "mu": 0.055405317260152194}
-LIGHT |= {"sigma_1": 0.6001564100050489, "mass": 0.008533674967965402, "force": -3.7032e-4}
-LIGHT |= {"scan_rate": 108370.82710929145, "slewrate": 70.26025607972892}
-LIGHT |= {"frequency": 71.2451550467466, "amplitude": 33.220574606289574}
-LIGHT |= {"sensor_rate": 4592.212200993373, "sensor_noise": 1.0176319796487352e-11}
-LIGHT |= {"sensor_latency": 0.0001576492354598874, "settle_time": 0.08174724666985114}
-
-
 @pytest.mark.parametrize(
-    ("values", "target"),
+    ("case", "target"),
     [
         # A fast scan makes a heavy runner ring, nearly at the rate of the readings.
-        (HEAVY, 3.0104e-8),
+        ("heavy", 3.0104e-8),
         # Corrections made it ring, at a beat with the readings that the corrections followed.
-        (LIGHT, -9.99432168324378e-7),
+        ("light", -9.99432168324378e-7),
     ],
 )
-def test_reached_is_what_was_read(values: dict[str, Any], target: float) -> None:
+def test_reached_is_what_was_read(case: str, target: float) -> None:
     """Each was said to be reached while 5 nm off and more."""
-    axis = Axis(values)
+    axis = Axis(FOUND["closed_loop"][case])
     axis.command_position(target)
     while not axis.status.target_reached and axis.state.t < 5.0:
         axis.advance(axis.state.t + ROUND)
@@ -199,59 +188,21 @@ def test_reached_is_what_was_read(values: dict[str, Any], target: float) -> None
     assert axis.status.target_reached
 
 
-#: Runners that ring for a third of a second; one whose steps go beyond where it scans to; one that
-#: reads once in a hundred steps; heavy ones
-RINGING = {"preload": 0.07795, "mu": 0.06463, "sigma_1": 4.3407, "mass": 0.17467}
-RINGING |= {"slewrate": 46.271, "amplitude": 182.16, "frequency": 303.3, "scan_rate": 5.1e5}
-RINGING |= {"sensor_rate": 1592.4, "sensor_noise": 3.85e-11, "sensor_latency": 1.55e-3}
-RINGING |= {"target_tolerance": 5.7e-9, "settle_time": 0.3683, "target_timeout": 0.578}
-SPRUNG = {"model": "lugre", "preload": 0.071951, "mu": 0.070103, "mu_s": 0.20676, "mu_k": 0.32149}
-SPRUNG |= {"v_stribeck": 0.1332, "sigma_1": 4.3986, "mass": 0.16264, "spring": 6080.9}
-SPRUNG |= {"force": 1.1257e-3, "slewrate": 954.08, "amplitude": 263.97, "frequency": 137.52}
-SPRUNG |= {"scan_rate": 1.17e5, "sensor_rate": 1392.5, "sensor_noise": 3.7e-11}
-SPRUNG |= {"sensor_latency": 3.6e-3, "target_tolerance": 7.28e-9, "settle_time": 0.36586}
-SHRINKING = {"model": "ceim_without_mu", "preload": 0.30531, "mu": 0.062192, "sigma_1": 11.762}
-SHRINKING |= {"mass": 1.041e-3, "spring": 333030.0, "slewrate": 11.774, "amplitude": 60.022}
-SHRINKING |= {"frequency": 65.756, "scan_rate": 733580.0, "sensor_rate": 1051.1}
-SHRINKING |= {"sensor_noise": 6.7e-10, "sensor_latency": 4.6e-3, "target_tolerance": 7.4e-9}
-SHRINKING |= {"settle_time": 0.00061, "target_timeout": 0.906}
-SELDOM = {"model": "ceim_without_mu", "preload": 2.0896, "mu": 0.11396, "sigma_1": 3.6406}
-SELDOM |= {"mass": 4.7416e-4, "force": 0.0315, "slewrate": 394.72, "amplitude": 94.261}
-SELDOM |= {"frequency": 15371.0, "waveform": "hold", "hold_before": 0.288, "hold_after": 0.297}
-SELDOM |= {"scan_rate": 2.1e5, "sensor_rate": 140.3, "sensor_noise": 1.9e-11}
-SELDOM |= {"sensor_latency": 4.8e-3, "target_tolerance": 6.3e-9, "settle_time": 1.02e-3}
-HEAVIEST = {"model": "lugre", "preload": 0.238, "mu": 0.12861, "mu_s": 0.42483, "mu_k": 0.17164}
-HEAVIEST |= {"v_stribeck": 0.27154, "sigma_1": 8.5202, "mass": 0.95758, "slewrate": 40.071}
-HEAVIEST |= {"amplitude": 76.618, "frequency": 159.13, "scan_rate": 352749.0}
-HEAVIEST |= {"sensor_rate": 988.1, "sensor_noise": 4.496e-10, "sensor_latency": 2.355e-3}
-HEAVIEST |= {"target_tolerance": 3.947e-9, "settle_time": 0.834, "target_timeout": 0.604}
-BENT: dict[str, Any] = {"preload": 0.0571068, "mu": 0.1091, "mu_s": 0.090794, "mu_k": 0.85703}
-BENT |= {
-    "sigma_1": 11.4041,
-    "mass": 0.601544,
-    "amplifier_bandwidth": 124940.0,
-    "slewrate": 355.2385,
-}
-BENT |= {"amplitude": 54.7644, "frequency": 997.8986, "waveform": "hold", "hold_before": 0.0075634}
-BENT |= {"hold_after": 0.22683, "scan_rate": 576791.0, "sensor_rate": 372.9619}
-BENT |= {"sensor_noise": 2.9e-11, "sensor_latency": 4.0667e-3, "target_tolerance": 3.3791e-9}
-BENT |= {"settle_time": 0.355989, "target_timeout": 0.2028}
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("values", "target", "longest"),
+    ("case", "target", "longest"),
     [
-        (RINGING, -9.558e-6, 1.7),  # it rang by 8 nm where it was said to be
-        (SPRUNG, -1.17e-7, 0.8),  # it took 1.5 s: four times settle_time
-        (SHRINKING, -7.87e-8, 1.0),  # a fault, for it left the tolerance for a better place
-        (SELDOM, 1.106e-6, 0.2),  # it went 3 um beyond at first
-        (HEAVIEST, 6.764e-8, 0.1),  # the scan alone took 0.13 s, so slow as to leave no ringing
-        (BENT, 5.2196e-7, 1.0),  # a scan in a single period of the ringing bends its contact
+        ("ringing", -9.558e-6, 1.7),  # it rang by 8 nm where it was said to be
+        ("sprung", -1.17e-7, 0.8),  # it took 1.5 s: four times settle_time
+        ("shrinking", -7.87e-8, 1.0),  # a fault, for it left the tolerance for a better place
+        ("seldom", 1.106e-6, 0.2),  # it went 3 um beyond at first
+        ("heaviest", 6.764e-8, 0.1),  # the scan alone took 0.13 s, so slow as to leave no ringing
+        ("bent", 5.2196e-7, 1.0),  # a scan in a single period of the ringing bends its contact
     ],
 )
-def test_it_is_there_soon_and_quiet(values: dict[str, Any], target: float, longest: float) -> None:
+def test_it_is_there_soon_and_quiet(case: str, target: float, longest: float) -> None:
     """With less than a nanometre of ringing."""
+    values = FOUND["closed_loop"][case]
     axis = Axis(values)
     axis.command_position(target)
     while not axis.status.target_reached:
@@ -266,14 +217,7 @@ def test_it_is_there_soon_and_quiet(values: dict[str, Any], target: float, longe
 @pytest.mark.slow
 def test_a_runner_that_slides_away_is_not_said_to_be_there() -> None:
     """The mean of the readings followed it late, and said so 25 nm away."""
-    values = {"model": "epm_fix", "preload": 2.011, "mu": 0.2796, "mu_s": 0.1872, "mu_k": 0.08843}
-    values |= {"v_stribeck": 1.78e-4, "sigma_1": 1.848, "dwell_growth": 3.36e-6, "mass": 4.406e-3}
-    values |= {"dwell_start": 0.3738, "rate_growth": 0.4222, "rate_start": 6.6e-12}
-    values |= {"wear_rate": 1.2, "force": -0.074, "slewrate": 51.25, "amplitude": 111.78}
-    values |= {"frequency": 7603.9, "waveform": "triangle", "scan_rate": 2.66e5}
-    values |= {"sensor_rate": 490.52, "sensor_noise": 1.16e-9, "sensor_latency": 2.31e-3}
-    values |= {"target_tolerance": 6.66e-9, "settle_time": 0.0195, "target_timeout": 0.32}
-    axis = Axis(values)
+    axis = Axis(FOUND["closed_loop"]["sliding away"])
     axis.command_position(-1.2637e-7)
     while not axis.fault and axis.state.t < 3.0:
         axis.advance(axis.state.t + ROUND)
@@ -410,10 +354,7 @@ def test_a_loop_whose_steps_run_backwards_says_so(timeout: float) -> None:
 
 def test_steps_that_lead_nowhere_end_though_they_pass_the_tolerance() -> None:
     """The target lies below the range of a scan; they bring the runner in and out of tolerance."""
-    values = {"preload": 1.43, "mu": 0.21, "sigma_1": 22.85, "mass": 0.175, "force": 0.05}
-    values |= {"slewrate": 348.7, "amplitude": 49.14, "frequency": 3285.0, "sensor_rate": 739.4}
-    values |= {"hold_before": 0.3526, "hold_after": 0.3664, "sensor_noise": 2.75e-10}
-    axis = Axis({**values, "waveform": "hold", "target_tolerance": 14.76e-9, "target_timeout": 0.8})
+    axis = Axis(FOUND["closed_loop"]["leading nowhere"])
     axis.command_position(-23.5e-9)
     axis.advance(4.0)
     assert "has not stayed so near for 0.8 s" in axis.status.fault
@@ -455,7 +396,7 @@ def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
 @pytest.mark.slow
 def test_a_latency_that_changes_on_the_way_stops_nothing() -> None:
     """With a shorter one, readings arrive at once that should have come before."""
-    for seed in range(10):
+    for seed in range(4):
         draw = random.Random(seed)
         axis = Axis({**TABLE_1, **FAST, "sensor_latency": 0.02})
         axis.command_position(3e-6)

@@ -14,7 +14,7 @@ from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, Event
 from stickslip_ros.axis.events import NotRepeatable, event_texts, value_text
-from stickslip_ros.axis.resimulation import Rerun, start_of
+from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
 
@@ -65,13 +65,6 @@ def test_a_bad_change_is_the_users() -> None:
         Rerun(Axis(TABLE_1).take_events(), {"preload": -1.0})
 
 
-def test_the_start_tells_parameters_and_version() -> None:
-    given: dict[str, Any] = {"preload": 0.7, "axis_name": "z"}
-    values, version, _ = start_of(Axis(given).take_events())
-    assert {name: values[name] for name in given} == given
-    assert version
-
-
 # -- files that parameters name
 
 TABLE = "0\n0.5\n1\n0\n"
@@ -111,11 +104,6 @@ def test_events_hold_the_digests_of_the_files_in_use(files: dict[str, str]) -> N
         "hysteresis_file_sha256": loop,
         "waveform_table_sha256": digests["waveform_table"],
     }
-
-
-def test_a_run_with_files_comes_out_again(files: dict[str, str]) -> None:
-    events, state = _with_files(files)
-    assert Rerun(events).advance(0.3).state == state
 
 
 @pytest.mark.parametrize("name", ["waveform_table", "hysteresis_file"])

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bad use of every command: exit code 2, one line with value and cure, nothing else, no file."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -24,14 +23,9 @@ FILES = {
 ROWS = [
     ("simulate", "--steps 0", ["--steps is 0", "1 to 10000000"]),
     ("simulate", "--steps 1000000000000", ["--steps is 1000000000000", "1 to 10000000"]),
-    ("simulate", "--steps -1000000000000", ["--steps is -1000000000000", "1 to 10000000"]),
     ("simulate", "--amplitude nan", ["amplitude is nan", "finite"]),
-    ("simulate", "--amplitude inf", ["amplitude is inf", "finite"]),
-    ("simulate", "--amplitude -5", ["amplitude is -5 V", "between"]),
     ("simulate", "--set max_voltage=300 --amplitude 301", ["amplitude is 301 V", "300 V"]),
     ("simulate", "--frequency 1e9", ["frequency is 1e+09 Hz", "between"]),
-    ("simulate", "--frequency 0", ["frequency is 0 Hz", "between"]),
-    ("simulate", "--set max_frequency=1e5 --frequency 2e5", ["200000 Hz", "100000 Hz"]),
     (
         "simulate",
         "--amplitude 300 --frequency 5000 --set slewrate=1",
@@ -40,11 +34,9 @@ ROWS = [
     ("simulate", "--set preload", ["NAME=VALUE"]),
     ("simulate", "--stepz 3", ["unrecognized arguments: --stepz 3; see stickslip simulate"]),
     ("simulate", "--preload 1", ["unrecognized", "set by --set preload=1;"]),
-    ("simulate", "--preload-ratio=2", ["set by --set preload_ratio=2;"]),
     ("simulate", "--set preloda=1", ["no parameter 'preloda'", "preload or preload_ratio?"]),
-    ("simulate", "--set preload=nan", ["preload is nan", "finite"]),
-    ("simulate", "--set model=coulomb", ["model is 'coulomb'", "known: ceim"]),
-    ("simulate", "--set z_ba=1e-7 --set z_ss=5e-8", ["z_ss is 5e-08 m", "raise z_ss"]),
+    # as a paper writes a minus sign
+    ("simulate", "--set preload=\u22121", ["preload is -1 N; it has to lie between"]),
     ("simulate", "--config none.yaml", ["cannot read none.yaml", "No such file"]),
     ("simulate", "--config misspelt.yaml", ["misspelt.yaml", "'preloda'", "preload_ratio?"]),
     ("simulate", "--trace run.csv --steps 3000", ["3000 steps", "at most 2000"]),
@@ -57,17 +49,10 @@ ROWS = [
     ("simulate", "--sensor", ["--sensor", "give --trace"]),
     ("simulate", "--trace-rate 1MHz", ["--trace-rate is for a --trace"]),
     ("sweep", "--vary preloda=1:2:3", ["did you mean preload"]),
-    ("sweep", "--vary preload=1:2:0", ["empty range"]),
-    ("sweep", "--vary preload=1:2:3 --metric speed", ["did you mean mean_speed"]),
     ("sweep", "--vary preload=1:2:3 --metric x", ["known: step_size"]),
-    ("sweep", "--vary preload=1:2:3 --steps 0", ["at least one"]),
     ("sweep", "--vary preload=1:2:3 --steps 100001", ["at most 100000"]),
-    (
-        "sweep",
-        "--vary preload=1:2:20000000 --json",
-        ["at most 10000000 values", "lower COUNT"],
-    ),
     ("sweep", "--vary preload=1:2:3 --jobs 0", ["1 or more"]),
+    ("sweep", "--vary preload=1:2:3 --out three.csv", ["is not the table of a sweep: name"]),
     ("sweep", "--vary preload=1:2:3 --out a.png", ["FILE.csv", "--plot writes a picture"]),
     ("sweep", "--vary preload=1:2:3 --cluster tcp://nowhere", ["no cluster answers", "give local"]),
     ("sweep", "--vary preload=1:2:3 --out /nowhere/a.csv", ["cannot write /nowhere/a.csv"]),
@@ -78,20 +63,16 @@ ROWS = [
         "--vary frequency=4e5:1e6:3 --set max_frequency=1e7 --config table1_typical.yaml",
         ["the slip of 300 V"],
     ),
-    ("shape", "--set waveform=triangle", ["waveform is triangle"]),
     ("shape", "--set preload=20", ["preload is 20 N and amplitude 300 V: the axis makes no steps"]),
     ("shape", "--out none/own.yaml", ["cannot write none/own.yaml: No such file"]),
-    ("elongate", "--set frequency=1e6", ["frequency is 1e+06 Hz"]),
     ("elongate", "--out .", ["cannot write ."]),
     ("identify-actuator", "none.csv --out own.yaml", ["cannot read none.csv: No such file"]),
     ("identify-actuator", "empty.csv --out own.yaml", ["empty.csv: no row of numbers"]),
     ("identify-actuator", "three.csv --out own.yaml", ["three.csv: which column is the voltage?"]),
     ("identify-actuator", "actuator_loop.csv --out none/own.yaml", ["cannot write none/own.yaml"]),
     ("identify-actuator", "actuator_loop.csv --out a --operators 0", ["--operators is 0"]),
-    ("identify-actuator", "actuator_loop.csv --out a --operators 1000", ["at most 100"]),
     ("identify-actuator", "actuator_loop.csv --out a --set max_voltage=0", ["max_voltage is 0 V"]),
     ("identify", "--prior sigma_0=3", ["--prior is 'sigma_0=3'; write it as NAME=MEAN:SD"]),
-    ("identify", "--prior sigma_0=3:0", ["deviation of 0; it has to be above 0"]),
     ("identify", "--prior sigma_0=9N/um:0N/um", ["deviation of 0; it has to be above 0"]),
     ("identify", "--bounds sigma_0=a:b", ["write it as NAME=LOW:HIGH"]),
     ("identify", "--fit nothing", ["there is no parameter 'nothing'"]),
@@ -101,8 +82,6 @@ ROWS = [
     ("analyse", "none.csv", ["cannot read"]),
     ("analyse", "empty.csv", ["empty.csv"]),
     ("analyse", "--zero-amplitude nan", ["--zero-amplitude is nan m"]),
-    ("analyse", "--zero-amplitude -1e-9", ["--zero-amplitude is -1e-09 m"]),
-    ("analyse", "--frequency 0", ["--frequency is 0 Hz"]),
     ("analyse", "--frequency 1", ["correct the frequency"]),
     ("analyse", "--table t.doc", ["end it in .csv or .tex"]),
     ("analyse", "--plot bench.gif", ["has to end with .svg, .pdf, .png"]),
@@ -123,13 +102,13 @@ ROWS = [
     ),
     ("compare", "--report none/a.html", ["cannot write none/a.html"]),
     ("compare", "--plot none/a.png", ["cannot write none/a.png"]),
-    ("guide", "--preload 0.01", ["would have to pull"]),
     ("guide", "--mass 1e308 --json", ["check its lengths, mass and preload"]),
     ("predict", "--frequency 20000", ["lower the frequency"]),
     ("paper", "fig99", ["there is no ITEM 'fig99'; there are fig02"]),
     ("paper", "--plot a.svg", ["--plot and --report are for one ITEM: name it"]),
     ("paper", "tab03 --plot a.svg", ["tab03 has no picture; --table writes its numbers"]),
     ("paper", "fig08 --plot x.gif", ["--plot is x.gif; its name has to end with"]),
+    ("paper", "--out .", ["choose another --out"]),
     ("bag info", "gone", ["there is no bag"]),
     ("bag recover", "gone", ["there is no bag"]),
     ("send", "steps", ["steps takes a whole number; given: none"]),
@@ -174,4 +153,4 @@ def test_bad_use_is_one_line_with_the_cure_and_leaves_nothing(
     assert preview == [] or arguments.split()[0] in FILES  # what a file holds that is no table
     assert line.startswith(f"stickslip {command}: ")
     assert all(word in line for word in words), line
-    assert sorted(os.listdir(tmp_path)) == sorted(FILES)
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == FILES

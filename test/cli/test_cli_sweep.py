@@ -81,17 +81,6 @@ def test_impossible_points_are_empty_counted_and_explained(
     assert len(error.splitlines()) == 1
 
 
-def test_the_file_of_something_else_stays(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    csv = tmp_path / "a.csv"
-    csv.write_text("mine\n")
-    assert main([*SMALL, "--out", str(csv)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{csv} exists and is not the table of a sweep: name another --out" in line
-    assert csv.read_text() == "mine\n"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("out", [True, False])
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path, out: bool) -> None:

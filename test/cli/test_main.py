@@ -70,14 +70,6 @@ def test_bad_use_ends_with_2_and_one_line(capsys: pytest.CaptureFixture[str]) ->
         assert line.startswith("stickslip") and said in line, line
 
 
-@pytest.mark.slow
-def test_a_minus_sign_from_a_paper_is_one() -> None:
-    """It is not in the encoding of a Western Windows, and is no number to Python."""
-    run = stickslip("simulate", "--set", "preload=\u22121", PYTHONIOENCODING="cp1252")
-    assert run.returncode == 2
-    assert "preload is -1 N; it has to lie between" in run.stderr
-
-
 def test_the_package_runs_as_a_module() -> None:
     assert python("-m", "stickslip_ros", "--version").stdout.strip() == __version__
 
@@ -86,9 +78,6 @@ def test_the_package_runs_as_a_module() -> None:
 def test_files_of_the_package_are_found_from_anywhere(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The first as a program of its own, in another folder; the others there in this process."""
-    run = stickslip("simulate", "--steps", "3", "--config", "table1_vibration.yaml")
-    assert (run.returncode, complaints(run.stderr)) == (0, "")
     monkeypatch.chdir("/")
     for command in ("simulate --config", "compare", "identify --run"):
         sample = [] if command.startswith("simulate") else ["steps_100hz.csv"]
@@ -189,11 +178,7 @@ def test_a_signal_ends_long_work_at_once_with_130(number: signal.Signals) -> Non
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     child = subprocess.Popen(
-        [sys.executable, "-c", ENDLESS],
-        stdin=slave,
-        stdout=slave,
-        stderr=slave,
-        env=environment(),
+        [sys.executable, "-c", ENDLESS], stdin=slave, stdout=slave, stderr=slave, env=environment()
     )
     os.close(slave)
     try:
@@ -247,43 +232,6 @@ def test_a_signal_that_a_destructor_swallows_comes_again() -> None:
     child = python("-c", IGNORING)
     said = complaints(child.stderr)
     assert (child.returncode, said) == (130, "stickslip simulate: interrupted\n")
-
-
-@pytest.mark.parametrize("option", ["--version", "--help"])
-def test_what_needs_no_library_loads_none(option: str) -> None:
-    """The modules are counted rather than the time, which a busy machine makes longer."""
-    block = (
-        "import sys\n"
-        "from stickslip_ros.cli.main import main\n"
-        "try: main([sys.argv[1]])\n"
-        "except SystemExit: pass\n"
-        "heavy = {'numpy', 'scipy', 'numba', 'matplotlib', 'yaml', 'tqdm', 'mcap'}\n"
-        "ours = {name for name in sys.modules if name.startswith('stickslip_ros.')}\n"
-        "print(sorted(heavy & set(sys.modules)), sorted(ours), file=sys.stderr)\n"
-    )
-    child = python("-c", block, option)
-    ours = ["cli", "cli.command_line", "cli.main", "errors", "lazy_names", "simulation", "version"]
-    assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
-
-
-@pytest.mark.slow
-def test_a_subcommand_loads_no_other() -> None:
-    """The named one adds its options, the others their names alone."""
-    block = (
-        "import sys\n"
-        "from stickslip_ros.cli.main import main\n"
-        "main(['guide'])\n"
-        "print(*sorted(n for n in sys.modules if n.startswith('stickslip_ros.cli.')))\n"
-    )
-    child = python("-c", block)
-    loaded = child.stdout.splitlines()[-1].split()
-    assert [name.removeprefix("stickslip_ros.cli.") for name in loaded] == [
-        "command_line",
-        "design",
-        "main",
-        "options",
-        "outputs",
-    ]
 
 
 def test_every_subcommand_in_a_module_is_listed() -> None:

@@ -23,7 +23,6 @@ class McsDriver:
     """As the EPICS driver and ALBA's talk to an MCS."""
 
     def __init__(self, client: Any) -> None:
-        """Talk over a client."""
         self._client = client
 
     def send(self, command: str) -> str:
@@ -148,37 +147,32 @@ def test_without_readings_there_is_an_error_and_no_zero(
         assert client.ask(position) == known
 
 
-@pytest.mark.parametrize(
-    ("line", "answer"),
-    [
-        ("MST0,1,1,1", ":E-1,1"),
-        (":mst0,1,1,1", ":E-1,1"),
-        (":MST0,1.5,1,1", ":E-1,1"),
-        (":XYZ0", ":E-1,2"),
-        (":MST", ":E-1,5"),
-        (":MST0,1", ":E0,5"),
-        (":MST0,1,1,1,1", ":E0,6"),
-        (":GNC0", ":E-1,6"),
-        (":MST0,30001,1,1", ":E0,7"),
-        (":MST0,1,4096,1", ":E0,7"),
-        (":MST0,1,1,18501", ":E0,7"),
-        (":MST0,1,1,0", ":E0,7"),
-        (":SCLS0,-1", ":E0,7"),
-        (":SCLA0,10000001", ":E0,7"),
-        (":SCLF0,49", ":E0,7"),
-        (":SSC0,-5,2", ":E0,7"),
-        (":SSC0,-5,1", ":E0,0"),
-        (":GP1", ":E1,7"),
-        (":FRM0,0,0,1", ":E0,144"),
-        (":" + "9" * 5000, ":E-1,1"),
-    ],
-)
-def test_mcs_answers_with_a_code_what_cannot_be(
-    emulate: Callable[..., Any], line: str, answer: str
-) -> None:
+def test_mcs_answers_with_a_code_what_cannot_be(emulate: Callable[..., Any]) -> None:
     with emulate("mcs", MCS).client() as client:
-        assert client.ask(line) == answer
-        assert client.ask(":GP0") == ":P0,0"
+        for line, answer in [
+            ("MST0,1,1,1", ":E-1,1"),
+            (":mst0,1,1,1", ":E-1,1"),
+            (":MST0,1.5,1,1", ":E-1,1"),
+            (":XYZ0", ":E-1,2"),
+            (":MST", ":E-1,5"),
+            (":MST0,1", ":E0,5"),
+            (":MST0,1,1,1,1", ":E0,6"),
+            (":GNC0", ":E-1,6"),
+            (":MST0,30001,1,1", ":E0,7"),
+            (":MST0,1,4096,1", ":E0,7"),
+            (":MST0,1,1,18501", ":E0,7"),
+            (":MST0,1,1,0", ":E0,7"),
+            (":SCLS0,-1", ":E0,7"),
+            (":SCLA0,10000001", ":E0,7"),
+            (":SCLF0,49", ":E0,7"),
+            (":SSC0,-5,2", ":E0,7"),
+            (":SSC0,-5,1", ":E0,0"),
+            (":GP1", ":E1,7"),
+            (":FRM0,0,0,1", ":E0,144"),
+            (":" + "9" * 5000, ":E-1,1"),
+        ]:
+            assert client.ask(line) == answer
+            assert client.ask(":GP0") == ":P0,0"
 
 
 def test_mcs_without_acknowledgement(emulate: Callable[..., Any]) -> None:
@@ -202,7 +196,6 @@ class Mcs2Driver:
     """As the EPICS driver and the Tango server talk to an MCS2."""
 
     def __init__(self, client: Any) -> None:
-        """Talk over a client."""
         self._client = client
 
     def write(self, command: str) -> None:
@@ -323,40 +316,35 @@ def test_mcs2_closed_loop_steps_with_the_drive_set_last(emulate: Callable[..., A
         assert emulated.look(lambda: emulated.axes[0].status.step_count) <= 10
 
 
-@pytest.mark.parametrize(
-    ("line", "error"),
-    [
-        ("MOVE0", -109),
-        (":MOVE0 far", -104),
-        (":MOVE7 1", 34),
-        (":CHAN7:POS?", 34),
-        (":CHAN0:FLY?", -113),
-        (":CHAN0:FLY 1", -113),
-        (":CHAN0:STAT 1", -113),
-        (":FLY", -113),
-        ("!!", -101),
-        (":STOP0 1", -108),
-        (":CHAN0:MMOD 5", -222),
-        (":CHAN0:STEP:FREQ 0", -222),
-        (":CHAN0:STEP:AMPL 65536", -222),
-        (":CHAN0:MMOD 4;:MOVE0 100001", -222),
-        (":CHAN0:MMOD 4;:MOVE0 20.5", -222),
-        (":MOVE0 1e99", -222),
-        (":REF0", 259),
-        ("9" * 5000, -363),
-    ],
-)
-def test_mcs2_keeps_errors_until_they_are_asked_for(
-    emulate: Callable[..., Any], line: str, error: int
-) -> None:
+def test_mcs2_keeps_errors_until_they_are_asked_for(emulate: Callable[..., Any]) -> None:
     with emulate("mcs2", {**MCS, "soft_low": -1e-3, "soft_high": 1e-3}).client() as client:
-        if line.endswith("?"):
-            assert client.ask(line, b"\r\n").startswith(f'{error},"')
-        else:
-            client.send(line.encode() + b"\r\n")
-        assert client.ask(":SYST:ERR:COUN?", b"\r\n") == "1"
-        assert client.ask(":SYST:ERR?", b"\r\n").startswith(f'{error},"')
-        assert client.ask(":SYST:ERR?", b"\r\n") == '0,"No error"'
+        for line, error in [
+            ("MOVE0", -109),
+            (":MOVE0 far", -104),
+            (":MOVE7 1", 34),
+            (":CHAN7:POS?", 34),
+            (":CHAN0:FLY?", -113),
+            (":CHAN0:FLY 1", -113),
+            (":CHAN0:STAT 1", -113),
+            (":FLY", -113),
+            ("!!", -101),
+            (":STOP0 1", -108),
+            (":CHAN0:MMOD 5", -222),
+            (":CHAN0:STEP:FREQ 0", -222),
+            (":CHAN0:STEP:AMPL 65536", -222),
+            (":CHAN0:MMOD 4;:MOVE0 100001", -222),
+            (":CHAN0:MMOD 4;:MOVE0 20.5", -222),
+            (":MOVE0 1e99", -222),
+            (":REF0", 259),
+            ("9" * 5000, -363),
+        ]:
+            if line.endswith("?"):
+                assert client.ask(line, b"\r\n").startswith(f'{error},"'), line
+            else:
+                client.send(line.encode() + b"\r\n")
+            assert client.ask(":SYST:ERR:COUN?", b"\r\n") == "1", line
+            assert client.ask(":SYST:ERR?", b"\r\n").startswith(f'{error},"'), line
+            assert client.ask(":SYST:ERR?", b"\r\n") == '0,"No error"'
         for _ in range(100):
             client.send(b":FLY\r\n")
         assert client.ask(":SYST:ERR:COUN?", b"\r\n") == "20"

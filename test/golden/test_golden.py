@@ -13,14 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from renew import (
-    AXES,
-    BAGS,
-    RESULTS,
-    STUDIED,
-    results,
-    studied,
-)
+from renew import AXES, BAGS, RESULTS, STUDIED, results, studied
 from variants import HAS_UNFUSED, LEAST, SAME_LIBRARY, UNFUSED, Variant
 
 from stickslip_ros.cli.main import main

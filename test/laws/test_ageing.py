@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The contact that ages within a cycle, against a general integrator of the whole system."""
 
-import math
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
@@ -16,8 +14,7 @@ from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
-
-_NM, _SPEED, _MS = 1e-9, 1e-4, 1e-3
+from validation import whole_system
 
 
 def simulated(p: Parameters, cycles: int) -> NDArray[np.float64]:
@@ -25,49 +22,6 @@ def simulated(p: Parameters, cycles: int) -> NDArray[np.float64]:
     simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), cycles)
     return simulation.run_cycles(cycles).position
-
-
-def integrated(cycles: int, beta: float, d_c: float, theta_0: float, **v: float) -> Any:
-    """The same of x, v, z, theta by DOP853, from the equations; loads are a force and a spring."""
-    f, m = v["preload"], v["mass"]
-    z_ba = 2e-8 * f + 1e-8
-    sigma_0 = 5e6 * min(f, math.inf) + 7e6
-    z_lim = f * 0.2 / 1e7
-    stroke = 160e-9 * v.get("amplitude", 300.0) / 300.0
-    fall = v.get("amplitude", 300.0) / 1e8
-    period = 1.0 / v["frequency"]
-
-    def rates(_: float, y: NDArray[np.float64], rate: float) -> list[float]:
-        x, speed, z, theta = y[0] * _NM, y[1] * _SPEED, y[2] * _NM, y[3] * _MS
-        w = speed - rate
-        age = 1.0 + beta * math.log(1.0 + theta / theta_0)
-        alpha = 0.0
-        if z * w > 0.0 and abs(z) > age * z_ba:
-            turn = math.pi * (abs(z) - 1.5 * age * z_ba) / (age * z_ba)
-            alpha = 1.0 if abs(z) >= 2.0 * age * z_ba else 0.5 * math.sin(turn) + 0.5
-        z_rate = w - alpha * abs(w) / (age * z_lim) * z
-        push = v.get("force", 0.0) - v.get("spring", 0.0) * x - sigma_0 * z - 5.0 * z_rate
-        return [speed / _NM, push / m / _SPEED, z_rate / _NM, (1 - abs(w) * theta / d_c) / _MS]
-
-    def turns(_: float, y: NDArray[np.float64], rate: float) -> float:
-        return float(y[1]) * _SPEED - rate
-
-    turns.terminal = True  # type: ignore[attr-defined]
-    y, found = np.zeros(4), []
-    for _ in range(cycles):
-        for span, way in ((period - fall, stroke), (fall, -stroke)):
-            t, rate = 0.0, way / span
-            while t < span:
-                done = solve_ivp(
-                    rates, (t, span), y, "DOP853", args=(rate,), events=turns,
-                    rtol=1e-11, atol=1e-9, max_step=2e-6 if way > 0.0 else 2e-8,
-                )  # fmt: skip
-                y, t = done.y[:, -1], done.t[-1]
-                if done.status == 1:  # on over the turn, at which the event would stop it again
-                    step = min(1e-12, span - t)
-                    y, t = y + step * np.array(rates(t, y, rate)), t + step
-        found.append(y[0] * _NM)
-    return np.array(found)
 
 
 @pytest.mark.slow
@@ -81,7 +35,7 @@ def test_it_agrees_with_an_integrator() -> None:
     ]:
         cycles = 3
         p = table_1(model="ceim_ageing", beta=beta, d_c=d_c, theta_0=theta_0, **values)
-        off = np.abs(simulated(p, cycles) - integrated(cycles, beta, d_c, theta_0, **values))
+        off = np.abs(simulated(p, cycles) - whole_system.positions(p, cycles))
         assert (off <= 1e-11 * np.arange(1, cycles + 1)).all()
         assert np.abs(simulated(p.replace(beta=0.0), cycles) - simulated(p, cycles)).max() > 5e-11
 

@@ -164,16 +164,6 @@ def test_an_item_that_fails_is_named_and_spoils_nothing(
     assert (tmp_path / "out" / "fig01.csv").exists()
 
 
-@pytest.mark.slow
-def test_an_earlier_report_is_replaced_as_a_whole(tmp_path: Path, executor: Executor) -> None:
-    report(tmp_path / "out", [item("fig00")], executor)
-    report(tmp_path / "out", [item("fig01")], executor)
-    names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert "fig01.png" in names
-    assert "fig00.png" not in names
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
 def test_a_folder_with_anything_of_others_is_refused(tmp_path: Path, executor: Executor) -> None:
     out = tmp_path / "out"
     report(out, [item("fig00")], executor)

@@ -43,7 +43,6 @@ def endless(folder: Path, compression: str, hertz: int, progress: mmap.mmap) -> 
 
 
 def main() -> None:
-    """Start and kill."""
     folder, compression = Path(sys.argv[1]), sys.argv[2]
     count, hertz = int(sys.argv[3]), int(sys.argv[4])
     dice = random.Random(compression)

@@ -37,7 +37,6 @@ class Recorder:
 
 
 def main() -> None:
-    """Run them."""
     _testcapi = importlib.import_module("_testcapi")  # not everywhere there
 
     folder, compression = Path(sys.argv[1]), sys.argv[2]

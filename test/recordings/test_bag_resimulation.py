@@ -15,18 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bags import (
-    EVENTS,
-    JOINTS,
-    SECOND,
-    START,
-    event,
-    foreign,
-    header,
-    int32,
-    serialized,
-    topic,
-)
+from bags import EVENTS, JOINTS, SECOND, START, event, foreign, header, int32, serialized, topic
 from rosbags.highlevel import AnyReader
 from table_1 import TABLE_1
 
@@ -90,10 +79,7 @@ def record_axis(
                 bag.write(where.name, event(at, **texts), log_ns=ns, publish_ns=ns)
             axis.advance(number * 1_000_000 * 1e-9)
             s = axis.state
-            rows = {
-                "axis_slider": (s.x, s.v, -s.force),
-                "axis_piezo": (s.u, s.rate, s.force),
-            }
+            rows = {"axis_slider": (s.x, s.v, -s.force), "axis_piezo": (s.u, s.rate, s.force)}
             data = joints(number, state(ns, **rows))
             bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
             each = (
@@ -245,8 +231,7 @@ HOSTILE: dict[str, Texts] = {
 @pytest.mark.parametrize("name", HOSTILE)
 def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> None:
     record_axis(
-        tmp_path / "run",
-        lambda number, texts: {**texts, **HOSTILE[name]} if number == 2 else texts,
+        tmp_path / "run", lambda number, texts: {**texts, **HOSTILE[name]} if number == 2 else texts
     )
     with open_bag(tmp_path / "run") as bag, pytest.raises(NotRepeatable) as refused:
         resimulate(bag)

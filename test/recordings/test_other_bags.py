@@ -11,18 +11,7 @@ from typing import Literal
 import numpy as np
 import pytest
 import yaml
-from bags import (
-    EVENTS,
-    JOINTS,
-    SECOND,
-    START,
-    STEPS,
-    STORE,
-    Sample,
-    by_rosbags,
-    contents,
-    expected,
-)
+from bags import EVENTS, JOINTS, SECOND, START, STEPS, STORE, Sample, by_rosbags, contents, expected
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode

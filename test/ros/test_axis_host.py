@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from heard import Heard
-from live import Ros, Start
+from heard import Heard, stamp
+from live import Ros
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
@@ -21,8 +21,7 @@ from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.node_parameters import unused_files
 from stickslip_ros.shared_files import example
 
-SQUARE = example("square")
-
+SQUARE, JOINTS = example("square"), "/joint_states"
 URDF = Path(__file__).resolve().parent.parent.parent / "urdf" / "nanorobot.urdf"
 
 
@@ -47,7 +46,12 @@ def host(ros: Ros, tmp_path: Path) -> Iterator[AxisHost]:
 
 
 def test_each_axis_is_a_node_with_its_own_parameters(ros: Ros, host: AxisHost) -> None:
-    """Those of the host hold for all, what concerns the process is the host's."""
+    """Those of the host hold for all, what concerns the process is the host's.
+
+    They report one after the other: all at once, fifty of them took 60 ms. The joints that they
+    publish are those of the robot.
+    """
+    reports, states = ros.hear(DiagnosticArray, "/diagnostics"), ros.hear(JointState, JOINTS)
     found = {node.get_name(): node.axis.parameters for node in host.axes}
     assert {name: p.friction.preload for name, p in found.items()} == {"x": 0.5, "y": 0.7, "z": 0.5}
     assert {p.node.publish_rate for p in found.values()} == {100.0}
@@ -56,20 +60,35 @@ def test_each_axis_is_a_node_with_its_own_parameters(ros: Ros, host: AxisHost) -
     assert host.axes[1].get_parameter("publish_rate").value == 100.0
     for file in (found["x"].drive.waveform_table, found["y"].actuator.hysteresis_file):
         assert file and Path(file).is_absolute()  # beside the file of the arguments
+    ros.wait_until(lambda: len(reports) > 9, "diagnostics of all")
+    times = [1e-9 * stamp(one) for one in reports]
+    assert statistics.median(late - early for early, late in pairwise(times)) > 0.2
+    robot = ET.parse(URDF).getroot()
+    joints = {j.get("name"): j for j in robot.findall("joint") if j.get("type") == "prismatic"}
+    named = {name for state in states for name in state.name}
+    assert set(joints) == {name for name in named if name.endswith("_slider")}
+    links = {link.get("name") for link in robot.findall("link")}
+    ends = {kind: [end.get("link") for end in robot.iter(kind)] for kind in ("parent", "child")}
+    assert {*ends["parent"], *ends["child"]} == links
+    assert links - {*ends["child"]} == {"base"}, "one tree"
+    limits = found["x"].limits
+    for joint in joints.values():
+        limit = joint.find("limit")
+        assert limit is not None
+        assert float(limit.get("lower", "nan")) == limits.travel_low
+        assert float(limit.get("upper", "nan")) == limits.travel_high
 
 
 def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHost) -> None:
-    heard: list[JointState] = []
-    ros.node().create_subscription(JointState, "/joint_states", heard.append, 1000)
+    heard = ros.hear(JointState, JOINTS)
     with AxisClient("/y") as y:
         y.step(10).wait()
     assert host.axes[1].axis.state.x > 1e-6
     assert host.axes[0].axis.state.x == host.axes[2].axis.state.x == 0.0
     ros.wait_until(lambda: len(heard) > 60)
-    stamps: dict[tuple[int, int], set[str]] = {}
+    stamps: dict[int, set[str]] = {}
     for message in list(heard)[3:-3]:
-        at = (message.header.stamp.sec, message.header.stamp.nanosec)
-        stamps.setdefault(at, set()).update(message.name)
+        stamps.setdefault(stamp(message), set()).update(message.name)
     # But for the one that moved, whose state came out of turn as well.
     alone = {"y_slider", "y_piezo"}
     blocks = [names for names in list(stamps.values())[1:-1] if names != alone]
@@ -86,18 +105,6 @@ def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> No
     for (at_x, at_y), (to_x, to_y) in zip(reached, wanted, strict=True):
         assert at_x == pytest.approx(to_x, abs=5.0)
         assert at_y == pytest.approx(to_y, abs=5.0)
-
-
-def test_axes_report_one_after_the_other(ros: Ros, host: AxisHost) -> None:
-    """All at once, fifty of them took 60 ms, in which deadlines passed."""
-    stamps: list[float] = []
-
-    def hear(message: DiagnosticArray) -> None:
-        stamps.append(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
-
-    ros.node().create_subscription(DiagnosticArray, "/diagnostics", hear, 100)
-    ros.wait_until(lambda: len(stamps) > 9)
-    assert statistics.median(late - early for early, late in pairwise(stamps)) > 0.2
 
 
 def test_a_trajectory_of_several_axes_is_taken_by_all_or_by_none(ros: Ros, host: AxisHost) -> None:
@@ -122,41 +129,6 @@ def test_a_trajectory_of_several_axes_is_taken_by_all_or_by_none(ros: Ros, host:
             y.timeout = 0.2
             y.follow_with([], [(0.1, (0.0,))], "/nobody")
     assert host.failures == 0
-
-
-def test_the_robot_has_the_joints_that_are_published(ros: Ros, host: AxisHost) -> None:
-    robot = ET.parse(URDF).getroot()
-    joints = {j.get("name"): j for j in robot.findall("joint") if j.get("type") == "prismatic"}
-    heard: set[str] = set()
-
-    def hear(message: JointState) -> None:
-        heard.update(message.name)
-
-    ros.node().create_subscription(JointState, "/joint_states", hear, 10)
-    ros.wait_until(lambda: len(heard) == 6, "the joints of three axes")
-    assert set(joints) == {name for name in heard if name.endswith("_slider")}
-    p = host.axes[0].axis.parameters
-    links = {link.get("name") for link in robot.findall("link")}
-    for joint in joints.values():
-        for end in ("parent", "child"):
-            found = joint.find(end)
-            assert found is not None and found.get("link") in links
-        limit = joint.find("limit")
-        assert limit is not None
-        assert float(limit.get("lower", "nan")) == p.limits.travel_low
-        assert float(limit.get("upper", "nan")) == p.limits.travel_high
-    children = [j.find("child").get("link") for j in robot.findall("joint")]  # type: ignore[union-attr]
-    assert links - set(children) == {"base"}, "one tree"
-
-
-def test_the_process_hosts_them_under_any_name_and_ends_on_a_signal(start_node: Start) -> None:
-    process = start_node("axis_node", "-r", "__node:=robot", axes="[left, right]", preload=0.3)
-    process.wait_for("[right]: axis right ready: ceim, preload 0.3 N")
-    with AxisClient("/left") as left:
-        assert left.parameters["preload"] == "0.3"
-        with pytest.raises(CommandRefused, match=r"position refused: .*1 m"):
-            left.move_to(1.0)
-    assert process.interrupt() == 0
 
 
 @pytest.mark.parametrize(

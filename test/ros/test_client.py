@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from child import python
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from heard import values
 from live import MakeAxis, Ros, Start
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_node import AxisNode
@@ -106,34 +106,28 @@ def test_what_no_message_can_hold_is_not_sent(node: AxisNode, client: AxisClient
 
 def test_parameters_are_described_and_change(ros: Ros, node: AxisNode, client: AxisClient) -> None:
     """Whoever comes late hears the description: each parameter with unit and range, commands."""
-    client.send("parameters", {"preload": 0.6})
-    ros.wait_until(lambda: client.parameters["preload"] == "0.6", "the new description")
+    client.set_parameters({"preload": 0.6}, mass=0.003)
+    ros.wait_until(lambda: client.parameters["mass"] == "0.003", "the new description")
+    assert client.parameters["preload"] == "0.6"
     assert set(client.parameters) == set(PARAMETERS)
-    heard: list[DiagnosticArray] = []
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    ros.node().create_subscription(
-        DiagnosticArray, "/stickslip_axis/description", heard.append, latched
-    )
+    heard = ros.hear(DiagnosticArray, "/stickslip_axis/description", ros.latched(1))
+
+    def described() -> dict[str, dict[str, str]]:
+        return {status.name: values(status) for status in heard[-1].status}
+
     ros.wait_until(lambda: heard, "the description")
-    statuses = {s.name: {pair.key: pair.value for pair in s.values} for s in heard[0].status}
-    row = PARAMETERS["preload"]
-    assert statuses["stickslip_axis: parameter preload"] == {
-        "value": "0.6",
-        "unit": "N",
-        "low": repr(row.low),
-        "high": repr(row.high),
-        "mutable": "True",
-    }
+    statuses, row = described(), PARAMETERS["preload"]
+    limits = {"low": repr(row.low), "high": repr(row.high)}
+    expected = {"value": "0.6", "unit": "N", **limits, "mutable": "True"}
+    assert statuses["stickslip_axis: parameter preload"] == expected
     assert statuses["stickslip_axis: command amplitude"]["high"] == "300.0"
     assert "axis_slider" in statuses["stickslip_axis: description"]["joints"]
     client.step(100).wait()
     client.zero()  # moves the range of targets, which is told anew
     ros.wait_until(
-        lambda: any(
-            one.name == "stickslip_axis: command position"
-            and {"low": repr(node.axis.config.reach[0])}.items()
-            <= {pair.key: pair.value for pair in one.values}.items()
-            for one in heard[-1].status
+        lambda: (
+            described()["stickslip_axis: command position"]["low"]
+            == repr(node.axis.config.reach[0])
         ),
         "the range from the new zero",
     )
@@ -173,14 +167,10 @@ def test_without_an_axis_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_a_stranger_latched_does_not_hide_the_axis(ros: Ros, node: AxisNode) -> None:
     """A new client is sent the last message of every publisher, the stranger's after the axis's."""
-    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    stranger = ros.node("stranger")
-    for topic in ("status", "description"):
-        for _ in range(10):
-            publisher = stranger.create_publisher(
-                DiagnosticArray, f"/stickslip_axis/{topic}", latched
-            )
-            publisher.publish(DiagnosticArray(status=[DiagnosticStatus(name="none of an axis")]))
+    stranger, latched = ros.node("stranger"), ros.latched(10)
+    for topic in 10 * ["/stickslip_axis/status", "/stickslip_axis/description"]:
+        publisher = stranger.create_publisher(DiagnosticArray, topic, latched)
+        publisher.publish(DiagnosticArray(status=[DiagnosticStatus(name="none of an axis")]))
     for number in range(5):
         with AxisClient(node=ros.node(f"user_{number}")) as client:
             assert client.step(1).wait().steps_done == 1
@@ -220,10 +210,7 @@ class Late(AxisClient):
 
 @pytest.mark.parametrize("kind", [AxisClient, Late])
 def test_a_soft_limit_is_told_each_time(
-    ros: Ros,
-    make_axis: MakeAxis,
-    kind: type[AxisClient],
-    capfd: pytest.CaptureFixture[str],
+    ros: Ros, make_axis: MakeAxis, kind: type[AxisClient], capfd: pytest.CaptureFixture[str]
 ) -> None:
     """One that ends a move at once has the stamp of the answer to the command."""
     make_axis(frequency=1000.0, soft_high=5e-6)

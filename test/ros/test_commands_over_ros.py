@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from heard import Heard
 from live import MakeAxis, Ros
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from table_1 import TABLE_1
 
@@ -77,15 +77,10 @@ def test_node_client_recorder_and_resimulation_know_it(ros: Ros) -> None:
     start, applied, finished, _ = filter(None, events)
     again = Rerun([start, applied]).advance(finished.time + 1e-9)
     assert again.take_events() == [start, applied, finished]
-    described: dict[str, str] = {}
-
-    def hear(message: DiagnosticArray) -> None:
-        described.update({status.name: status.message for status in message.status})
-
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    heard.node.create_subscription(DiagnosticArray, "/stickslip_axis/description", hear, latched)
+    described = ros.hear(DiagnosticArray, "/stickslip_axis/description", ros.latched(1))
     ros.wait_until(lambda: described, "the description")
-    assert described["stickslip_axis: command share"] == SHARE.meaning
+    texts = {status.name: status.message for status in described[0].status}
+    assert texts["stickslip_axis: command share"] == SHARE.meaning
 
 
 PERIOD = 0.01  # s, of the controller manager
@@ -158,10 +153,7 @@ def test_faults_are_seen_over_ros_and_end(ros: Ros, make_axis: MakeAxis) -> None
             client.move_to(2e-6).wait()
         client.reset()
         assert math.isnan(float(client.report()["axis"]["measured position (m)"]))
-    with (
-        client.fault("refuse"),
-        pytest.raises(CommandRefused, match="injected fault refuse"),
-    ):
+    with client.fault("refuse"), pytest.raises(CommandRefused, match="injected fault refuse"):
         client.step(1)
     with client.fault("late 0.3"):
         begin = time.monotonic()
@@ -193,17 +185,14 @@ def test_an_axis_that_vanishes_says_and_answers_nothing_and_comes_back(
     assert heard.compare_with_rerun() > 5
 
 
-def test_faults_have_to_be_allowed(ros: Ros, make_axis: MakeAxis) -> None:
-    make_axis()
-    client = AxisClient(node=ros.node("user"))
+def test_faults_have_to_be_allowed(node: AxisNode, ros: Ros) -> None:
     with pytest.raises(CommandRefused, match="start the axis with allow_faults"):
-        client.inject("axis_stuck")
+        AxisClient(node=ros.node("user")).inject("axis_stuck")
 
 
 @pytest.mark.stickslip(frequency=1000.0)
 def test_the_fixture_injects(
-    stickslip_axis: AxisClient,
-    stickslip_fault: Callable[..., AbstractContextManager[Any]],
+    stickslip_axis: AxisClient, stickslip_fault: Callable[..., AbstractContextManager[Any]]
 ) -> None:
     with stickslip_fault("axis_stuck"):
         assert stickslip_axis.step(50).wait().position < 1e-8

@@ -4,14 +4,14 @@
 import json
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from child import python
 from diagnostic_msgs.msg import DiagnosticArray
-from live import Ros, Start
+from live import MakeAxis, Ros, Start
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
@@ -30,15 +30,8 @@ def test_the_example_for_users_passes(start_module: Start, tmp_path: Path) -> No
     page = (DOCS / "testing.md").read_text(encoding="utf-8")
     example, _ = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     (tmp_path / "test_stage.py").write_text(example)
-    run = start_module(
-        "pytest",
-        "-q",
-        "-p",
-        "stickslip_ros.testing.plugin",
-        "-p",
-        "no:cacheprovider",
-        "test_stage.py",
-    )
+    options = ("-q", "-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider")
+    run = start_module("pytest", *options, "test_stage.py")
     run.wait_for("2 passed", timeout=60.0)
     assert run.wait() == 0
 
@@ -78,49 +71,25 @@ def is_number(text: str) -> bool:
     return True
 
 
-@pytest.fixture
-def messages(
-    ros: Ros, make_axis: Callable[..., Any], start_node: Start, tmp_path: Path
-) -> list[tuple[str, Any]]:
-    """Topic and content of all messages in a bag of a second of an axis that steps."""
-    recorder = start_node("recorder_node", output="run")
-    make_axis()
-    node = ros.node()
-    reports: list[str] = []
-
-    def listen(message: Any) -> None:
-        reports.extend(status.name for status in message.status)
-
-    node.create_subscription(DiagnosticArray, "/diagnostics", listen, 10)
-    steps = ros.publisher(node, Int32, "/stickslip_axis/command/steps")
-    recorder.wait_for("first message of /joint_states")
-    ros.wait_until(lambda: steps.get_subscription_count() > 1, "axis and recorder listen")
-    steps.publish(Int32(data=20))
-    reports.clear()
-    ros.wait_until(lambda: reports.count("stickslip_axis: friction") > 1, "two reports")
-    assert ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
-    with AnyReader([tmp_path / "run"]) as reader:
-        return [
-            (connection.topic, reader.deserialize(data, connection.msgtype))
-            for connection, _, data in reader.messages()
-        ]
-
-
-def test_every_series_is_in_a_bag(messages: list[tuple[str, Any]]) -> None:
-    there = set().union(*(plotjuggler_names(*message) for message in messages))
-    curves = {c.attrib["name"] for c in ET.parse(CONFIG / "plotjuggler.xml").iter("curve")}
-    assert len(curves) > 10
-    assert curves - there == set()
-
-    layout = json.loads((CONFIG / "foxglove.json").read_text(encoding="utf-8"))
+def every_series_is_in(bag: Path, plotjuggler: str, foxglove: str) -> None:
+    """Assert that a bag holds what layouts of plots name."""
+    there, latest = set[str](), dict[str, Any]()
+    with AnyReader([bag]) as reader:
+        for connection, _, data in reader.messages():
+            message = latest[connection.topic] = reader.deserialize(data, connection.msgtype)
+            there |= plotjuggler_names(connection.topic, message)
+    there |= {f"{topic}/data" for topic, message in latest.items() if hasattr(message, "data")}
+    curves = {c.attrib["name"] for c in ET.parse(CONFIG / plotjuggler).iter("curve")}
+    assert len(curves) > 10 and curves - there == set()
+    layout = json.loads((CONFIG / foxglove).read_text(encoding="utf-8"))
     panels = layout["configById"]
-    latest = dict(messages)
     paths = [path["value"] for panel in panels.values() for path in panel.get("paths", ())]
-    assert len(paths) >= 6
+    assert len(paths) >= 4
     for path in paths:
-        found = re.fullmatch(r"(?P<topic>[\w/]+)\.(?P<field>\w+)\[(?P<index>\d+)\]", path)
+        found = re.fullmatch(r"([\w/]+)\.(\w+)(?:\[(\d+)\])?", path)
         assert found, path
-        assert getattr(latest[found["topic"]], found["field"])[int(found["index"])] is not None
+        topic, field, index = found.groups()
+        assert np.size(getattr(latest[topic], field)) > int(index or 0)
     for panel in panels.values():
         for key in ("topicPath", "topicToRender"):
             assert panel.get(key, "/diagnostics") in latest
@@ -132,6 +101,29 @@ def panels_of(node: Any) -> set[str]:
     if isinstance(node, str):
         return {node}
     return panels_of(node["first"]) | panels_of(node["second"])
+
+
+def test_every_series_is_in_a_bag(
+    ros: Ros, make_axis: MakeAxis, start_node: Start, tmp_path: Path
+) -> None:
+    """Of a second of an axis that steps."""
+    recorder = start_node("recorder_node", output="run")
+    make_axis()
+    reports = ros.hear(DiagnosticArray, "/diagnostics")
+    node = ros.node()
+    steps = ros.publisher(node, Int32, "/stickslip_axis/command/steps")
+    recorder.wait_for("first message of /joint_states")
+    ros.wait_until(lambda: steps.get_subscription_count() > 1, "axis and recorder listen")
+    steps.publish(Int32(data=20))
+    reports.clear()
+
+    def of_friction() -> int:
+        names = [status.name for one in list(reports) for status in one.status]
+        return names.count("stickslip_axis: friction")
+
+    ros.wait_until(lambda: of_friction() > 1, "two reports")
+    assert ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
+    every_series_is_in(tmp_path / "run", "plotjuggler.xml", "foxglove.json")
 
 
 POLICY = Path(__file__).parents[2] / "config" / "sros2_policy.xml"

@@ -13,15 +13,13 @@ from stickslip_ros.ros.client import AxisClient
 
 
 def test_a_client_and_the_topics_command_one_axis(start_node: Callable[..., Any]) -> None:
+    """One of two, which are the channels of the controller."""
     node = start_node(
-        "axis_node", emulate="anc300", emulate_port=0, frequency=1000.0, amplitude=100.0
+        "axis_node", axes="[x, 'y']", emulate="anc300", emulate_port=0, frequency=1000.0
     )
     node.wait_for("listens on 127.0.0.1 port")
     port = int(node.output.partition(" port ")[2].split()[0])
-    with (
-        AxisClient("/stickslip_axis") as axis,
-        socket.create_connection(("127.0.0.1", port), 20.0) as client,
-    ):
+    with AxisClient("/y") as axis, socket.create_connection(("127.0.0.1", port), 20.0) as client:
         answers = client.makefile("rb")
 
         def tell(line: bytes) -> bytes:
@@ -33,20 +31,20 @@ def test_a_client_and_the_topics_command_one_axis(start_node: Callable[..., Any]
 
         client.sendall(b"123456\r\n")
         tell(b"echo off")
-        tell(b"setm 1 stp")
-        tell(b"setv 1 80")
-        tell(b"stepu 1 25")
-        tell(b"stepw 1")
+        tell(b"setm 2 stp")
+        tell(b"setv 2 80")
+        tell(b"stepu 2 25")
+        tell(b"stepw 2")
         # What the client did is told on the topics,
         wait_until(lambda: axis.steps_done == 25 and axis.state == "stopped")
         wait_until(lambda: axis.position > 1e-7, "a position on joint_states")
         # and the other way round.
         axis.set_amplitude(120.0)
-        assert tell(b"getv 1").startswith(b"voltage = 120.000000 V")
+        assert tell(b"getv 2").startswith(b"voltage = 120.000000 V")
         axis.jog(-500.0)
-        assert tell(b"stop 1") == b"OK\r\n"
+        assert tell(b"stop 2") == b"OK\r\n"
         axis.wait_for_state("stopped")
-        assert tell(b"stepu 1 x").endswith(b"ERROR\r\n")
+        assert tell(b"stepu 2 x").endswith(b"ERROR\r\n")
     assert node.terminate() == 0
 
 
@@ -63,15 +61,3 @@ def test_a_port_that_is_taken_and_an_unknown_controller_are_bad_use(
             parameters = [part for one in given for part in ("-p", one)]
             assert main(["axis_node", "--ros-args", *parameters]) == 2
             assert word in capfd.readouterr().err
-
-
-def test_several_axes_are_the_channels_of_one_controller(start_node: Callable[..., Any]) -> None:
-    node = start_node("axis_node", axes="[x, 'y']", emulate="mcs", emulate_port=0, frequency=1000.0)
-    node.wait_for("listens on 127.0.0.1 port")
-    port = int(node.output.partition(" port ")[2].split()[0])
-    with AxisClient("/y") as y, socket.create_connection(("127.0.0.1", port), 20.0) as client:
-        client.sendall(b":GNC\n:MST1,50,4095,1000\n")
-        answers = client.makefile("rb")
-        assert [answers.readline() for _ in range(2)] == [b":N2\n", b":E1,0\n"]
-        wait_until(lambda: y.steps_done == 50 and y.state == "stopped")
-    assert node.interrupt() == 0

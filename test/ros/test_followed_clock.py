@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from heard import stamp
 from live import Ros
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -21,6 +22,7 @@ from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.recordings import BagWriter, TopicDescription
 from stickslip_ros.recordings.message_types import schema_text
 from stickslip_ros.ros.axis_host import axis_or_host
+from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.followed_clock import follows
 from stickslip_ros.ros.messages import message_definition
 from stickslip_ros.ros.process import Runnable
@@ -127,12 +129,7 @@ def test_no_clock_and_any_clock_do_no_harm(
 
 
 def test_a_bag_is_played_by_the_clock(ros: Ros, make: Callable[..., Runnable]) -> None:
-    heard: list[int] = []
-
-    def hear(message: Int32) -> None:
-        heard.append(message.data)
-
-    ros.node("ears").create_subscription(Int32, "/numbers", hear, 100)
+    heard = ros.hear(Int32, "/numbers")
     player = make("replay")
     leader = Leader(ros)
     nodes = list(player.nodes)
@@ -141,10 +138,10 @@ def test_a_bag_is_played_by_the_clock(ros: Ros, make: Callable[..., Runnable]) -
     leader.show(103, 500_000_000, nodes)
     ros.wait_until(lambda: len(heard) >= 4, "three seconds later")
     time.sleep(0.1)
-    assert heard == [0, 1, 2, 3], "it stands with the clock"
+    assert [one.data for one in heard] == [0, 1, 2, 3], "it stands with the clock"
     leader.show(110, 0, nodes)
     ros.wait_until(player.finished.done, "the end")
-    ros.wait_until(lambda: heard == list(range(10)), "all")
+    ros.wait_until(lambda: [one.data for one in heard] == list(range(10)), "all")
 
 
 def test_what_a_twin_hears_without_a_stamp_is_of_the_time_of_the_clock(
@@ -154,26 +151,25 @@ def test_what_a_twin_hears_without_a_stamp_is_of_the_time_of_the_clock(
     assert isinstance(twin, TwinNode)
     leader, user = Leader(ros), ros.node("user")
     position = ros.publisher(user, Float64, "/measured_position")
-    stamps: list[float] = []
-
-    def note(message: DiagnosticArray) -> None:
-        stamps.append(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
-
-    user.create_subscription(DiagnosticArray, "/stickslip_twin/estimates", note, 10)
+    heard = ros.hear(DiagnosticArray, "/stickslip_twin/estimates")
     ros.send(position, Float64(data=1e-6))
     nodes = list(twin.nodes)
     for seconds in (50, 51):
         leader.show(seconds, 0, nodes)
         ros.send(position, Float64(data=1e-6))
-    ros.wait_until(lambda: 50.0 in stamps, "the time of the reading, without that before any time")
+    ros.wait_until(
+        lambda: 50 * 10**9 in map(stamp, heard), "the time of the reading, not that before any time"
+    )
     assert not twin.twin.troubles["gaps"]
 
 
 def test_two_clocks_at_once_are_refused(make: Callable[..., Runnable], bag: Path) -> None:
     with pytest.raises(UsageError, match="lets /clock lead the time, and this would publish it"):
         make("replay", clock=100.0)
-    with pytest.raises(StickslipError, match="leave out publish_clock, real_time_factor"):
-        make("axes", publish_clock=True)
+    for more in ({"publish_clock": True}, {"real_time_factor": 2.0}, {"start_paused": True}):
+        for kind in ("axis", "axes"):
+            with pytest.raises(StickslipError, match="leave out publish_clock, real_time_factor"):
+                make(kind, **more)
     with pytest.raises(UsageError, match="use_sim_time is 1; it has to be true or false"):
         make("recorder", use_sim_time=1)
 
@@ -196,11 +192,18 @@ def test_the_clock_is_chosen_at_the_start(ros: Ros, make: Callable[..., Runnable
 @pytest.mark.parametrize("form", ["-p", "--params-file"])
 def test_one_axis_takes_it_from_its_command_line(form: str, ros: Ros, tmp_path: Path) -> None:
     file = tmp_path / "sim.yaml"
-    file.write_text("/**:\n  ros__parameters:\n    use_sim_time: true\n")
+    (tmp_path / "wave.csv").write_text("0\n1\n0\n")
+    file.write_text(
+        "/**:\n  ros__parameters:\n    use_sim_time: true\n    waveform_table: wave.csv\n"
+    )
     value = "use_sim_time:=true" if form == "-p" else str(file)
     line = ["--ros-args", form, value]
-    axis = axis_or_host(line, context=ros.context, cli_args=line)
-    assert follows(axis.nodes[0])
+    (axis,) = axis_or_host(line, context=ros.context, cli_args=line).nodes
+    assert follows(axis)
+    assert isinstance(axis, AxisNode)
+    # A file that a file names lies beside it, wherever the node is started.
+    table = str(tmp_path / "wave.csv") if form == "--params-file" else None
+    assert axis.axis.parameters.drive.waveform_table == table
 
 
 def test_a_player_says_in_one_line_that_clocks_contradict(

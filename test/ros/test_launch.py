@@ -12,10 +12,10 @@ import pytest
 from child import run
 from lifecycle_msgs.msg import TransitionEvent
 from live import Ros, Start
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import open_bag
+from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.recording import UnsetClock
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -66,18 +66,12 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Nodes, list
 Launched = Callable[..., tuple[Nodes, list[str]]]
 
 
-def test_ros2_launch_finds_each_launch_file_once() -> None:
+def test_ros2_launch_finds_each_launch_file_once(launched: Launched) -> None:
     """By package and name: it looks through all of the share folder, and two are an error."""
-    found = [
-        path.name
-        for folder in ("config", "examples", "launch", "urdf")
-        for path in (ROOT / folder).rglob("*.launch.*")
-    ]
+    folders = ("config", "examples", "launch", "urdf")
+    found = [path.name for one in folders for path in (ROOT / one).rglob("*.launch.*")]
     assert sorted(found) == ["axis.launch.py", "bringup.launch.py"]
-
-
-def test_axis_launch_is_bringup_by_its_older_name(launched: Launched) -> None:
-    launched()
+    launched()  # the first is an older name of the second
     runpy.run_path(str(ROOT / "launch" / "axis.launch.py"))["generate_launch_description"]()
     (included,) = sys.modules["launch.actions"].IncludeLaunchDescription.call_args.args
     assert included == str(ROOT / "launch" / "bringup.launch.py")
@@ -135,9 +129,15 @@ def test_the_nanorobot_has_its_axes_and_its_model(start_node: Start, launched: L
     assert Path(nodes["rviz2"]["arguments"][1]).is_file()
     assert waiting == ["square"]
     (parameters,) = nodes["axis_node"]["parameters"]
-    process = start_node("axis_node", *nodes["axis_node"]["ros_arguments"], **parameters)
+    words = [*nodes["axis_node"]["ros_arguments"], "-r", "__node:=robot"]
+    process = start_node("axis_node", *words, **parameters, preload=0.3)
     for name in "xyz":
-        process.wait_for(f"[{name}]: axis {name} ready")
+        process.wait_for(f"[{name}]: axis {name} ready: ceim, preload 0.3 N")
+    with AxisClient("/y") as y:
+        assert y.parameters["preload"] == "0.3"
+        with pytest.raises(CommandRefused, match=r"position refused: .*1 m"):
+            y.move_to(1.0)
+    assert process.interrupt() == 0
 
 
 def test_what_cannot_be_brought_up_is_said_before_anything_starts(launched: Launched) -> None:
@@ -160,13 +160,10 @@ def test_readiness_reaches_those_who_come_late_with_any_durability(
 ) -> None:
     """launch asks for nothing that is kept, so it would never hear of an axis that was quicker."""
     make_axis()
-    heard: dict[str, list[Any]] = {"kept": [], "launch": []}
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    node, topic = ros.node(), "/stickslip_axis/transition_event"
-    for name, qos in (("kept", latched), ("launch", QoSProfile(depth=10))):
-        node.create_subscription(TransitionEvent, topic, heard[name].append, qos)
-    ros.wait_until(lambda: all(heard.values()), "both hear that the axis is ready")
-    assert {one.goal_state.label for each in heard.values() for one in each} == {"active"}
+    topic = "/stickslip_axis/transition_event"
+    heard = [ros.hear(TransitionEvent, topic, qos) for qos in (ros.latched(1), 10)]
+    ros.wait_until(lambda: all(heard), "both hear that the axis is ready")
+    assert {one.goal_state.label for each in heard for one in each} == {"active"}
 
 
 DAY = 86_400 * 10**9

@@ -14,7 +14,6 @@ from statistics import median
 from typing import Any
 
 import pytest
-from child import python
 from live import Ros
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -26,7 +25,14 @@ from rclpy.task import Future
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
-from stickslip_ros.ros import child_process, process
+from stickslip_ros.ros import (
+    axis_host,
+    child_process,
+    process,
+    recorder_node,
+    replay_node,
+    twin_node,
+)
 from stickslip_ros.ros.child_process import ChildError, ChildProcess
 from stickslip_ros.ros.process import DONE, SpinThread, run
 
@@ -163,20 +169,24 @@ def test_a_flood_keeps_no_timer_from_its_turn(ros_domain: int) -> None:
     assert not isinstance(node.last_executor, SingleThreadedExecutor)
 
 
-@pytest.mark.slow
-def test_every_node_prints_its_usage() -> None:
-    """In processes of their own, which they end; the zeros of a direction were left out."""
-    for name, shown in (
-        ("axis_node", "\n  publish_rate "),
-        ("recorder_node", "\n  compression "),
-        ("replay_node", "\n  rate "),
-        ("twin_node", "(default: [1.0, 0.0, 0.0])\n"),
-    ):
-        code = f"import sys; from stickslip_ros.executables import {name}; sys.exit({name}())"
-        said = python("-c", code, "--help")
-        assert (said.returncode, said.stderr) == (0, "")
-        assert said.stdout.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
-        assert shown in said.stdout
+@pytest.mark.parametrize(
+    ("main", "shown"),
+    [
+        (axis_host.main, "\n  publish_rate "),
+        (recorder_node.main, "\n  compression "),
+        (replay_node.main, "\n  rate "),
+        (twin_node.main, "(default: [1.0, 0.0, 0.0])\n"),
+    ],
+)
+def test_every_node_prints_its_usage(
+    main: Callable[[list[str]], int], shown: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The zeros of a direction were left out."""
+    assert main(["node", "--help"]) == 0
+    said = capfd.readouterr()
+    assert said.err == ""
+    assert " --ros-args [-p NAME:=VALUE ...]" in said.out
+    assert shown in said.out
 
 
 @pytest.mark.parametrize(

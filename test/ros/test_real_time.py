@@ -16,7 +16,6 @@ from rclpy.parameter import Parameter
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.pace import Pace
 from stickslip_ros.ros.client import AxisClient
-from stickslip_ros.ros.sim_loop import request_priority
 
 
 @pytest.mark.parametrize("factor", [0.1, 100.0])
@@ -122,17 +121,7 @@ def _silent(client: AxisClient, since: float) -> bool:
     return now - max(since, client.stamp) > 3.05
 
 
-def test_priority_in_a_process_of_its_own(ros: Ros, start_node: Start) -> None:
-    """Whatever this machine allows: the log and the diagnostics say the same."""
-    assert request_priority(0) == "off"
-    process = start_node("axis_node", real_time_priority=5)
-    process.wait_for("real-time priority ")
-    said = AxisClient(node=ros.node("user")).report()["timing"]["real-time priority"]
-    assert said.startswith(("granted: SCHED_FIFO 5", "refused: "))
-    assert f"real-time priority {said}" in process.output
-    assert process.interrupt() == 0
-
-
+CRASH = ("Traceback", "Error", "terminate called", "Exception", "core dumped", "Segmentation")
 HEARD = 0.2  # s, within which an axis answers, whatever it costs
 CONTACTS = {"contacts": 16, "contact_spread": 0.2, "sensor_bandwidth": 3000.0}
 FAST = {"slewrate": 50.0, "amplitude": 100.0, "max_frequency": 25000.0, "frequency": 1000.0}
@@ -153,10 +142,7 @@ def answers(client: AxisClient, count: int) -> list[float]:
     [
         ({**CONTACTS, **FAST}, {}, 20000.0),
         pytest.param(
-            {"sensor_rate": 100000.0},
-            {"sensor_bandwidth": 3000.0},
-            1000.0,
-            marks=pytest.mark.long,
+            {"sensor_rate": 100000.0}, {"sensor_bandwidth": 3000.0}, 1000.0, marks=pytest.mark.long
         ),
         pytest.param(
             {"publish_rate": 1000.0, "sensor_bandwidth": 3000.0, "creep": 0.02},
@@ -185,6 +171,7 @@ def test_stop_and_signals_are_heard_whatever_it_costs(
     begin = time.monotonic()
     assert process.terminate() == 0
     assert time.monotonic() - begin < 5.0  # most of it to close what DDS has open
+    assert not [word for word in CRASH if word in process.output]
 
 
 def test_it_says_how_slow_it_is_and_why_and_faults_after_the_limit(
@@ -202,9 +189,9 @@ def test_it_says_how_slow_it_is_and_why_and_faults_after_the_limit(
     timing = client.report()["timing"]
     assert float(timing["real-time factor"]) < 40.0
     assert float(timing["time dropped (s)"]) > 0.0
-    client.set_parameters(overload_limit=1.5)
+    client.set_parameters(overload_limit=0.5)
     ros.wait_until(lambda: client.state == "fault", "the fault")
-    assert "overload_limit is 1.5 s" in client.status["last error"]
+    assert "overload_limit is 0.5 s" in client.status["last error"]
     process.wait_for("[stickslip_axis]: real-time factor ")
     assert not re.search(r"\[[ab]\]: real-time factor", process.output)
     assert process.interrupt() == 0

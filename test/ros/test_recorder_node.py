@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from heard import values
 from live import Ros, Start
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
@@ -17,7 +18,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 if TYPE_CHECKING:
-    from rclpy.node import Node
+    pass
 
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -46,18 +47,6 @@ def _values(folder: Path, topic: str) -> list[Any]:
 def _counts(folder: Path) -> dict[str, int]:
     with Reader(folder) as bag:
         return {connection.topic: connection.msgcount for connection in bag.connections}
-
-
-def _messages_reported(node: Node) -> list[int]:
-    """Return a list that grows with every report of the recorder: messages recorded so far."""
-    reported = [0]
-
-    def note(report: DiagnosticArray) -> None:
-        for status in report.status:
-            reported.extend(int(pair.value) for pair in status.values if pair.key == "messages")
-
-    node.create_subscription(DiagnosticArray, "/diagnostics", note, 10)
-    return reported
 
 
 def _joint_state(number: int) -> JointState:
@@ -164,21 +153,23 @@ def test_the_subscription_follows_the_publishers(
 ) -> None:
     """A latched message from before the start, then a publisher that only does its best."""
     node = ros.node()
-    latched = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    early = node.create_publisher(Int32, "/latched", latched)
+    early = node.create_publisher(Int32, "/latched", ros.latched(5))
     early.publish(Int32(data=1))
     recorder = start_node("recorder_node", output="run", topics="[/latched, /joint_states]")
     ros.wait_until(early.get_subscription_count)
     best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
     states = ros.publisher(node, JointState, "/joint_states", best_effort)
-    reported = _messages_reported(node)
+    reports = ros.hear(DiagnosticArray, "/diagnostics")
+
+    def reported() -> int:
+        return int(values(reports[-1].status[0])["messages"]) if reports else 0
 
     def both_are_recorded() -> bool:
         # What nobody confirms may be lost as long as the recorder does not know the publisher.
         states.publish(_joint_state(1))
-        return reported[-1] > 1
+        return reported() > 1
 
-    ros.wait_until(lambda: reported[-1] > 0, "the latched message")
+    ros.wait_until(reported, "the latched message")
     ros.wait_until(both_are_recorded, "a message of both topics")
     ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request())
     assert recorder.wait() == 0

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from heard import values
 from live import Ros, Start
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -65,21 +66,19 @@ def test_a_bag_is_split_on_demand_and_the_recorder_says_how_it_goes(
     )
     node = ros.node()
     numbers = node.create_publisher(Int32, "/numbers", 10)
-    said: list[dict[str, str]] = []
+    reports = ros.hear(DiagnosticArray, "/diagnostics")
 
-    def listen(message: DiagnosticArray) -> None:
-        for status in message.status:
-            if status.name == "stickslip_recorder: recording":
-                said.append({pair.key: pair.value for pair in status.values})
+    def said() -> dict[str, str]:
+        return values(reports[-1].status[0]) if reports else {}
 
-    node.create_subscription(DiagnosticArray, "/diagnostics", listen, 10)
     send(numbers, ros, 1, 2)
     recorder.wait_for("2 messages, ")  # the line of every so often
-    ros.wait_until(lambda: said and said[-1]["messages"] == "2", "the report")
-    assert (said[-1]["state"], said[-1]["bag"]) == ("recording", str(tmp_path / "run"))
-    assert said[-1]["messages lost"] == "0"
-    assert int(said[-1]["size (B)"]) > 0
-    assert float(said[-1]["messages per second (1/s)"]) >= 0.0
+    ros.wait_until(lambda: said().get("messages") == "2", "the report")
+    assert reports[-1].status[0].name == "stickslip_recorder: recording"
+    assert (said()["state"], said()["bag"]) == ("recording", str(tmp_path / "run"))
+    assert said()["messages lost"] == "0"
+    assert int(said()["size (B)"]) > 0
+    assert float(said()["messages per second (1/s)"]) >= 0.0
     assert call(ros, node, "split").message == f"{tmp_path / 'run'}: file 2 begins"
     send(numbers, ros, 3)
     assert call(ros, node, "stop").success

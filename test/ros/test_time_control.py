@@ -11,10 +11,11 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.recordings.message_types import nanoseconds
 from stickslip_ros.ros.axis_host import axis_or_host
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.messages import stamp as time_message
+from stickslip_ros.ros.sim_loop import request_priority
 
 
 def test_a_paused_axis_takes_commands_and_moves_with_the_steps_of_time(
@@ -38,16 +39,13 @@ def test_a_paused_axis_takes_commands_and_moves_with_the_steps_of_time(
 
 def test_its_clock_stands_and_steps_with_it(ros: Ros, make_axis: MakeAxis) -> None:
     make_axis(publish_clock=True)
-    clock: list[int] = []
-
-    def hear(message: Clock) -> None:
-        clock.append(message.clock.sec * 10**9 + message.clock.nanosec)
-
-    ros.node("ears").create_subscription(Clock, "/clock", hear, 1000)
+    heard = ros.hear(Clock, "/clock")
     client = AxisClient(node=ros.node("user")).pause()
-    ros.wait_until(lambda: len(clock) > 2, "a clock")
+    ros.wait_until(lambda: len(heard) > 2, "a clock")
     client.go_on(2.0)
-    ros.wait_until(lambda: clock[-1] * 1e-9 >= client.stamp - 1e-6, "the clock of the end")
+    end = client.stamp - 1e-6
+    ros.wait_until(lambda: 1e-9 * nanoseconds(heard[-1].clock) >= end, "the clock of the end")
+    clock = [nanoseconds(one.clock) for one in heard]
     assert clock == sorted(clock)
 
 
@@ -126,15 +124,10 @@ def test_it_follows_the_clock_of_somebody_else_with_stops_and_jumps(
     assert stamp(heard.joints[0]) == 100 * 10**9
 
 
-def test_two_leaders_are_refused(ros: Ros, make_axis: MakeAxis) -> None:
-    for more in ({"publish_clock": True}, {"real_time_factor": 2.0}, {"start_paused": True}):
-        with pytest.raises(StickslipError, match="use_sim_time lets /clock lead the time"):
-            make_axis(use_sim_time=True, **more)
-
-
 def test_the_process_paces_and_pauses(ros: Ros, start_node: Start) -> None:
-    """With the executor of events, whose timers are others."""
-    process = start_node("axis_node", frequency=1000.0, start_paused="true")
+    """With the executor of events, whose timers are others, and a priority if it may have one."""
+    assert request_priority(0) == "off"
+    process = start_node("axis_node", frequency=1000.0, start_paused="true", real_time_priority=5)
     process.wait_for("ready")
     client = AxisClient(node=ros.node("user"))
     begin = client.stamp
@@ -144,4 +137,7 @@ def test_the_process_paces_and_pauses(ros: Ros, start_node: Start) -> None:
     client.set_pace(1.0).pause()
     assert client.go_on(cycles=100).stamp > begin + 5.1
     client.pause(False).step(3).wait()
+    said = client.report()["timing"]["real-time priority"]
+    assert said.startswith(("granted: SCHED_FIFO 5", "refused: "))
+    assert f"real-time priority {said}" in process.output
     assert process.interrupt() == 0

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The twin as a process beside an axis, over DDS."""
 
-import json
-import xml.etree.ElementTree as ET
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -11,13 +9,12 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
+from heard import values
 from live import MakeAxis, Ros, Start
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
-from test_documentation import CONFIG, panels_of, plotjuggler_names
+from test_documentation import every_series_is_in
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis
@@ -32,30 +29,25 @@ from stickslip_ros.ros.twin_node import TwinNode
 from stickslip_ros.twin import Twin, TwinCommand
 from stickslip_ros.twin.recording import read_log
 
+TWIN, JOINTS, REPORTS = "/stickslip_twin", "/joint_states", "/diagnostics"
+
 
 def test_a_twin_beside_an_axis(ros: Ros, make_axis: MakeAxis, start_node: Start) -> None:
     """It knows the step and where a move ends, and tells steps that it was not told of."""
     make_axis(frequency=100.0)
-    heard: dict[str, list[Any]] = {}
     user = ros.node("user")
-    for name, kind in (
-        ("/stickslip_twin/joint_states", JointState), ("/stickslip_twin/residual", Float64),
-        ("/stickslip_twin/prediction", JointTrajectory), ("/diagnostics", DiagnosticArray),
-        ("/stickslip_twin/estimates", DiagnosticArray), ("/joint_states", JointState),
-    ):  # fmt: skip
-        user.create_subscription(kind, name, heard.setdefault(name, []).append, 1000)
+    own, positions = ros.hear(JointState, f"{TWIN}/joint_states"), ros.hear(JointState, JOINTS)
+    residual, reports = ros.hear(Float64, f"{TWIN}/residual"), ros.hear(DiagnosticArray, REPORTS)
+    predictions = ros.hear(JointTrajectory, f"{TWIN}/prediction")
+    estimates = ros.hear(DiagnosticArray, f"{TWIN}/estimates")
     twin = start_node("twin_node", "-r", "measured:=/joint_states", timing=1e-4)
     follower = TwinListener("/stickslip_twin")
     steps = ros.publisher(user, Int32, "/stickslip_axis/command/steps")
     ask = ros.publisher(user, Int32, "/stickslip_twin/predict/steps")
-    residual = heard["/stickslip_twin/residual"]
     ros.wait_until(lambda: residual, "readings heard by the twin")
     ros.send(steps, Int32(data=150))
-    sizes: list[Any] = []
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    user.create_subscription(Float64, "/stickslip_twin/step_size", sizes.append, latched)
+    sizes = ros.hear(Float64, f"{TWIN}/step_size", ros.latched(1))
     ros.wait_until(lambda: sizes and abs(sizes[-1].data - 133.8e-9) < 1e-9, "the step size")
-    positions = heard["/joint_states"]
 
     def rests_beyond(x: float) -> bool:
         last = [one.position[0] for one in positions[-20:]]
@@ -65,19 +57,17 @@ def test_a_twin_beside_an_axis(ros: Ros, make_axis: MakeAxis, start_node: Start)
     count = len(residual)
     ros.wait_until(lambda: len(residual) > count + 50, "readings at rest")
     ros.send(ask, Int32(data=50))
-    ros.wait_until(lambda: heard["/stickslip_twin/prediction"], "a prediction")
-    (found,) = heard["/stickslip_twin/prediction"]
+    ros.wait_until(lambda: predictions, "a prediction")
+    (found,) = predictions
     assert found.joint_names == ["axis_slider"]
     ros.send(steps, Int32(data=50))
     end = found.points[-1].positions[0]
     ros.wait_until(lambda: rests_beyond(end - 1e-6), "the next end")
     assert abs(positions[-1].position[0] - end) < 60e-9
-    expected = heard["/stickslip_twin/joint_states"][-1]
-    assert expected.name[0] == "axis_slider" and expected.effort[0] > 0.0
-    names = {one.name for message in heard["/diagnostics"] for one in message.status}
+    assert own[-1].name[0] == "axis_slider" and own[-1].effort[0] > 0.0
+    names = {one.name for message in reports for one in message.status}
     assert {"stickslip_twin: twin", "stickslip_twin: prediction"} <= names
-    estimates = {one.name for m in heard["/stickslip_twin/estimates"] for one in m.status}
-    assert "stickslip_twin: preload" in estimates
+    assert "stickslip_twin: preload" in {one.name for m in estimates for one in m.status}
     with closing(follower) as heard_by_page:
         story = heard_by_page.story
         assert story.level == "ok" and story.stepping > 1.0
@@ -94,11 +84,8 @@ def test_a_twin_of_another_program(ros: Ros, start_node: Start) -> None:
     remaps = [one for each in maps for one in ("-r", each)]
     start_node("twin_node", *remaps, direction="[0, 2, 0]", unit=0.000001, joint="stage")
     user = ros.node("user")
-    sizes: list[Any] = []
-    expected: list[Any] = []
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    user.create_subscription(Float64, "/stickslip_twin/step_size", sizes.append, latched)
-    user.create_subscription(JointState, "/stickslip_twin/joint_states", expected.append, 100)
+    sizes = ros.hear(Float64, f"{TWIN}/step_size", ros.latched(1))
+    expected = ros.hear(JointState, f"{TWIN}/joint_states")
     point = ros.publisher(user, PointStamped, "/lab/stage")
     number = ros.publisher(user, Float64, "/lab/um")
     steps = ros.publisher(user, Int32, "/lab/steps")
@@ -125,45 +112,6 @@ def test_a_twin_of_another_program(ros: Ros, start_node: Start) -> None:
     ros.wait_until(lambda: read_number() and sizes, "the step that the model makes")
 
 
-def test_events_count_from_when_they_happened(ros: Ros, start_node: Start) -> None:
-    """A busy axis publishes them some milliseconds late; stamps alone would make that a change."""
-    start_node("twin_node", config="table1_typical.yaml")
-    user, axis, origin = ros.node("user"), Axis(Parameters.of("table1_typical.yaml")), 10**18
-    said: list[Any] = []
-    user.create_subscription(DiagnosticArray, "/diagnostics", said.append, 100)
-    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    events = user.create_publisher(DiagnosticArray, "/stickslip_axis/events", latched)
-    measured = user.create_publisher(JointState, "/measured", 1000)
-    ros.wait_until(
-        lambda: said and "no position was heard" in said[-1].status[0].message, "the twin"
-    )
-    ros.wait_until(
-        lambda: all(one.get_subscription_count() for one in (events, measured)), "the twin hears"
-    )
-
-    def publish_events() -> None:
-        late = stamp(origin + round(1e9 * (axis.state.t + (0.006 if axis.state.t else 0.0))))
-        statuses = [event_status("axis", event) for event in axis.take_events()]
-        events.publish(diagnostic_array(late, statuses))
-
-    publish_events()
-    for k in range(1, 300):
-        if k == 20:
-            axis.command_steps(250)
-            publish_events()
-        axis.advance(0.01 * k + 0.0023 * (k % 4))
-        message = JointState(name=["axis_slider"], position=[axis.state.x])
-        message.header.stamp = stamp(origin + round(1e9 * axis.state.t))
-        measured.publish(message)
-
-    def twin_says() -> dict[str, str]:
-        found = [one for m in said for one in m.status if one.name == "stickslip_twin: twin"]
-        return {pair.key: pair.value for pair in found[-1].values} if found else {}
-
-    ros.wait_until(lambda: float(twin_says().get("stepping (s)", 0.0)) > 2.0, "steps seen")
-    assert twin_says()["changes"] == "0" and twin_says()["level"] == "ok"
-
-
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [("direction", [0.0, 0.0, 0.0], "such as"), ("unit", 0.0, "other than 0")],
@@ -177,19 +125,19 @@ def test_bad_parameters(ros: Ros, name: str, value: Any, message: str) -> None:
 def test_a_recording_beside_a_twin_gives_the_same_bits(
     ros: Ros, start_node: Start, tmp_path: Path
 ) -> None:
-    """Off line the readings and events of the bag, in which the twin's own topics are as well."""
+    """Off line the readings and events of the bag, in which the twin's own topics are as well.
+
+    Events count from when they happened: a busy axis publishes them some milliseconds late.
+    """
     own = [f"/stickslip_twin/{o}" for o in ("joint_states", "estimates", "residual", "step_size")]
-    topics = ["/stickslip_axis/events", "/joint_states", *own]
+    topics = ["/stickslip_axis/events", "/joint_states", "/diagnostics", *own]
     recorder = start_node("recorder_node", output=str(tmp_path / "bag"), topics=str(topics))
     start_node("twin_node", "-r", "measured:=/joint_states", config="table1_typical.yaml")
     user, axis, origin = ros.node("user"), Axis(Parameters.of("table1_typical.yaml")), 10**18 + 7
-    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    events = user.create_publisher(DiagnosticArray, "/stickslip_axis/events", latched)
+    events = user.create_publisher(DiagnosticArray, "/stickslip_axis/events", ros.latched())
     measured = user.create_publisher(JointState, "/joint_states", 1000)
-    expected: list[JointState] = []
-    user.create_subscription(JointState, "/stickslip_twin/joint_states", expected.append, 1000)
-    estimates: list[DiagnosticArray] = []
-    user.create_subscription(DiagnosticArray, own[1], estimates.append, 10)
+    expected, estimates = ros.hear(JointState, own[0]), ros.hear(DiagnosticArray, own[1])
+    said = ros.hear(DiagnosticArray, "/diagnostics")
     ros.wait_until(
         lambda: (
             all(one.get_subscription_count() > 1 for one in (events, measured))
@@ -205,12 +153,20 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
         statuses = [event_status("axis", event) for event in axis.take_events()]
         now = stamp(origin + round(1e9 * axis.state.t))
         if statuses:
-            events.publish(diagnostic_array(now, statuses))
+            late = stamp(origin + round(1e9 * axis.state.t) + 6_000_000 * (k > 0))
+            events.publish(diagnostic_array(late, statuses))
         message = JointState(name=["axis_slider"], position=[axis.state.x + 2e-9 * random.normal()])
         message.header.stamp = now
         measured.publish(message)
         told += len(statuses)
     ros.wait_until(lambda: len(expected) > 270 and len(estimates) > 1, "what the twin says")
+
+    def twin_says() -> dict[str, str]:
+        found = [one for m in said for one in m.status if one.name == "stickslip_twin: twin"]
+        return values(found[-1]) if found else {}
+
+    ros.wait_until(lambda: float(twin_says().get("stepping (s)", 0.0)) > 2.0, "steps seen")
+    assert twin_says()["changes"] == "0" and twin_says()["level"] == "ok"
     assert told and recorder.interrupt() == 0
     twin = Twin(Parameters.of("table1_typical.yaml"))
     again = {}
@@ -224,23 +180,4 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
         assert [update.expected, update.measured] == list(message.position)
         assert CONFIDENCE * update.deviation == message.effort[0]
     assert main(["twin", str(tmp_path / "bag"), "--config", "table1_typical.yaml"]) == 0
-    _every_series_of_the_layouts_is_in(tmp_path / "bag")
-
-
-def _every_series_of_the_layouts_is_in(bag: Path) -> None:
-    there, latest = set[str](), dict[str, Any]()
-    with AnyReader([bag]) as reader:
-        for connection, _, data in reader.messages():
-            message = latest[connection.topic] = reader.deserialize(data, connection.msgtype)
-            there |= plotjuggler_names(connection.topic, message)
-    there |= {f"{topic}/data" for topic, message in latest.items() if hasattr(message, "data")}
-    curves = {c.attrib["name"] for c in ET.parse(CONFIG / "twin_plotjuggler.xml").iter("curve")}
-    assert len(curves) > 10 and curves - there == set()
-    layout = json.loads((CONFIG / "twin_foxglove.json").read_text(encoding="utf-8"))
-    panels = layout["configById"]
-    for path in (path["value"] for panel in panels.values() for path in panel.get("paths", ())):
-        topic, _, field = path.partition(".")
-        name, _, index = field.partition("[")
-        found = getattr(latest[topic], name)
-        assert np.size(found) > int(index.rstrip("]") or 0)
-    assert panels_of(layout["layout"]) == set(panels)
+    every_series_is_in(tmp_path / "bag", "twin_plotjuggler.xml", "twin_foxglove.json")

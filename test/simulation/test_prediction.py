@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from table_1 import table_1
+from table_1 import OVER_PRELOAD, OVER_STROKE, table_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
@@ -22,13 +22,6 @@ from stickslip_ros.simulation.prediction import (
 )
 
 TABLE_1 = table_1()
-#: Steps (nm) by an independent Runge-Kutta integrator: over preload (N) at 160 nm, and over stroke
-#: (nm) at 0.4 N and 1 N.
-OVER_PRELOAD = {0.1: 144.70, 0.25: 139.14, 0.4: 133.83, 1: 113.20, 2: 78.91, 3: 45.95, 4: 19.29,
-                5: 4.92, 6: 0.63}  # fmt: skip
-OVER_STROKE = {20: (0.04, 0.0), 30: (4.73, 0.0), 40: (14.20, 0.96), 60: (34.14, 14.48),
-               80: (54.10, 33.85), 100: (74.04, 53.70), 120: (93.98, 73.56), 140: (113.91, 93.39),
-               160: (133.83, 113.20)}  # fmt: skip
 
 
 def random_points(seed: int, count: int) -> Parameters:
@@ -102,22 +95,17 @@ def shares(p: Parameters, count: int) -> tuple[float, float, int]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("preload", "step"), OVER_PRELOAD.items())
-def test_it_agrees_with_an_independent_integrator_over_preload(preload: float, step: float) -> None:
-    found = predict(TABLE_1.replace(preload=preload))
-    assert found.step == pytest.approx(1e-9 * step, abs=found.error + 5e-12)
-    assert found.step == pytest.approx(1e-9 * step, abs=2e-10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("stroke", "steps"), OVER_STROKE.items())
-def test_it_agrees_with_an_independent_integrator_over_stroke(
-    stroke: float, steps: tuple[float, float]
-) -> None:
-    for preload, step in zip((0.4, 1.0), steps, strict=True):
-        found = predict(TABLE_1.replace(preload=preload, amplitude=stroke * 300.0 / 160.0))
+def test_it_agrees_with_an_independent_integrator() -> None:
+    """Over preload and over stroke."""
+    for preload, step in OVER_PRELOAD.items():
+        found = predict(TABLE_1.replace(preload=preload))
         assert found.step == pytest.approx(1e-9 * step, abs=found.error + 5e-12)
-        assert found.stroke - found.zero_offset == pytest.approx(found.step)
+        assert found.step == pytest.approx(1e-9 * step, abs=2e-10)
+    for stroke, steps in OVER_STROKE.items():
+        for preload, step in zip((0.4, 1.0), steps, strict=True):
+            found = predict(TABLE_1.replace(preload=preload, amplitude=stroke * 300.0 / 160.0))
+            assert found.step == pytest.approx(1e-9 * step, abs=found.error + 5e-12)
+            assert found.stroke - found.zero_offset == pytest.approx(found.step)
 
 
 @pytest.mark.slow

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.model import Contact, DriveCycle, Plant
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
-from validation.whole_system import WholeSystem
+from validation.whole_system import WholeSystem, contact_rates
 
 _UNIT = 1e-9  # states in nm and nm/us-like units, so that one absolute tolerance serves all
 _SPEED = 1e-4
@@ -25,22 +24,10 @@ _SPEED = 1e-4
 _TOUCH = 1e-7
 
 
-def _alpha(z: float, w: float, c: Contact, z_lim: float) -> float:
-    if c.kind == ALWAYS_PLASTIC:
-        return 1.0
-    z_ss = z_lim if c.kind == ELASTOPLASTIC_CALC else c.z_ss
-    if math.copysign(1.0, z) != math.copysign(1.0, w) or abs(z) <= c.z_ba:
-        return 0.0
-    if abs(z) >= z_ss:
-        return 1.0
-    return 0.5 * math.sin(math.pi * (abs(z) - (z_ss + c.z_ba) / 2) / (z_ss - c.z_ba)) + 0.5
-
-
 def z_rate_and_force(z: float, w: float, c: Contact) -> tuple[float, float]:
     """Return z' (m/s) and F (N)."""
-    z_lim = c.z_k + (c.z_s - c.z_k) * math.exp(-((w / c.v_s) ** 2))
-    z_rate = w - _alpha(z, w, c, z_lim) * abs(w) / z_lim * z
-    return z_rate, c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w
+    z_rate, _, force = contact_rates(z, 0.0, w, np.array(c))
+    return z_rate, force
 
 
 def _rates(_: float, y: NDArray[np.float64], plant: Plant, u_rate: float) -> list[float]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from found import FOUND
 from scipy.integrate import quad
 
 from stickslip_ros.model import Plant, drive_of
@@ -15,35 +16,6 @@ from validation.benchmark import judge
 
 #: Error allowed per cycle, m
 BAR = 1e-11
-
-#: The load carries the runner off: what its speed is off by stays with it.
-CARRIED_OFF: dict[str, dict[str, Any]] = {
-    "damping of 1e6 N s/m": {
-        **{"model": "lugre", "preload": 0.0506, "mu_s": 0.22, "mu_k": 0.702, "v_stribeck": 4.18e-5},
-        **{"sigma_1": 1e6, "mass": 2.44e-4, "force": -100.0, "slewrate": 11633.0},
-        **{"amplitude": 131.0, "frequency": 2486.0},
-    },
-    "one that begins after cycles": {
-        **{"model": "ceim_without_mu", "preload": 8.43, "sigma_0": 168472.0, "sigma_0ss": 1.339e7},
-        **{"sigma_1": 1e6, "z_ba": 3.757e-7, "mass": 6.902e-4, "force": 600.0, "slewrate": 90.5},
-        **{"amplitude": 70.74, "frequency": 5333.7, "waveform": "triangle"},
-    },
-    "a wide Stribeck curve": {
-        **{"model": "epm_fix", "preload": 0.2, "mu_s": 0.0866, "mu_k": 0.147, "v_stribeck": 3.46},
-        **{"sigma_0": 5.03e5, "sigma_1": 81.6, "z_ba": 1.25e-9, "mass": 2.02e-6, "force": -0.05},
-        **{"slewrate": 15.56, "amplitude": 11.0, "frequency": 22.76, "waveform": "triangle"},
-    },
-    "a light runner": {
-        **{"model": "lugre", "preload": 0.256, "mu_s": 0.129, "mu_k": 0.133, "v_stribeck": 1.76e-3},
-        **{"sigma_1": 2.298, "mass": 1e-6, "force": 0.074, "slewrate": 330.5, "amplitude": 114.0},
-        **{"frequency": 59.73},
-    },
-    "a stiff contact": {
-        **{"model": "lugre", "preload": 2.0, "mu_s": 0.52, "mu_k": 10.0, "v_stribeck": 0.479},
-        **{"sigma_0": 1e12, "sigma_1": 1.41, "mass": 1.9e-3, "force": -1000.0, "slewrate": 512.0},
-        **{"amplitude": 66.9, "frequency": 1931.0},
-    },
-}
 
 
 def positions(values: dict[str, Any], tolerance: float, cycles: int = 6) -> Any:
@@ -55,16 +27,38 @@ def positions(values: dict[str, Any], tolerance: float, cycles: int = 6) -> Any:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CARRIED_OFF)
+@pytest.mark.parametrize("case", FOUND["carried_off"])
 def test_a_runner_that_the_load_carries_off(case: str) -> None:
-    values = CARRIED_OFF[case]
+    """What its speed is off by stays with it."""
+    values = FOUND["carried_off"][case]
     off = positions(values, 1e-11) - positions(values, 1e-14)
     assert np.abs(off).max() / len(off) < BAR
 
 
+@pytest.mark.parametrize(
+    ("case", "cycles", "tolerance", "bar"),
+    [
+        # One implicit step was once as long as half a cycle of the ringing.
+        ("a contact that rings under its Stribeck curve", 2, 1e-12, 1e-12),
+        # Its place was not a number: an implicit step without a solution at its event is not taken.
+        ("a heavy runner on the printed law", 6, 1e-11, 6 * BAR),
+        # A creep on the Stribeck curve was 12 nm off.
+        ("limits of z shorter than the tolerance", 2, 1e-11, 2 * BAR),
+        # 10 nm off in 20 steps before the Stribeck curve was in the error control.
+        ("a narrow Stribeck curve", 20, 1e-11, 20e-12),
+    ],
+)
+def test_a_finer_tolerance_finds_the_same(
+    case: str, cycles: int, tolerance: float, bar: float
+) -> None:
+    values = FOUND["rough_steps"][case]
+    rough, fine = (positions(values, one, cycles) for one in (tolerance, 1e-14))
+    assert np.abs(rough - fine).max() < bar
+
+
 def test_momentum_of_a_runner_carried_off() -> None:
     """While sliding, force and friction alone speed it up: sigma_1 has given back all it took."""
-    p = Parameters.of(CARRIED_OFF["damping of 1e6 N s/m"])
+    p = Parameters.of(FOUND["carried_off"]["damping of 1e6 N s/m"])
     plant = Plant.of(p)
     c = plant.contact
     simulation = Simulation(plant, 1e-11)
@@ -137,18 +131,6 @@ def test_printed_alpha_takes_few_arcs(values: dict[str, Any]) -> None:
     assert np.isfinite(simulation.run_cycles(3).position).all()
 
 
-def test_an_implicit_step_does_not_silence_the_ringing() -> None:
-    """A contact that rings under its Stribeck curve: one step was once as long as half a cycle."""
-    values = {
-        **{"model": "lugre", "preload": 0.0778, "mu_s": 0.5334, "mu_k": 0.7481},
-        **{"v_stribeck": 1.422e-6, "sigma_0": 6.919e7, "sigma_1": 0.9807, "mass": 1.243e-3},
-        **{"spring": 67877.7, "slewrate": 493.2, "amplitude": 222.75, "frequency": 24.247},
-        "waveform": "triangle",
-    }
-    off = positions(values, 1e-12, 2) - positions(values, 1e-14, 2)
-    assert np.abs(off).max() < 1e-12
-
-
 def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None:
     """Without damping or slip there is none: what is left is the rounding of speeds."""
     p = Parameters.of(
@@ -193,40 +175,9 @@ def test_without_a_curve_any_stribeck_velocity_will_do() -> None:
     Plant.of(Parameters.of({"model": "lugre", "mu_k": 0.2, "mu_s": 0.2, "v_stribeck": 1e3}))
 
 
-def test_an_implicit_step_without_a_solution_at_its_event_is_not_taken() -> None:
-    """A heavy runner on the printed law, at a finer tolerance: once its place was not a number."""
-    p = Parameters.of(
-        {
-            **{"model": "epm_calc", "alpha_form": "printed", "preload": 4.0757, "mu_s": 0.63066},
-            **{"mu_k": 0.16594, "v_stribeck": 3.67974, "sigma_0": 310059.4, "sigma_1": 0.83923},
-            **{"z_ba": 2.51233e-7, "mass": 1000.0, "force": -0.47772, "inclination": 3.068717},
-            **{"slewrate": 198.08, "amplitude": 255.523, "frequency": 186.45475},
-        }
-    )
-    rough, fine = (positions(p.flat(), tolerance) for tolerance in (1e-11, 1e-14))
-    assert np.abs(rough - fine).max() / 6 < BAR
-
-
-def test_friction_is_known_well_where_the_contact_is_stiff() -> None:
-    """Limits of z shorter than the tolerance: a creep on the Stribeck curve was 12 nm off."""
-    values = {
-        **{"model": "lugre", "preload": 11.917, "mu_s": 0.09009, "mu_k": 0.69271},
-        **{"v_stribeck": 1.3775e-6, "sigma_0": 1e12, "sigma_1": 0.62418, "mass": 2.2343e-3},
-        **{"force": 3.4982, "slewrate": 20.85, "amplitude": 68.1, "frequency": 73.155},
-    }
-    off = positions(values, 1e-11, 2) - positions(values, 1e-14, 2)
-    assert np.abs(off).max() / 2 < BAR
-
-
-def test_a_narrow_stribeck_curve() -> None:
-    """20 steps were 10 nm off before the Stribeck curve was in the error control."""
-    values = {
-        **{"model": "epm_calc", "preload": 1.03, "mass": 0.01226, "sigma_1": 5.8},
-        **{"sigma_0": 4.28e6, "mu_s": 0.3855, "mu_k": 0.1127, "v_stribeck": 6.1e-5},
-        **{"z_ba": 2.22e-8, "amplitude": 168.0, "frequency": 3490.0, "slewrate": 233.0},
-    }
-    found, fine = (positions(values, tolerance, 20) for tolerance in (1e-11, 1e-14))
-    assert abs(found[-1] - fine[-1]) < 20e-12
+def test_a_narrow_stribeck_curve_is_that_of_another_integrator() -> None:
+    values = FOUND["rough_steps"]["a narrow Stribeck curve"]
+    found = positions(values, 1e-11, 20)
     assert found[-1] == pytest.approx(1360.189e-9, abs=0.01e-9)
     p = Parameters.of(values)
     true = judge.positions(Plant.of(p), drive_of(p), 2)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from found import FOUND
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from table_1 import table_1
@@ -43,23 +44,6 @@ EFFECTS: dict[str, dict[str, Any]] = {
         "actuator_damping": 0.2,
     },
 }
-#: Drives for which it was once not enough to keep the mean of the actuator's motion in a slip: a
-#: ringing that nearly stops the slip, and a lag where friction depends on the rate
-RATE_COUNTS: dict[str, dict[str, Any]] = {
-    "slow slip": {
-        **{"frequency": 1e4, "slewrate": 50.0},
-        **{"actuator_resonance": 8.2e5, "actuator_damping": 0.2},
-    },
-    "slow slip, weak damping": {
-        **{"frequency": 1e4, "slewrate": 20.0},
-        **{"actuator_resonance": 8.2e5, "actuator_damping": 0.05},
-    },
-    "lag under a Stribeck curve": {
-        **{"model": "epm_fix", "sigma_0": 1.8e7, "z_ss": 1e-7, "z_ba": 5e-8, "v_stribeck": 0.02},
-        **{"preload": 0.1, "mass": 1e-3, "mu_s": 0.3, "frequency": 1e3},
-        **{"amplifier_bandwidth": 2e5},
-    },
-}
 
 
 def _run(p: Parameters, cycles: int, rest: float = 0.0, **how: Any) -> np.ndarray:
@@ -73,10 +57,10 @@ def _run(p: Parameters, cycles: int, rest: float = 0.0, **how: Any) -> np.ndarra
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*EFFECTS, *RATE_COUNTS])
+@pytest.mark.parametrize("name", [*EFFECTS, *FOUND["rate_counts"]])
 def test_each_effect_agrees_with_an_integrator(name: str) -> None:
     """To 0.01 nm a cycle, and after the actuator has come to rest."""
-    p = table_1(**{**FAST, **(EFFECTS | RATE_COUNTS)[name]})
+    p = table_1(**{**FAST, **(EFFECTS | FOUND["rate_counts"])[name]})
     x = _run(p, 2, rest=5e-5)
     assert x == pytest.approx(positions(p, 2, rest=5e-5), abs=2e-11)
 
@@ -191,78 +175,17 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
         assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
 
 
-#: Found at random: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines
-#: beside their curve, each of which turned a contact that yields at once; a second of sliding, in
-#: steps of which each was off by as much as in a cycle of a millisecond; bends made of what
-#: rounding left; lines 5 pm off their curve, which a contact feels that slides from 51 pm on; lines
-#: as long as a ringing of 600 Hz, which it adds up; lines of a spring whose rates jump by four
-#: Stribeck velocities; the same of a ringing actuator, which each had another mean than the curve
-FOUND: dict[str, dict[str, Any]] = {
-    "bend within rounding": {
-        **{"model": "ceim_without_mu", "preload": 3.7356428500744094, "mass": 0.29507838037333595},
-        **{"sigma_0": 138262.8349927751, "sigma_1": 6.5820416023471155},
-        **{"force": -0.013772087782145719, "slewrate": 771.7310926467036},
-        **{"actuator_resonance": 128205.68614310204, "actuator_damping": 0.07556260265887314},
-        **{"amplitude": 91.85413732736907, "frequency": 50.44044448099566, "waveform": "hold"},
-        **{"hold_before": 0.3456314212673896, "hold_after": 0.14741145939865594},
-    },
-    "lines that turn LuGre": {
-        **{"model": "lugre", "preload": 0.264, "mu_s": 0.0628, "mu_k": 0.268},
-        **{"v_stribeck": 0.00284, "sigma_0": 4.745e6, "sigma_1": 11.1, "mass": 0.001113},
-        **{"amplifier_bandwidth": 33811.0, "slewrate": 2.4814, "amplitude": 137.92},
-        **{"frequency": 1980.35, "waveform": "shaped", "split": 0.49258, "latency": 0.000121158},
-    },
-    "a slow slide of two states": {
-        **{"model": "ceim_ageing", "preload": 0.2474, "mu": 0.423, "sigma_1": 2.512},
-        **{"z_ba": 1.563e-9, "mass": 0.2274, "force": -0.03135, "slewrate": 174.4},
-        **{"amplitude": 81.77, "frequency": 1.02755},
-    },
-    "a contact of 51 pm": {
-        **{"model": "epm_fix", "preload": 0.04135554, "mu_s": 0.001224192774, "mu_k": 0.0742760836},
-        **{"v_stribeck": 0.002422382, "sigma_0": 1e6, "sigma_1": 7.584417, "z_ba": 5e-8},
-        **{"z_ss": 1e-7, "mass": 0.002508584625, "spring": 182142.863547, "amplitude": 276.51053},
-        **{"amplifier_bandwidth": 1.2987982e7, "slewrate": 323200.598, "frequency": 5292.417332},
-        **{"waveform": "hold", "hold_before": 0.3390318936, "hold_after": 0.0862076},
-    },
-    "lines in time with the ringing": {
-        **{
-            "model": "ceim_without_mu",
-            "preload": 2.012,
-            "mass": 1.2073775519,
-            "sigma_0": 17059948.58,
-        },
-        **{"sigma_1": 3.2478, "z_ba": 5.024e-8, "z_ss": 1.0048e-7, "spring": 328613.0154},
-        **{"amplifier_bandwidth": 14.44406259, "slewrate": 0.091713852, "amplitude": 120.15955},
-        **{"frequency": 26.559115834},
-    },
-    "lines of a spring that LuGre feels": {
-        **{"model": "lugre", "preload": 0.5028, "mu_s": 0.63385, "mu_k": 0.67918},
-        **{"v_stribeck": 2.652e-5, "sigma_0": 1e6, "sigma_1": 2.3077, "mass": 0.00141014},
-        **{"spring": 113.4487, "inclination": -1.0979553, "amplifier_bandwidth": 2741.45},
-        **{"amplifier_slew": 2.01262, "slewrate": 261.508, "amplitude": 80.19368},
-        **{"frequency": 2.731115, "waveform": "shaped", "split": 0.792523},
-        **{"latency": 0.0987429},
-    },
-    "lines of a spring in a ringing": {
-        **{"model": "epm_calc", "preload": 11.810744719721464, "mu": 0.06910843397471968},
-        **{"mu_s": 0.055037055344834426, "mu_k": 0.5048660234322013, "mass": 0.22007926125847097},
-        **{"v_stribeck": 0.4519030615600421, "sigma_1": 1.534409970945536},
-        **{"spring": 4068.8261103073064, "actuator_resonance": 802824.7155372372},
-        **{"actuator_damping": 0.001430512208269869, "slewrate": 241.46420256868083},
-        **{"amplitude": 210.44874558746977, "frequency": 229.28040885584858},
-    },
-    "a slip of a picosecond": {
-        **{"preload": 0.001, "sigma_0": 5.43e8, "sigma_1": 1137.0, "mass": 11.8},
-        **{"amplifier_bandwidth": 15.7, "slewrate": 450253.0, "amplitude": 1.0, "frequency": 416.0},
-    },
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FOUND)
+@pytest.mark.parametrize("name", FOUND["driven"])
 def test_a_drive_that_a_lot_found_agrees(name: str) -> None:
-    """To 0.01 nm a cycle."""
-    outcome = check(table_1(**FOUND[name]))
+    """To 0.01 nm a cycle.
+
+    A bend of 1e-15 s and 0.15 nm at the end of a hold; lines beside their curve, which turned a
+    contact that yields at once, or that it felt as it slides from 51 pm on; a second of sliding in
+    steps each off as in a millisecond; lines as long as a ringing of 600 Hz, which it adds up;
+    rates that jump by four Stribeck velocities, or with another mean than the curve.
+    """
+    outcome = check(table_1(**FOUND["driven"][name]))
     assert outcome.off < 0.01
     assert outcome.growth < GROWTH
 

@@ -12,11 +12,7 @@ import pytest
 from emulated import Emulated
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.testing.axis_drivers import (
-    PARAMETERS,
-    AxisDriver,
-    undo_if_refused,
-)
+from stickslip_ros.testing.axis_drivers import PARAMETERS, AxisDriver, undo_if_refused
 from stickslip_ros.testing.driver import Driver
 from stickslip_ros.testing.plugin import own_domain
 
@@ -52,7 +48,6 @@ class OverRos(AxisDriver):
 
     @property
     def moving(self) -> bool:
-        """Whether cycles run."""
         return self.client.moving
 
     def command(self, name: str, *arguments: Any) -> None:
@@ -60,11 +55,9 @@ class OverRos(AxisDriver):
         self.client.send(name, *arguments)
 
     def set_parameters(self, **values: float) -> None:
-        """Set parameters of the axis."""
         self.client.set_parameters(**values)
 
     def state(self) -> str:
-        """Return the state."""
         return self.client.state
 
     def amplitude_now(self) -> float:
@@ -73,16 +66,13 @@ class OverRos(AxisDriver):
 
     @property
     def at_target(self) -> bool:
-        """Whether it holds."""
         return self.client.target_reached
 
     def status(self) -> Mapping[str, Any]:
-        """Return the counts."""
         status = self.client.status
         return {"steps": int(status["steps commanded"]), "refused": int(status["refused commands"])}
 
     def close(self) -> None:
-        """End the node."""
         self._stack.close()
 
 
@@ -148,13 +138,10 @@ class EmulatedAnc300(_Emulated):
             self.ask(f"setf 1 {frequency}")
 
     def step(self, steps: int) -> None:
-        """Run steps."""
         self.ask(f"step{'u' if steps > 0 else 'd'} 1 {abs(steps)}")
 
     def jog(self, sign: int) -> None:
-        """Step without end."""
         self.ask(f"step{'u' if sign > 0 else 'd'} 1 c")
 
     def stop(self) -> None:
-        """End what runs."""
         self.ask("stop 1")

@@ -16,15 +16,15 @@ ALL = 21
 
 @pytest.fixture(autouse=True)
 def no_options_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The inner runs know only their own options; colcon passes those of the outer run this way."""
+    """The inner runs know only their own options, which colcon passes this way, and plugins."""
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")  # loading them takes a second
 
 
 class Outcomes:
     """Collects what became of each test of an inner run."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
         self.of: dict[str, str] = {}
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
@@ -42,22 +42,11 @@ def run_contract(driver: str, folder: Path, only: str = "") -> Outcomes:
     """Run the contract, or one test of it, in this process."""
     outcomes = Outcomes()
     file = str(contract.__file__)
-    options = ["-p", "no:terminal", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options = ["-p", "no:terminal", "-p", "no:cacheprovider"]
+    options += ["-p", "stickslip_ros.testing.plugin", "--stickslip-driver", driver, "-k", only]
     options += ["-c", str(folder / "none.toml"), "--rootdir", str(folder)]
     (folder / "none.toml").write_text("")
-    pytest.main(
-        [
-            *options,
-            "-p",
-            "stickslip_ros.testing.plugin",
-            file,
-            "--stickslip-driver",
-            driver,
-            "-k",
-            only,
-        ],
-        plugins=[outcomes],
-    )
+    pytest.main([*options, file], plugins=[outcomes])
     return outcomes
 
 

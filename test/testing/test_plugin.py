@@ -89,6 +89,3 @@ def test_loading_the_plugin_loads_nothing_else() -> None:
     )
     found = python("-c", program)
     assert {name.partition(".")[0] for name in found.stdout.split()} <= {"stickslip_ros"}
-    assert "rclpy" not in found.stdout
-    parts = ("", ".errors", ".lazy_names", ".simulation", ".testing", ".testing.plugin", ".version")
-    assert found.stdout.split() == [f"stickslip_ros{part}" for part in parts]

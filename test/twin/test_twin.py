@@ -112,8 +112,7 @@ def test_a_fifth_of_the_preload_is_told_within_fifty_cycles() -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("sensor", 1.1), ("preload", 0.95), ("amplifier", 0.97)],
+    ("name", "value"), [("sensor", 1.1), ("preload", 0.95), ("amplifier", 0.97)]
 )
 def test_the_cause_is_among_those_named(name: str, value: float) -> None:
     log = _through(value) if name == "sensor" else _log(**{name: value})
@@ -301,7 +300,7 @@ def test_a_command_that_comes_late_makes_no_change() -> None:
 @pytest.mark.parametrize("trouble", ["late", "twice", "old", "none", "gap", "clock", "restart"])
 def test_an_axis_that_stays_the_same_is_not_accused_in_disorder(trouble: str) -> None:
     """Random steps back and forth, and one trouble in each move; the axis is another one a time."""
-    for seed in range(1, 5):
+    for seed in (1, 2):
         random = np.random.default_rng(seed)
         values = np.exp(random.normal(0.0, [0.05, 0.01])) * [0.4, P.actuator.gain]
         p = P.replace(preload=values[0], gain=values[1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The judge of the accuracy campaign: every law and load, integrated in a way of its own.
+"""The judge of benchmark and accuracy campaign: every law and load, integrated in its own way.
 
 It shares no code with the kernel. Extrapolated midpoint steps (order 12, Gragg, Bulirsch, Stoer),
 much shorter than the ringing, the width of the regimes and that of the Stribeck curve; each regime
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 from stickslip_ros.model import DriveCycle, Plant
+from validation.benchmark.cases import Problem
 
 #: Substeps of the midpoint rule: 2, 4 .. 2 COLUMNS; the order is 2 COLUMNS.
 _COLUMNS = 6
@@ -165,12 +166,13 @@ def _segment(
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
-def _cycles(drive: NDArray, count: int, fine: float, c: NDArray) -> NDArray:
-    """Return x (m) at the end of each cycle from rest."""
-    y = np.zeros(4)
+def _cycles(
+    y: NDArray, rate: float, drive: NDArray, count: int, fine: float, c: NDArray, most: int
+) -> NDArray:
+    """Return x (m) at the end of each cycle after a state and a rate (m/s) of the actuator."""
+    y = y.copy()
     x = np.full(count, math.nan)
-    rate = 0.0
-    left = _MOST
+    left = most
     for cycle in range(count):
         for k in range(drive.shape[1]):
             y[0] += rate - drive[1, k]
@@ -190,7 +192,27 @@ def positions(
 
     fine below 1 shortens the steps, which must not change the answer.
     """
+    return _positions(np.zeros(4), 0.0, plant, drive_cycle, count, fine, _MOST)
+
+
+def displacement(problem: Problem, cycle: int, count: int, fine: float = 1.0) -> float:
+    """Return the displacement (m) over count cycles from the start of a measured cycle."""
+    start, drive = problem.starts[cycle], problem.drive_cycle
+    rate = float(drive.rates[-1])
+    y = np.array([start.v - rate, start.z, 0.0, 0.0])
+    return float(_positions(y, rate, problem.plant, drive, count, fine, 10**12)[-1])
+
+
+def _positions(
+    y: NDArray[np.float64],
+    rate: float,
+    plant: Plant,
+    drive_cycle: DriveCycle,
+    count: int,
+    fine: float,
+    most: int,
+) -> NDArray[np.float64]:
     drive = np.stack([drive_cycle.durations, drive_cycle.rates])
     numbers = np.array([*plant.contact, plant.mass, plant.force, plant.spring])
-    found: NDArray[np.float64] = _cycles(drive, count, fine, numbers)
+    found: NDArray[np.float64] = _cycles(y, rate, drive, count, fine, numbers, most)
     return found

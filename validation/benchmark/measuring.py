@@ -8,7 +8,7 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from validation.benchmark import reference
+from validation.benchmark import judge
 from validation.benchmark.cases import FINEST, Case, Problem
 from validation.benchmark.methods import (
     DEFAULT_TOLERANCE,
@@ -165,9 +165,9 @@ def measure(
 ) -> CaseResult:
     """Measure one case. The repeats of all methods are interleaved, so that noise hits all."""
     problem = case.problem(effort.cycles)
-    singles, drift = _truth(problem, 1.0)
+    singles, drift = _truth(problem, 0.5)
     gap = _error(problem, methods[OURS], FINEST, singles, drift)
-    reference_gap = _distance(*_truth(problem, 0.5), singles, drift)
+    reference_gap = _distance(*_truth(problem, 0.25), singles, drift)
     measured = {}
     for name in METHODS:
         if name in missing:
@@ -187,8 +187,8 @@ def measure(
 
 def _truth(problem: Problem, fine: float) -> tuple[list[float], float]:
     """Return the displacements (m) over each single cycle and over all of them in one run."""
-    singles = [reference.displacement(problem, k, 1, fine) for k in range(problem.cycles)]
-    return singles, reference.displacement(problem, 0, problem.cycles, fine)
+    singles = [judge.displacement(problem, k, 1, fine) for k in range(problem.cycles)]
+    return singles, judge.displacement(problem, 0, problem.cycles, fine)
 
 
 def _distance(

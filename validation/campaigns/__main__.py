@@ -3,13 +3,21 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+from validation.campaigns.arguments import arguments
+
+#: What ``make campaigns ARGS=--help`` shows
+TEXT = """Runs long studies, each of minutes to hours; all of them without a name:
+
+{}
+
+mutants.py, which needs a file of coverage.py, is started by itself."""
 
 
 class Campaign(NamedTuple):
@@ -103,35 +111,24 @@ CAMPAIGNS: dict[str, Campaign] = {
         "hostile bytes on all that two axes and a recorder hear", (f"{_STUDIES}floods",)
     ),
     "fuzz": _tests("test_fuzz_*.py", "hostile messages and files", STICKSLIP_FUZZ_S="3600"),
-    "resimulation": _tests(
-        "test_resimulate.py", "a run of a minute repeats", STICKSLIP_RESIMULATE_S="60"
-    ),
     "processors": Campaign(
         "the same bits with other features of the processor, and a digest that says where not",
         ("pytest", "-n", "0", "test/golden", "-k", "another"),
     ),
     "warm-up": _tests("test_warm_up.py", "nothing is left to compile", STICKSLIP_WARM_UP="1"),
     "mutations": _tests("test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"),
-    "endurance": _tests(
-        "test_endurance.py", "six axes for ten minutes", STICKSLIP_ENDURANCE_S="600"
-    ),
 }
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the campaigns that are named, all without a name; return 1 if one fails."""
     width = max(map(len, CAMPAIGNS))
-    parser = argparse.ArgumentParser(
-        prog="make campaigns",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        description="Runs long studies, each of minutes to hours; all of them without a name:\n\n"
-        + "\n".join(f"  {name:<{width}}  {one.text}" for name, one in CAMPAIGNS.items()),
-        epilog="mutants.py, which needs a file of coverage.py, is started by itself.",
-    )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="campaigns to run")
-    names = parser.parse_args(argv).names or list(CAMPAIGNS)
+    listed = "\n".join(f"  {name:<{width}}  {one.text}" for name, one in CAMPAIGNS.items())
+    names = arguments(TEXT.format(listed), argv, {"names": []}).names or list(CAMPAIGNS)
     if unknown := [name for name in names if name not in CAMPAIGNS]:
-        parser.error(f"there is no campaign {unknown[0]!r}; known: {', '.join(CAMPAIGNS)}")
+        known = ", ".join(CAMPAIGNS)
+        print(f"there is no campaign {unknown[0]!r}; known: {known}", file=sys.stderr)
+        return 2
     failed = []
     for name in names:
         campaign = CAMPAIGNS[name]

@@ -10,7 +10,6 @@ status and go on in time after each; a fault is reset.
 
 from __future__ import annotations
 
-import argparse
 import random
 import sys
 import time
@@ -22,6 +21,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.row import Parameter
+from validation.campaigns.arguments import arguments
 from validation.soak.run import RandomCommands
 
 #: s of simulated time of each axis, and of the processor at most
@@ -93,10 +93,7 @@ def run(seed: int) -> str:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run axes; return 1 if something went wrong with one."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--axes", type=int, default=300)
-    parser.add_argument("--first", type=int, default=0, help="first seed")
-    args = parser.parse_args(argv)
+    args = arguments(__doc__, argv, axes=300, first=0)
     found = 0
     for seed in range(args.first, args.first + args.axes):
         if said := run(seed):

@@ -11,7 +11,6 @@ something has to differ in each run; whether the step size does is counted, too.
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import replace
 
@@ -20,6 +19,7 @@ from bench_traces import Drive, Sensor, bench_trace, random_axis
 
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.simulation import compare
+from validation.campaigns.arguments import arguments
 
 
 def verdict(seed: int) -> tuple[list[str], list[str], bool]:
@@ -63,4 +63,5 @@ def main(count: int, first: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1000)
+    given = arguments(__doc__, None, {"count": int, "first": 1000})
+    main(given.count, given.first)

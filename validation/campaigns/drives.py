@@ -10,7 +10,6 @@ hundred on it is their own.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -23,6 +22,7 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.solver.driven import simulation_of
+from validation.campaigns.arguments import arguments
 from validation.draws import REAL, anywhere, differing, even, loads, shape, waveform
 from validation.whole_system import NoAnswerError, WholeSystem, positions
 
@@ -128,16 +128,9 @@ def _drawn(effect: str, draw: np.random.Generator, real: bool) -> dict[str, Any]
 
 def main(argv: list[str] | None = None, say: Callable[[str], object] = print) -> int:
     """Run the lots; the exit code is 1 if a drive is off by more than is allowed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--count", type=int, default=20, help="drives of each effect (%(default)s)")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--effects", help="names, with commas; default: each, and all")
-    parser.add_argument("--law", default="", choices=["", *LAWS], help="of each drive")
-    parser.add_argument("--real", action="store_true", help="draw from what real drives span")
-    parser.add_argument(
-        "--radians", type=float, default=FASTEST, help="of the fastest pole, at most (%(default)g)"
+    args = arguments(
+        __doc__, argv, count=20, seed=1, effects="", law="", real=False, radians=FASTEST
     )
-    args = parser.parse_args(argv)
     bad = 0
     for effect in args.effects.split(",") if args.effects else [*EFFECTS, "all"]:
         done: list[Outcome] = []

@@ -12,7 +12,6 @@ before. The time for which the recorder waited for nothing but a processor is ta
 
 from __future__ import annotations
 
-import argparse
 import os
 import random
 import resource
@@ -36,6 +35,7 @@ from stickslip_ros.ros.axis_host import compile_axis
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.process import SpinThread
+from validation.campaigns.arguments import arguments
 from validation.campaigns.processes import ended, waited
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -255,10 +255,7 @@ def study(moments: int, seed: int) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study; return 1 if an end was bad."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--moments", type=int, default=300)
-    parser.add_argument("--seed", type=int, default=1)
-    args = parser.parse_args(argv)
+    args = arguments(__doc__, argv, moments=300, seed=1)
     return int(study(args.moments, args.seed) > 0)
 
 

@@ -14,7 +14,6 @@ seconds; the steady clock goes on.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import itertools
 import os
@@ -41,6 +40,7 @@ from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.process import SpinThread
 from stickslip_ros.simulation import warm_up
+from validation.campaigns.arguments import arguments
 from validation.campaigns.processes import FAKETIME, ended, memory_of, waited, with_clock_of
 from validation.campaigns.tests.hostile import damaged, messages
 
@@ -202,18 +202,12 @@ def study(minutes: float, rate: float, number: int, jumps: bool) -> list[str]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print what was seen; return 1 for a fault."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--rate", type=float, default=5000.0)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--clock", action="store_true", help="set it by days; needs libfaketime")
-    parser.add_argument("--only-send", action="store_true", help="be the peer, at nodes that run")
-    args = parser.parse_args(argv)
+    args = arguments(__doc__, argv, minutes=10.0, rate=5000.0, seed=1, clock=False, only_send=False)
     if args.only_send:
         flood(args.rate, args.seed, 60.0 * args.minutes)
         return 0
     if args.clock and FAKETIME is None:
-        parser.error("--clock needs libfaketime: apt install faketime")
+        sys.exit("--clock needs libfaketime: apt install faketime")
     faults = study(args.minutes, args.rate, args.seed, args.clock)
     print(*faults or ["nothing was wrong"], sep="\n")
     return int(bool(faults))

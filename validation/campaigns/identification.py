@@ -13,7 +13,6 @@ with the package.
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from other_axes import Other, other_trace
 from stickslip_ros.identification import RANKED_LAWS, Fit, identify
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
+from validation.campaigns.arguments import arguments
 
 #: What is measured each time for `next_runs`, s.
 RECORD = 0.02
@@ -208,4 +208,5 @@ def main(study: str, count: int, first: int) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1)
+    given = arguments(__doc__, None, {"study": {*STUDIES}, "count": int, "first": 1})
+    main(given.study, given.count, given.first)

@@ -12,7 +12,6 @@ as an idle one.
 
 from __future__ import annotations
 
-import argparse
 import os
 import random
 import re
@@ -27,6 +26,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from validation.campaigns.arguments import arguments
 from validation.campaigns.processes import ended, waited
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -193,11 +193,7 @@ def _cache(command: Command) -> Iterator[Path]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study; return 1 if a command ended badly."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", metavar="COMMAND", help=", ".join(COMMANDS))
-    parser.add_argument("--moments", type=int, default=30)
-    parser.add_argument("--seed", type=int, default=1)
-    args = parser.parse_args(argv)
+    args = arguments(__doc__, argv, {"names": [*COMMANDS]}, moments=30, seed=1)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
     return int(sum(study(name, args.moments, args.seed) for name in args.names or COMMANDS) > 0)
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 import time
 from collections import Counter
 from dataclasses import dataclass
@@ -43,6 +42,7 @@ from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.traces.ringing import Ringing
+from validation.campaigns.arguments import arguments
 
 #: Rest before the steps, s; steps; samples in a second.
 PAUSE, STEPS, RATE = 0.01, 12, 5e5
@@ -263,14 +263,10 @@ def _share(part: int, of: int) -> str:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "--sum":
-        lines = [
-            json.loads(one) for path in sys.argv[2:] for one in Path(path).read_text().splitlines()
-        ]
-        print(summary(lines))
-    else:
-        numbers = [int(one) for one in sys.argv[1:] if not one.startswith("--")]
-        first = numbers[1] if len(numbers) > 1 else 1000
-        study = linear if "--linear" in sys.argv else whole
-        for seed in range(first, first + numbers[0]):
-            print(json.dumps(study(seed)), flush=True)
+    given = arguments(__doc__, None, {"count": 0, "first": 1000}, linear=False, sum=())
+    study = linear if given.linear else whole
+    for seed in range(given.first, given.first + given.count):
+        print(json.dumps(study(seed)), flush=True)
+    if given.sum:
+        texts = [Path(path).read_text().splitlines() for path in given.sum]
+        print(summary([json.loads(line) for lines in texts for line in lines]))

@@ -14,7 +14,6 @@ NUMBA_DISABLE_JIT=1 for both commands, and give the first one tests that take a 
 
 from __future__ import annotations
 
-import argparse
 import ast
 import contextlib
 import copy
@@ -31,6 +30,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from validation.campaigns.arguments import arguments
 
 ROOT = Path(__file__).resolve().parents[2]
 ROUNDS = (10, 150)  # tests, of those that reach a line: most mutants need few
@@ -102,14 +103,15 @@ def tests_of(contexts: list[str]) -> list[str]:
 
 def main() -> int:
     """Try a sample of mutants; return 0."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("contexts", nargs="+", type=Path)
-    parser.add_argument("--rooms", nargs="+", default=["axis", "recordings", "traces"])
-    parser.add_argument("--count", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--most", type=float, default=60.0, help="s of work in a test")
-    parser.add_argument("--leave-out", nargs="+", default=[], metavar="FILE")
-    args = parser.parse_args()
+    args = arguments(
+        __doc__,
+        places={"contexts": []},
+        rooms=("axis", "recordings", "traces"),
+        count=50,
+        seed=1,
+        most=60.0,
+        leave_out=(),
+    )
     os.environ[_MOST] = str(args.most)
     from coverage import CoverageData
 

@@ -12,7 +12,6 @@ nothing but a processor is taken off, so a busy machine counts as an idle one.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import signal
@@ -33,6 +32,7 @@ import numpy as np
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.simulation import warm_up
+from validation.campaigns.arguments import arguments
 from validation.campaigns.processes import ended, memory_of, waited, waited_here
 from validation.draws import even
 
@@ -162,10 +162,7 @@ def study(sets: int, seed: int) -> Heard:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print what was heard; return 1 for a fault."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--sets", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    args = parser.parse_args(argv)
+    args = arguments(__doc__, argv, sets=200, seed=1)
     heard = study(args.sets, args.seed)
     print(*heard.faults, sep="\n")
     most = partial(max, default=math.nan)  # where an axis was silent, there is none

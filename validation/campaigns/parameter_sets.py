@@ -16,16 +16,9 @@ give back more (docs/friction.md).
 
 from __future__ import annotations
 
-import argparse
-import contextlib
 import math
-import multiprocessing
-import signal
 import sys
-import traceback
-from collections import Counter
-from collections.abc import Callable, Sequence
-from types import FrameType
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,12 +33,12 @@ from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.solver import SolverError
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.waveforms import WAVEFORMS
+from validation.campaigns.arguments import arguments
+from validation.campaigns.judging import study, within
 from validation.draws import corner
 
 STEPS = 3
 SECONDS = 5.0  #: of the processor, for a set
-#: s after which a child that does not even hear its own alarm is ended
-DEAF = 120.0
 ROUNDING = 1e-9  #: of the work, that a contact may seem to give back
 #: Texts that are no file and no name: what they may be
 CHOICES = {
@@ -62,10 +55,6 @@ OF_NODE = {
     *("publish_rate", "real_time_factor", "real_time_priority", "overload_limit"),
     *("step_time", "step_cycles"),
 }
-
-
-class TookTooLong(Exception):
-    """A set needs more than its time."""
 
 
 def drawn(number: int) -> dict[str, Any]:
@@ -126,56 +115,14 @@ def outcome(values: dict[str, Any]) -> str:
 
 def judged(values: dict[str, Any]) -> str:
     """Return the outcome of a set, within its time; an exception is a fault."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise TookTooLong
-
-    signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
-    try:
-        return outcome(values)
-    except TookTooLong:
-        return f"more than {SECONDS:g} s"
-    except Exception as error:
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        return f"{type(error).__name__}: {error} ({where.filename}:{where.lineno})"
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-
-
-def study(numbers: Sequence[int], report: Callable[[int, str], None]) -> None:
-    """Judge sets in a child, which is ended and replaced where it answers no more."""
-    pool = multiprocessing.Pool(1)
-    try:
-        for number in numbers:
-            try:
-                said = pool.apply_async(judged, (drawn(number),)).get(DEAF)
-            except multiprocessing.TimeoutError:
-                pool.terminate()
-                pool, said = multiprocessing.Pool(1), f"deaf for {DEAF:g} s"
-            report(number, said)
-    finally:
-        pool.terminate()
+    return within(SECONDS, lambda: outcome(values))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Judge sets, print the faults and how many of each outcome there were; 1 for a fault."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=20_000)
-    parser.add_argument("--first", type=int, default=0)
-    args = parser.parse_args(argv)
-    counts = Counter[str]()
-
-    def report(number: int, said: str) -> None:
-        kind = said if said in ("result", "refused", "budget") else "fault"
-        counts[kind] += 1
-        if kind == "fault":
-            print(f"{number}: {said}\n    {drawn(number)}", flush=True)
-
-    with contextlib.suppress(KeyboardInterrupt):  # of what was judged until then
-        study(range(args.first, args.first + args.count), report)
-    print(", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
-    return int(counts["fault"] > 0)
+    args = arguments(__doc__, argv, count=20_000, first=0)
+    numbers = range(args.first, args.first + args.count)
+    return study(judged, drawn, numbers, ("result", "refused", "budget"), 120.0, str)
 
 
 if __name__ == "__main__":

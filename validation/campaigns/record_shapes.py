@@ -13,36 +13,27 @@ is an end that asks for a report.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
-import multiprocessing
-import signal
 import sys
 import tempfile
-import traceback
 import warnings
-from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from types import FrameType
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.cli.main import main as stickslip
+from validation.campaigns.arguments import arguments
+from validation.campaigns.judging import study, within
 
 GOOD = ("result", "finding", "refused")  #: outcomes, of exit codes 0, 1 and 2
 SECONDS = 60.0  #: of the processor, for a case
-#: s after which a child that does not even hear its own alarm is ended, also where others work
-DEAF = 1200.0
 SIZES = (2, 15, 16, 31, 32, 33, 64, 100, 100, 400, 400, 1000, 1000, 1000, 4000, 4000)
 _POINT = "preload: 0.4\namplitude: 300.0\nfrequency: 100.0\n"
-
-
-class TookTooLong(BaseException):
-    """A case needs more than its time; nothing on the way may take it for an error."""
 
 
 class Case(NamedTuple):
@@ -247,10 +238,6 @@ def _said(command: Sequence[str]) -> str:
 
 def outcome(case: Case) -> str:
     """Return what comes of a case; an exception is a fault, as is too long a time."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise TookTooLong
-
     with tempfile.TemporaryDirectory() as folder:
         files = {name: str(Path(folder, file)) for name, file in (
             ("RECORD", "record.csv"), ("POINT", "point.yaml"), ("OUT", "out.yaml"),
@@ -263,60 +250,22 @@ def outcome(case: Case) -> str:
         )  # fmt: skip
         if "RUN" in case.command:
             _said(["simulate", "--steps=5", "--config", files["POINT"], "--trace", files["RUN"]])
-        before = signal.signal(signal.SIGPROF, stop)
-        signal.setitimer(signal.ITIMER_PROF, SECONDS)
-        try:
-            return _said([files.get(word, word) for word in case.command])
-        except TookTooLong:
-            return f"more than {SECONDS:g} s"
-        except Exception as error:
-            at = traceback.extract_tb(error.__traceback__)
-            ours = [one for one in at if "stickslip_ros" in one.filename] or at
-            where = f"{Path(ours[-1].filename).name}:{ours[-1].lineno}"
-            return f"{type(error).__name__}: {error} ({where})"
-        finally:
-            signal.setitimer(signal.ITIMER_PROF, 0.0)
-            signal.signal(signal.SIGPROF, before)
-
-
-def study(seed: int, numbers: Sequence[int], report: Callable[[int, str], None]) -> None:
-    """Judge cases in a child, which is ended and replaced where it answers no more."""
-    pool = multiprocessing.Pool(1)
-    try:
-        for number in numbers:
-            try:
-                said = pool.apply_async(outcome, (drawn(seed, number),)).get(DEAF)
-            except multiprocessing.TimeoutError:
-                for child in multiprocessing.active_children():
-                    child.kill()  # the command takes a SIGTERM for an end of its own, and goes on
-                pool.terminate()
-                pool, said = multiprocessing.Pool(1), f"deaf for {DEAF:g} s"
-            report(number, said)
-    finally:
-        pool.terminate()
+        command = [files.get(word, word) for word in case.command]
+        return within(SECONDS, lambda: _said(command))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Judge cases, print the faults and how many of each outcome there were; 1 for a fault."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--count", type=int, default=2000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--first", type=int, default=0)
-    args = parser.parse_args(argv)
-    counts = Counter[str]()
-
-    def report(number: int, said: str) -> None:
-        case = drawn(args.seed, number)
-        kind = said if said in GOOD else "fault"
-        counts[f"{case.command[0]} {kind}"] += 1
-        counts[kind] += 1
-        if kind == "fault":
-            print(f"{number}: {said}\n    {case.shape}: {' '.join(case.command)}", flush=True)
-
-    with contextlib.suppress(KeyboardInterrupt):  # of what was judged until then
-        study(args.seed, range(args.first, args.first + args.count), report)
-    print(", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
-    return int(counts["fault"] > 0)
+    args = arguments(__doc__, argv, count=2000, seed=1, first=0)
+    return study(
+        outcome,
+        partial(drawn, args.seed),
+        range(args.first, args.first + args.count),
+        GOOD,
+        1200.0,  # also where others work
+        lambda case: f"{case.shape}: {' '.join(case.command)}",
+        lambda case: case.command[0],
+    )
 
 
 if __name__ == "__main__":

@@ -12,7 +12,6 @@ reported is a false alarm.
 
 from __future__ import annotations
 
-import argparse
 import math
 import signal
 import subprocess
@@ -28,6 +27,7 @@ from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
+from validation.campaigns.arguments import arguments
 from validation.campaigns.processes import ended, memory_of
 
 AXIS = ("axis_node", "--ros-args", "-p", "frequency:=100.0", "-p", "publish_rate:=100.0")
@@ -92,10 +92,7 @@ def started(words: tuple[str, ...]) -> subprocess.Popen[bytes]:
 
 def main() -> int:
     """Run; return 1 if anything was not as it has to be."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--seed", type=int, default=1)
-    args = parser.parse_args()
+    args = arguments(__doc__, minutes=60.0, seed=1)
     lot, faults, done = np.random.default_rng(args.seed), list[str](), Counter[str]()
     rclpy.init()
     peer, axis, twin = Peer(), started(AXIS), started(TWIN)

@@ -21,7 +21,6 @@ is that of the ringing, as docs/states.md says.
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
@@ -35,6 +34,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import Parameters
+from validation.campaigns.arguments import arguments
 from validation.campaigns.drives import EFFECTS
 from validation.draws import REAL, anywhere, differing, even, loads, shape, waveform
 
@@ -185,12 +185,7 @@ def outcome(axis: Axis, target: float, shortest: float) -> Outcome:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the findings and how many targets ended in which way; return 1 for a finding."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--count", type=int, default=1000, help="targets (%(default)s)")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--first", type=int, default=0, help="number of the first one")
-    parser.add_argument("--all", action="store_true", help="also drives that cannot step there")
-    args = parser.parse_args(argv)
+    args = arguments(__doc__, argv, count=1000, seed=1, first=0, all=False)
     ends: Counter[str] = Counter()
     fine: list[Outcome] = []
     slowest, blocked = 0.0, 0

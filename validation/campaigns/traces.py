@@ -13,7 +13,6 @@ of those that are determined hold the truth.
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 import warnings
@@ -22,6 +21,7 @@ from collections import Counter
 from stickslip_ros.traces.analysis import find_steps
 from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.runs import Run
+from validation.campaigns.arguments import arguments
 from validation.campaigns.lab_traces import AT_RANDOM, KINDS, LabTrace, lab_trace
 
 RIGHT, BACKSTEP, DOUBTFUL, NONE, WRONG = "right", "backstep", "doubtful", "none", "WRONG"
@@ -123,12 +123,7 @@ def _off(value: float, error: float, true: float) -> bool:
 
 def main() -> None:
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("count", type=int)
-    parser.add_argument("first", type=int, nargs="?", default=1)
-    parser.add_argument("--told", action="store_true")
-    parser.add_argument("--kinds", default="")
-    args = parser.parse_args()
+    args = arguments(__doc__, None, {"count": int, "first": 1}, told=False, kinds="")
     study = Study(args.told)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import copy
 import math
-import sys
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -27,6 +26,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
 from stickslip_ros.twin.timeline import OperatingPoint
 from stickslip_ros.twin.tracker import THETA
+from validation.campaigns.arguments import arguments
 from validation.twin_axis import Hidden, Log, RealAxis, feed
 
 Array = NDArray[np.float64]
@@ -210,5 +210,6 @@ if __name__ == "__main__":
     studies = {
         "alarms": alarms, "told": told, "intervals": intervals, "moves": moves, "causes": causes,
     }  # fmt: skip
-    studies[sys.argv[1]](int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1)
+    given = arguments(__doc__, None, {"study": {*studies}, "count": int, "first": 1})
+    studies[given.study](given.count, given.first)
     print(f"{time.process_time() - begin:.0f} s of processor time")

@@ -114,9 +114,7 @@ def _facts(found: Soaked) -> dict[str, str]:
 def _page(found: Soaked) -> str:
     figures = {
         "memory": _figure(
-            found,
-            "MB",
-            {name: [s.memory[name] for s in found.samples] for name in _COLOURS},
+            found, "MB", {name: [s.memory[name] for s in found.samples] for name in _COLOURS}
         ),
         "deadlines": _figure(
             found, "missed deadlines", {"axis": [s.missed for s in found.samples]}

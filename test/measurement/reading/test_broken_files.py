@@ -97,11 +97,7 @@ def unlike(found: Motion, whole: Motion) -> int:
     ("suffix", "write", "how", "by_line"), WHOLE, ids=[one[1].__name__ for one in WHOLE]
 )
 def test_a_broken_file_is_refused_or_read_as_far_as_it_is_whole(
-    suffix: str,
-    write: Callable[[Path], None],
-    how: Reading | None,
-    by_line: bool,
-    tmp_path: Path,
+    suffix: str, write: Callable[[Path], None], how: Reading | None, by_line: bool, tmp_path: Path
 ) -> None:
     if suffix in WAVEFORMS:
         pytest.importorskip("RigolWFM")

@@ -35,12 +35,7 @@ from waveform_files import (
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.load_motion import joint_columns, load_motion
-from stickslip_ros.measurement.reading import (
-    MeasurementError,
-    Reading,
-    read_loop,
-    read_measurement,
-)
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop, read_measurement
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 
 T = STEP * np.arange(COUNT)
@@ -233,10 +228,7 @@ def options_of(how: Reading | None) -> list[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "files",
-    [
-        [FILES[1], FILES[-1]],
-        pytest.param([FILES[0], *FILES[2:-1]], marks=pytest.mark.long),
-    ],
+    [[FILES[1], FILES[-1]], pytest.param([FILES[0], *FILES[2:-1]], marks=pytest.mark.long)],
     ids=["two", "all others"],
 )
 def test_the_command_line_takes_columns_units_and_scales(

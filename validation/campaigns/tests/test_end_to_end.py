@@ -5,7 +5,6 @@
 the rate of the published state, short enough for every day.
 """
 
-import json
 import os
 from collections import defaultdict
 from itertools import cycle, pairwise
@@ -17,12 +16,8 @@ from live import Process, Ros, Start
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import JointState
-from table_1 import table_1
 
-from stickslip_ros.cli.main import main
-from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.ros.client import AxisClient
-from stickslip_ros.solver import Simulation
 
 pytestmark = pytest.mark.long
 SOAK = float(os.environ.get("STICKSLIP_SOAK_S", "10"))  # s
@@ -146,57 +141,3 @@ def test_nothing_is_lost_between_node_and_bag(
     commands = messages["/stickslip_axis/command/steps"]
     values = [{pair.key: pair.value for pair in event.values} for _, event in finished]
     assert [int(v["steps"]) for v in values] == [int(m.data) for m in commands]
-
-
-def test_a_move_over_dds_ends_where_the_command_line_says(
-    ros: Ros,
-    recorder: Process,
-    axis: Process,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    """200 steps at 1 kHz: the end of the last cycle, and the rest that follows.
-
-    At the end of the last cycle, when the slip of the actuator is over, both are 24536.59 nm: the
-    same kernel in the same state, whenever the cycle happens, so nothing is left of a difference.
-
-    That is not where the runner stays. The slip has bent the asperities by 24.90 nm. They unbend,
-    the runner swings back by 48.3 nm and rings down at 7.5 kHz, with the time constant
-    2 m / sigma_1 = 1.6 ms, to 25.674 nm below: the 24.90 nm, and 0.77 nm that the contact
-    slides where the first swing goes beyond z_ba = 18 nm. 20 ms later no picometre is left to
-    come and nothing creeps: in this contact a load below breakaway is held elastically. So the
-    joint states rest 25.674 nm short of the position that the command line gives for the last
-    cycle, exactly as the solver does when it is left alone as long.
-    """
-    AxisClient(node=ros.node("client"), listeners=2).set_frequency(1000.0).step(200).wait()
-    end: list[int] = []
-    ros.node().create_subscription(
-        JointState, "/joint_states", lambda m: end.append(_nanoseconds(m)), 1000
-    )
-    ros.wait_until(lambda: end and end[-1] - end[0] > 2e8, "0.2 s of rest")
-    assert axis.terminate() == 0
-    assert recorder.terminate() == 0
-
-    assert main(["simulate", "--json", "--steps", "200", "--frequency", "1000"]) == 0
-    expected = json.loads(capsys.readouterr().out)["position"][-1]
-    messages = _read(tmp_path / "bag")
-    (finished,) = [
-        {pair.key: pair.value for pair in event.values}
-        for message in messages["/stickslip_axis/events"]
-        for event in message.status
-        if event.message == "move finished"
-    ]
-    assert 1e9 * float(finished["position"]) == pytest.approx(1e9 * expected, abs=0.1)
-    assert float(finished["position"]) == expected
-
-    p = table_1(frequency=1000.0)
-    simulation = Simulation(Plant.of(p), p.solver.tolerance)
-    simulation.start(drive_of(p), 200)
-    simulation.run_cycles(200)
-    simulation.advance(simulation.end_of_move + 0.2)
-    resting = messages["/joint_states"][-1]
-    assert resting.position[0] == pytest.approx(simulation.state.x, abs=1e-18)
-    assert 1e9 * (expected - resting.position[0]) == pytest.approx(25.674, abs=0.005)
-    still = [m.position[0] for m in messages["/joint_states"][-10:]]
-    assert max(still) - min(still) < 1e-15
-    print(f"end of the last cycle {1e9 * expected:.4f} nm, rest {1e9 * still[-1]:.4f} nm")
