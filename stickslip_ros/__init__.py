@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, ComparisonError, ComparisonMetric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
     from stickslip_ros.measurement.reading import MeasurementError
+    from stickslip_ros.measurement.steps.record import TraceError
+    from stickslip_ros.measurement.steps.run import Run
     from stickslip_ros.motion.motion import Motion
     from stickslip_ros.motion.trace import Trace
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
     from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
     from stickslip_ros.simulation import *  # noqa: F403
-    from stickslip_ros.traces import TraceError
-    from stickslip_ros.traces.runs import Run
 
 __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
@@ -58,6 +58,8 @@ _PLACES = {
     "measurement": "Comparison ComparisonError ComparisonMetric",
     "measurement.actuator_identification": "IdentifiedActuator",
     "measurement.reading": "MeasurementError",
+    "measurement.steps.record": "TraceError",
+    "measurement.steps.run": "Run",
     "parameters": "PARAMETERS ParameterError Parameters read_yaml",
     "recordings.errors": "BagError",
     "recordings.reader": "open_bag",
@@ -65,8 +67,6 @@ _PLACES = {
     "recordings.runs": "recorded_runs",
     "motion.motion": "Motion",
     "motion.trace": "Trace",
-    "traces": "TraceError",
-    "traces.runs": "Run",
 }
 
 # Type checkers must not see it: to them, any name would then be one of ours.

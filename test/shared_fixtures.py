@@ -156,7 +156,7 @@ def compiled_solver() -> None:
 
 
 #: What a search for steps found and said, by the samples that it searched.
-_FOUND: dict[bytes, tuple[Any, list[str]]] = {}
+_FOUND: dict[bytes, Any] = {}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -173,25 +173,22 @@ def search_once(request: pytest.FixtureRequest) -> Iterator[None]:
 
     A search takes seconds, and most tests look at what follows it.
     """
-    if request.path.parent.name == "traces":
+    if request.path.parent.name == "steps":
         yield
         return
-    from stickslip_ros.traces import analysis
+    from stickslip_ros.measurement.steps import analysis, motions
 
     search = analysis.find_steps
 
-    def remember(t: Any, x: Any, period: float | None = None, report: Any = None) -> Any:
-        key = hashlib.blake2b(t.tobytes() + x.tobytes() + repr(period).encode()).digest()
+    def remember(t: Any, x: Any, frequency: float | None = None) -> Any:
+        key = hashlib.blake2b(t.tobytes() + x.tobytes() + repr(frequency).encode()).digest()
         if key not in _FOUND:
-            said: list[str] = []
-            _FOUND[key] = search(t, x, period, said.append), said
-        found, said = _FOUND[key]
-        for stage in said if report else ():
-            report(stage)
-        return found
+            _FOUND[key] = search(t, x, frequency)
+        return _FOUND[key]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(analysis, "find_steps", remember)
+        patch.setattr(motions, "find_steps", remember)
         yield
 
 

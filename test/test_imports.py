@@ -31,7 +31,6 @@ ORDER = (
     ("solver",),
     ("axis",),
     ("motion",),
-    ("traces",),
     ("recordings",),
     ("measurement",),
     ("simulation",),
@@ -219,7 +218,7 @@ def test_a_wrong_import_is_found(tmp_path: Path) -> None:
     for name, text, problem in [
         ("model/a.py", "import stickslip_ros.solver.kernel", "model may not use solver"),
         ("model/a.py", "from ..axis import device", "model may not use axis"),
-        ("axis/a.py", "from stickslip_ros import traces", "axis may not use traces"),
+        ("axis/a.py", "from stickslip_ros import measurement", "axis may not use measurement"),
         ("axis/a.py", "def f():\n    import rclpy.time", "axis may not use ROS (rclpy)"),
         ("axis/a.py", "from time import monotonic", "axis may not read a clock"),
         ("recordings/a.py", "from std_msgs.msg import Int32", "recordings may not use ROS"),

@@ -23,10 +23,10 @@ from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.reporting.terminal import nanometres
 
 if TYPE_CHECKING:
+    from stickslip_ros.measurement.steps.analysis import Findings
+    from stickslip_ros.measurement.steps.run import Run
     from stickslip_ros.motion.motion import Motion
     from stickslip_ros.reporting.page import ResultPage
-    from stickslip_ros.traces.analysis import Findings
-    from stickslip_ros.traces.runs import Run
 
 #: Columns of the table by the names of the JSON.
 _COLUMNS = {
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
-    from stickslip_ros.traces import TraceError
+    from stickslip_ros.measurement.steps.record import TraceError
 
     check_outputs(args)
     args.trace = args.traces[0]
@@ -168,9 +168,8 @@ def _page(motion: Motion, seen: Findings) -> ResultPage:
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:
     """Return the motion, the findings in it, and its longest run. Raises TraceError."""
-    from stickslip_ros.traces import analyse_steps
-    from stickslip_ros.traces.analysis import has_actuator
-    from stickslip_ros.traces.runs import main_run
+    from stickslip_ros.measurement.steps.motions import analyse_steps, has_actuator
+    from stickslip_ros.measurement.steps.run import main_run
 
     period = None if args.frequency is None else 1.0 / args.frequency
     motion, seen = steps_in(args, motion, period)

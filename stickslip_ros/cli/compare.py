@@ -28,8 +28,8 @@ from stickslip_ros.version import __version__
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement
     from stickslip_ros.measurement.load_motion import LoadedMotion
+    from stickslip_ros.measurement.steps.run import Run
     from stickslip_ros.motion.motion import Motion
-    from stickslip_ros.traces.runs import Run
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,17 +11,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.options import flag, option, progress_bar, quantity, repeated
+from stickslip_ros.cli.options import flag, option, quantity, repeated
 from stickslip_ros.errors import UsageError
 from stickslip_ros.reporting import format_si
-from stickslip_ros.reporting.terminal import SEARCH
+from stickslip_ros.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.shared_files import sample_file
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
+    from stickslip_ros.measurement.steps.analysis import Findings
+    from stickslip_ros.measurement.steps.run import Run
     from stickslip_ros.motion.motion import Motion
-    from stickslip_ros.traces.analysis import Findings
-    from stickslip_ros.traces.runs import Run
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
@@ -112,13 +112,6 @@ def steps_in(
         print(f"{motion.source}: {text}", file=sys.stderr)
 
     found = _found_in(motion, period)
-    for run in found.runs:
-        if not run.explained:
-            say(
-                f"the {run.steps} steps from {run.span} are a guess, no "
-                "run of equal steps explains the motion there; give the frequency of the drive, or "
-                "the part in which it steps evenly with --from and --to"
-            )
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
     if fitted.drifts and not drift:
@@ -146,14 +139,8 @@ def say_doubts(source: Path | str, runs: Iterable[Run]) -> bool:
 
 
 def _found_in(motion: Motion, period: float | None) -> Findings:
-    """Find the runs in a measurement, with a progress bar."""
-    from stickslip_ros.traces.analysis import STAGES, find_steps
+    """Find the runs in a measurement, and say so if it takes long."""
+    from stickslip_ros.measurement.steps.analysis import find_steps
 
-    with progress_bar(STAGES, SEARCH) as bar:
-
-        def report(stage: str) -> None:
-            bar.set_description(f"{SEARCH}: {stage}", refresh=False)
-            if bar.n < STAGES - 1:  # the same once more, where nothing explained the motion
-                bar.update()
-
-        return find_steps(motion.t, motion.x, period, report)
+    with announce_if_slow(SEARCH):
+        return find_steps(motion.t, motion.x, None if period is None else 1.0 / period)

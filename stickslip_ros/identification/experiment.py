@@ -19,6 +19,11 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification.settings import RECORD
+from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS, hum_columns
+from stickslip_ros.measurement.steps.motions import determined_part, find_runs, why_left_out
+from stickslip_ros.measurement.steps.noise import noise_of
+from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.motion.motion import Motion
@@ -26,11 +31,6 @@ from stickslip_ros.motion.readings import through_bandwidth
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import format_si
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.traces.analysis import determined_part, find_runs, why_left_out
-from stickslip_ros.traces.even_samples import noise_of
-from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
-from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import Run
 
 
 class IdentificationError(StickslipError, ValueError):
@@ -211,13 +211,13 @@ def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
 
 def _found(motion: Motion, frequency: float) -> list[Run]:
     """Return the runs of a measurement; where they are not clear, those without its hum."""
-    found = find_runs(motion.t, motion.x, 1.0 / frequency)
+    found = find_runs(motion.t, motion.x, frequency)
     if found and all(_clear(one, frequency) for one in determined_part(motion, found)[1]):
         return found
     t = motion.t - motion.t[0]
     columns = np.column_stack([np.ones_like(t), t / t[-1], *hum_columns(t, MAINS)])
     hum = columns[:, 2:] @ np.linalg.lstsq(columns, motion.x, rcond=None)[0][2:]
-    without = find_runs(motion.t, motion.x - hum, 1.0 / frequency)
+    without = find_runs(motion.t, motion.x - hum, frequency)
     kept = determined_part(motion, without)[1]
     return without if kept and all(_clear(one, frequency) for one in kept) else found
 

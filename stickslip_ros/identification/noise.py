@@ -25,7 +25,7 @@ import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.settings import RECORD
-from stickslip_ros.traces.hum import HARMONICS, MAINS, USUAL, hum_columns
+from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS, USUAL, hum_columns
 
 
 @dataclass(frozen=True)

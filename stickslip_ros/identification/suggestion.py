@@ -26,12 +26,12 @@ from stickslip_ros.identification.profile import Profiler, deviations_of
 from stickslip_ros.identification.search import place_runs
 from stickslip_ros.identification.settings import NEXT, RECORD
 from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.model import Plant
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
 from stickslip_ros.reporting import CONFIDENCE, format_si
 from stickslip_ros.solver import SolverError
-from stickslip_ros.traces.ringing import Ringing
 
 #: Constants that hold for all preloads (Eq. 13, 14); others hold for one preload.
 _OVER_PRELOAD = {"sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset"}

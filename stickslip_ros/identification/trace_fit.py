@@ -23,9 +23,9 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.noise import Hum, Noise, learn
 from stickslip_ros.identification.settings import DESCENT, RECORD
+from stickslip_ros.measurement.steps.hum import MAINS, hum_columns
+from stickslip_ros.measurement.steps.noise import noise_of, without_spikes
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.even_samples import noise_of, without_spikes
-from stickslip_ros.traces.hum import MAINS, hum_columns
 
 #: Ratio of the second differences of white noise to the noise.
 _SECOND = 6.0**0.5

@@ -25,10 +25,10 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     without_slopes,
 )
-from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.even_samples import noise_of
-from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
-from stickslip_ros.traces.runs import Run
+from stickslip_ros.measurement.onset import find_onset, thin_samples
+from stickslip_ros.measurement.steps.noise import noise_of
+from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.run import Cycles, Run
 
 
 @dataclass(frozen=True)

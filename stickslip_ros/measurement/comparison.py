@@ -26,13 +26,13 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     low_pass,
 )
+from stickslip_ros.measurement.steps.motions import determined_part, runs_of
+from stickslip_ros.measurement.steps.noise import noise_of
+from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import Cell, frame
 from stickslip_ros.reporting.terminal import format_rows, style_text
-from stickslip_ros.traces.analysis import determined_part, runs_of
-from stickslip_ros.traces.even_samples import noise_of
-from stickslip_ros.traces.runs import Run
 
 if TYPE_CHECKING:
     import pandas

@@ -23,12 +23,12 @@ import scipy  # its parts load when they are used, which takes half a second
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
+from stickslip_ros.measurement.steps.measured_value import COVERAGE, MeasuredValue
+from stickslip_ros.measurement.steps.motions import has_actuator, why_left_out
+from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.run import Run, main_run
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.reporting import format_si
-from stickslip_ros.traces.analysis import has_actuator, why_left_out
-from stickslip_ros.traces.cycles import TraceError
-from stickslip_ros.traces.measured_value import COVERAGE, MeasuredValue
-from stickslip_ros.traces.runs import Run, main_run
 
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98
@@ -140,7 +140,9 @@ def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alig
         last = main.slips[-1] + _AFTER * main.period
         part = part.between(*clock.run_time(np.array([first, last])))
     try:
-        own = [one for one in motions.runs_in(part, main.period) if one.direction == main.direction]
+        own = [
+            one for one in motions.runs_in(part, main.frequency) if one.direction == main.direction
+        ]
         return align(motions, fits, main_run(own), main, begun)
     except TraceError:
         return align(motions, fits, None, main)
@@ -156,11 +158,11 @@ def pair_runs(
     if not measured:
         missing = "the measurement has no steps"
         return [RunPair(None, None, missing_metrics(missing), missing)]
-    run, period = motions.run, main_run(measured).period
+    run, frequency = motions.run, main_run(measured).frequency
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     seen = run if exact else Motion(run.source, pairs.t, pairs.run)
     try:
-        runs, why = motions.runs_in(seen, period), "none are found there"
+        runs, why = motions.runs_in(seen, frequency), "none are found there"
     except TraceError as error:
         runs, why = [], str(error)
     limit = significant(len(METRICS) * len(measured))

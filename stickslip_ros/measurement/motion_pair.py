@@ -11,11 +11,11 @@ import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.measurement.onset import cycle_of, detrend
+from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, runs_of
+from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.run import Cycles, Run
 from stickslip_ros.motion.motion import Motion
-from stickslip_ros.traces.analysis import find_runs, has_actuator, runs_of
-from stickslip_ros.traces.cycles import Cycles, TraceError
-from stickslip_ros.traces.ringing import cycle_of, detrend
-from stickslip_ros.traces.runs import Run
 
 #: Samples that candidates are judged by.
 _JUDGES = 20_000
@@ -96,15 +96,15 @@ class MotionPair:
     measurement: Motion
     period: float | None = None  #: of the drive by its parameters, where a run is made of them, s
 
-    def runs_in(self, part: Motion, period: float) -> list[Run]:
-        """Return the runs of steps in a part of the run, sought at a period (s) first.
+    def runs_in(self, part: Motion, frequency: float) -> list[Run]:
+        """Return the runs of steps in a part of the run, sought at a frequency (Hz) first.
 
         The actuator shows the cycles where the part has one. Raises TraceError.
         """
         if has_actuator(part.u):
             return runs_of(part)
         try:
-            found = find_runs(part.t, part.x, period)
+            found = find_runs(part.t, part.x, frequency)
         except TraceError:
             found = []
         return found or find_runs(part.t, part.x)

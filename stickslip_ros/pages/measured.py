@@ -10,6 +10,8 @@ from itertools import islice
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.measurement.steps.analysis import Findings
+from stickslip_ros.measurement.steps.run import Run, after_slip
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.motion.settled import settled_from
 from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
@@ -23,8 +25,6 @@ from stickslip_ros.reporting.page import (
     stretch_of,
     thin_columns,
 )
-from stickslip_ros.traces.analysis import Findings
-from stickslip_ros.traces.runs import Run, after_slip
 
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
+from stickslip_ros.measurement.steps.motions import analyse_steps
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.motion.phases import points
@@ -35,7 +36,6 @@ from stickslip_ros.simulation.waveform_search import (
     shaping_map,
 )
 from stickslip_ros.solver import Simulation
-from stickslip_ros.traces.analysis import analyse_steps
 
 #: A swing of the ringing that counts, m.
 _SWING = 1e-9

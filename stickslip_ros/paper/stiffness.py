@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.measurement.steps.ringing import fit_ringing
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.contacts import Geometry, forces_by_preload, preload_ratio
 from stickslip_ros.model.derivations import (
@@ -36,7 +37,6 @@ from stickslip_ros.paper.parameter_sets import (
     steps_and_backsteps,
 )
 from stickslip_ros.paper.step_curves import zero_preload
-from stickslip_ros.traces.ringing import fit_ringing
 
 #: N; at each a step is traced and its ringing measured.
 _PRELOAD = (0.1, 0.4, 1.0, 2.0)
@@ -64,7 +64,7 @@ def stiffness() -> Result:
         p = columns({"preload": preload})
         trace, period = trace_steps(p, 2), drive_of(p).period
         after = (trace.t >= period) & (trace.t < 1.9 * period)
-        ringing = fit_ringing([(trace.t[after] - period, trace.x[after])])
+        ringing = fit_ringing(trace.t[after] - period, trace.x[after], 0.9 * period)
         frequency = ringing.frequency if ringing else math.nan
         recovered.append(sigma_0_of_ringing(frequency, p.runner.mass))
         given.append(Plant.of(p).contact.sigma_0)

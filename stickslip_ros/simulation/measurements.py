@@ -24,15 +24,16 @@ from stickslip_ros.measurement.as_measured import simulate_as_measured
 from stickslip_ros.measurement.load_motion import is_parameter_file, load_motion
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
+from stickslip_ros.measurement.steps import motions as analyses
+from stickslip_ros.measurement.steps.motions import analyse_steps
+from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.motion.trace import Trace
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.shared_files import sample_file
 from stickslip_ros.simulation.run import SimulatedRun
-from stickslip_ros.traces import TraceError, analyse_steps
-from stickslip_ros.traces import analysis as analyses
-from stickslip_ros.traces.runs import Run
 
 #: Whatever holds the position of a runner over time.
 MotionSource = Motion | SimulatedRun | Trace | str | PathLike[str]
@@ -106,7 +107,8 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     """
     motion = _motion(measurement)
     with announce_if_slow(SEARCH):
-        return analyses.find_runs(motion.t, motion.x, _period(frequency))
+        _check(frequency)
+        return analyses.find_runs(motion.t, motion.x, frequency)
 
 
 def analyse(
@@ -147,7 +149,7 @@ def analyse(
     133.8 nm, ringing at 7549 Hz
     """
     motion = _motion(measurement)
-    _period(frequency)
+    _check(frequency)
     with announce_if_slow(SEARCH):
         return analyse_steps(
             motion.t, motion.x, motion.u,
@@ -204,7 +206,7 @@ def compare(
         ):
             p = Parameters.of(run)  # type: ignore[arg-type]
             period = 1.0 / p.drive.frequency
-            runs = analyses.find_runs(measured.t, measured.x, period)
+            runs = analyses.find_runs(measured.t, measured.x, p.drive.frequency)
             simulated = simulate_as_measured(p, measured, runs, "simulation")
             return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
         return comparisons.compare(_motion(run), measured, fits, cutoff)  # type: ignore[arg-type]
@@ -273,11 +275,10 @@ def _reading(how: Mapping[str, Any]) -> Reading:
     return Reading(**how)
 
 
-def _period(frequency: float | None) -> float | None:
-    """Return the period (s) of a frequency (Hz) where one is given. Raises TraceError."""
+def _check(frequency: float | None) -> None:
+    """Raise TraceError for a frequency (Hz) that none can be."""
     if frequency is not None and not 0.0 < frequency < math.inf:
         raise TraceError(f"the frequency is {frequency:g} Hz; it has to be above 0")
-    return None if frequency is None else 1.0 / frequency
 
 
 def _motion(source: MotionSource) -> Motion:

@@ -13,6 +13,9 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.measurement.steps.motions import find_runs
+from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.run import main_run
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.motion.phases import points
@@ -27,9 +30,6 @@ from stickslip_ros.reporting.page import thin_columns
 from stickslip_ros.simulation.left_out import OF_A_CYCLE, left_out
 from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.solver import Simulation
-from stickslip_ros.traces import TraceError
-from stickslip_ros.traces.analysis import find_runs
-from stickslip_ros.traces.runs import main_run
 from stickslip_ros.workbench.controls import recipes, set_names, shown_values
 
 #: The parameters that steps are drawn over: from, to, whether by factors, points of the curve.
@@ -72,7 +72,7 @@ class Overlay:
 
         Raises TraceError where the measurement shows no steps.
         """
-        runs = find_runs(motion.t, motion.x, None if frequency is None else 1.0 / frequency)
+        runs = find_runs(motion.t, motion.x, frequency)
         try:
             run = main_run(runs)
         except TraceError:

@@ -23,10 +23,10 @@ from urllib.parse import parse_qsl
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import Reading
+from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.pages.twin import TwinStory, live_parts, twin_page
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.reporting.page import page
-from stickslip_ros.traces import TraceError
 from stickslip_ros.workbench.controls import (
     CHOICES,
     GROUPS,

@@ -14,7 +14,6 @@ from table_1 import table_1
 from stickslip_ros.cli.main import main
 from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
 from stickslip_ros.motion.trace import save_csv
-from stickslip_ros.traces.cycle_fit import CycleFit
 
 pytestmark = pytest.mark.slow
 
@@ -154,21 +153,6 @@ def test_drift_and_hum_are_told_and_taken_out(
         assert told["mains"] == 50.0
         assert ("--fit-position-drift" in output.err) is not bool(options)
         assert ("hum of 50 Hz" in output.err) is not bool(options)
-
-
-def test_what_no_run_explains_is_called_a_guess(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Steps that are seen, but do not rise and fall alike, are shown as what they are."""
-    monkeypatch.setattr(CycleFit, "explains", lambda _: False)
-    bench = bench_trace(Axis(), (Drive(12, 1000.0),), Sensor(rate=100e3, noise=1e-9), rest=8e-3)
-    file = tmp_path / "steps.csv"
-    write_bench(file, bench, "t (s),x (m)")
-    assert main(["analyse", str(file), "--json"]) == 1
-    shown = capsys.readouterr()
-    (run,) = json.loads(shown.out)["runs"]
-    assert (run["steps"], run["explained"], run["determined"]) == (12, False, False)
-    assert "are a guess, no run of equal steps explains the motion there" in shown.err
 
 
 def test_what_the_record_does_not_hold_is_not_determined(

@@ -9,9 +9,9 @@ import pytest
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
+from stickslip_ros.measurement.steps.motions import find_steps
+from stickslip_ros.measurement.steps.record import TraceError, analyse_steps, analysis
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.traces import TraceError, analyse_steps, analysis
-from stickslip_ros.traces.analysis import find_steps
 
 COUNT, TICK = 4000, 1e-4
 NUMBER = np.arange(COUNT)

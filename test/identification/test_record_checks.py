@@ -17,9 +17,9 @@ from stickslip_ros.identification.experiment import (
     is_too_coarse,
     without_repeats,
 )
+from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.ringing import Ringing
 from validation.campaigns.intervals import draw
 
 #: Steps of 100 nm at 400 Hz, where the actuator goes 150 nm.

@@ -18,10 +18,10 @@ from stickslip_ros.identification.noise import (
     whitener,
 )
 from stickslip_ros.identification.trace_fit import BinnedModel, Bins, TraceFit
+from stickslip_ros.measurement.steps.hum import MAINS, USUAL, hum_columns
+from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
-from stickslip_ros.traces.ringing import Ringing
 
 
 def hum_in(t: np.ndarray, left: np.ndarray) -> tuple[float, ...]:

@@ -23,12 +23,10 @@ from stickslip_ros.measurement.motion_pair import (
     Pairs,
     low_pass,
 )
+from stickslip_ros.measurement.steps.measured_value import MeasuredValue
+from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.run import Cycles, Run
 from stickslip_ros.motion.motion import Motion
-from stickslip_ros.traces.backstep import Backstep
-from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.measured_value import MeasuredValue
-from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import Run
 
 Array = NDArray[np.float64]
 PERIOD = 0.01  # s
@@ -38,8 +36,8 @@ T: Array = np.arange(0.0, 0.1, 1e-4)
 def _steps(count: int = 8, **changed: Any) -> Run:
     ends = PERIOD * np.arange(1.0, count + 1.0)
     found = Run(
-        Cycles.even(ends, PERIOD, 1), np.full(count, 1e-7), MeasuredValue(1e-7, 0.0),
-        np.full(count, 2e-8), Backstep(2e-8, 0.0, 0.0, "samples"), Ringing(7e3, 600.0), {},
+        Cycles.even(ends, PERIOD, 1), MeasuredValue(1e-7, 0.0), MeasuredValue(2e-8, 0.0),
+        Ringing(7e3, 600.0), np.full(count, 1e-7), np.full(count, 2e-8), {},
     )  # fmt: skip
     return replace(found, **changed)
 

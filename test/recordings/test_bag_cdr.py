@@ -201,7 +201,7 @@ def test_what_we_encode_is_what_rosbags_reads(frame: str, joints: int) -> None:
         header=header, name=names, position=[1e-9 * k for k in range(joints)],
         velocity=[0.5] * joints, effort=[],
     )  # fmt: skip
-    read = STORE.deserialize_cdr(encoder_for(JOINTS)(state), JOINTS.type)
+    read: Any = STORE.deserialize_cdr(encoder_for(JOINTS)(state), JOINTS.type)
     assert (read.header.stamp.sec, read.header.stamp.nanosec) == (-3, 4)
     assert (read.header.frame_id, read.name) == (frame, names)
     assert [read.position.tolist(), read.velocity.tolist()] == [state.position, state.velocity]
@@ -209,7 +209,8 @@ def test_what_we_encode_is_what_rosbags_reads(frame: str, joints: int) -> None:
     pairs = [SimpleNamespace(key=name, value=frame) for name in names]
     one = SimpleNamespace(level=2, name="/axis: event", message="é", hardware_id="", values=pairs)
     array = SimpleNamespace(header=header, status=[one, one])
-    for status in STORE.deserialize_cdr(encoder_for(EVENTS)(array), EVENTS.type).status:
+    found: Any = STORE.deserialize_cdr(encoder_for(EVENTS)(array), EVENTS.type)
+    for status in found.status:
         assert (status.level, status.name, status.message) == (2, "/axis: event", "é")
         assert [(pair.key, pair.value) for pair in status.values] == [(n, frame) for n in names]
     with pytest.raises(BagError, match=STEPS.name):

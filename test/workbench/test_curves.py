@@ -13,9 +13,9 @@ from table_1 import OVER_PRELOAD, TABLE_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
+from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.traces import TraceError
 from stickslip_ros.workbench.controls import (
     CHOICES,
     SLIDERS,

@@ -37,11 +37,11 @@ from stickslip_ros.identification.free import FreeParameters, free_parameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.trace_fit import BinnedModel, TraceFit
+from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.model import Plant
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import CONFIDENCE
-from stickslip_ros.traces.ringing import Ringing
 from validation.campaigns.arguments import arguments
 
 #: Rest before the steps, s; steps; samples in a second.

@@ -18,9 +18,8 @@ import time
 import warnings
 from collections import Counter
 
-from stickslip_ros.traces.analysis import find_steps
-from stickslip_ros.traces.cycles import TraceError
-from stickslip_ros.traces.runs import Run
+from stickslip_ros.measurement.steps.motions import find_steps
+from stickslip_ros.measurement.steps.run import Run, TraceError
 from validation.campaigns.arguments import arguments
 from validation.campaigns.lab_traces import AT_RANDOM, KINDS, LabTrace, lab_trace
 

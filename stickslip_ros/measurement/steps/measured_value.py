@@ -23,8 +23,8 @@ _SHOW_SCATTER, _FIRST = 8, 3
 class MeasuredValue:
     """A value with its standard error; both nan where it cannot be determined."""
 
-    value: float
-    error: float
+    value: float = math.nan
+    error: float = math.nan
 
 
 def estimate_settled_mean(values: NDArray[np.float64], exact: bool) -> MeasuredValue:

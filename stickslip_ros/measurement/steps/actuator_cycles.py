@@ -2,18 +2,19 @@
 """The cycles of a trace: when each begins and when its slip begins, by the actuator or by a clock.
 
 A cycle ends with the slip of the actuator. If the actuator was measured, its fast strokes are the
-slips. If only the runner was, :mod:`run_search` finds them.
+slips. If only the runner was,
+the slips are found by their likeness (:mod:`matching`).
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.measurement.steps.record import FASTER, TraceError
+from stickslip_ros.measurement.steps.run import Cycles
+from stickslip_ros.measurement.steps.settings import SETTINGS
 
 #: Part of a period by which a trace may be short of a whole cycle at its ends, and by which a
 #: frequency that is given may be off: clocks agree far better, single samples do not.
@@ -23,30 +24,6 @@ SHORT = 0.01
 _LEVELS, _OUTER, _MANY = (0.25, 0.75), (0.001, 0.999), 10_000
 #: Part of its range within which a runner gets nowhere.
 _NOWHERE = 1e-2
-#: Samples of a cycle; with fewer, faster drives look like slower ones.
-SAMPLES = 10.0
-#: What helps against too few samples in a cycle.
-FASTER = "sample faster (a bag: raise publish_rate, or stickslip bag resimulate)"
-
-
-class TraceError(StickslipError, ValueError):
-    """The trace cannot be analysed; the message says what is missing."""
-
-
-@dataclass(frozen=True)
-class Cycles:
-    """Whole cycles of a trace, each array of shape (cycles,)."""
-
-    period: float  #: s
-    direction: int  #: of the steps, +1 or -1
-    starts: Array  #: begin of each cycle, s
-    slips: Array  #: begin of the slip of each cycle, s
-    ends: Array  #: end of the slip and of the cycle, s; the begin of the slip where that is unknown
-
-    @classmethod
-    def even(cls, slips: Array, period: float, direction: int) -> Cycles:
-        """Return cycles of one period (s) before slips (s) whose ends are unknown."""
-        return cls(period, direction, slips - period, slips, slips)
 
 
 def cycles_of_clock(t: Array, x: Array, period: float, start: float) -> Cycles:
@@ -119,8 +96,8 @@ def too_slow(t: Array) -> str:
     """Return what helps if the drive is too fast for the samples at times t (s)."""
     rate = 1.0 / float(np.median(np.diff(t)))
     return (
-        f"if the drive is faster than {rate / SAMPLES:.3g} Hz, {FASTER}: {rate:.4g} samples a "
-        "second are too few for it"
+        f"if the drive is faster than {rate / SETTINGS.least_samples_a_cycle:.3g} Hz, {FASTER}: "
+        f"{rate:.4g} samples a second are too few for it"
     )
 
 

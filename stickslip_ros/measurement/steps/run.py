@@ -11,25 +11,40 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.measurement.steps.measured_value import MeasuredValue
+from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.motion.settled import settled_from
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.reporting.terminal import format_rows, nanometres
-from stickslip_ros.traces.backstep import ARC, SAMPLES, Backstep
-from stickslip_ros.traces.cycles import Cycles, TraceError
-from stickslip_ros.traces.measured_value import MeasuredValue
-from stickslip_ros.traces.ringing import Ringing
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
-
 
 #: Cycles that the mean slip comes from at most, samples of one at least, points of it at most.
 _CYCLES, _SAMPLES, _POINTS = 200, 8, 1000
 #: Parts of a period that it shows before and after the slip at most; swings of the ringing after
 #: it, and part of a period that counts as one where there is none.
 _BEFORE, _AFTER, _SWINGS, _NO_SWING = 0.2, 0.5, 8.0, 0.05
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """When the cycles of a run begin and slip, each array of shape (cycles,)."""
+
+    period: float  #: s
+    direction: int  #: of the steps, +1 or -1
+    starts: Array  #: begin of each cycle, s
+    slips: Array  #: begin of the slip of each cycle, s
+    ends: Array  #: end of the slip and of the cycle, s; the begin of the slip where that is unknown
+
+    @classmethod
+    def even(cls, slips: Array, period: float, direction: int) -> Cycles:
+        """Return cycles of one period (s) before slips (s) whose ends are unknown."""
+        return cls(period, direction, slips - period, slips, slips)
 
 
 @dataclass(frozen=True)
@@ -61,12 +76,11 @@ class Run:
     """
 
     cycles: Cycles
-    step_sizes: Array  #: from just before a slip to just before the next one
-    #: their mean; without drift and hum where no actuator tells the cycles
-    mean_step: MeasuredValue
-    backsteps: Array  #: from just before the slip to the end of the fall after it
-    mean_backstep: Backstep  #: their mean, and how it was determined
+    mean_step: MeasuredValue  #: of the settled cycles, by all samples of the record
+    mean_backstep: MeasuredValue  #: of the settled cycles, from the begin of the slip on
     ringing: Ringing | None  #: after the slips; None where none is visible
+    step_sizes: Array  #: from just before a slip to just before the next one
+    backsteps: Array  #: from just before the slip to the deepest point after it
     #: Times of the points A to F of Fig. 2 in each cycle (as in ``trace.points``): the presliding
     #: lies between A and B, the stick between B and C, slowdown and second presliding between C
     #: and D, the slip between D and E, the second slowdown between E and F. E and F lie in the next
@@ -75,8 +89,8 @@ class Run:
     regained: float = math.nan  #: part of the backstep that ringing gives back
     excitation: float = math.nan  #: actuator deflection, peak to peak
     zero_amplitude: float = math.nan  #: as measured on its own
-    explained: bool = True  #: whether equal steps with ringing explain the motion; a guess if not
     doubts: tuple[str, ...] = ()  #: why the steps are not determined, in words; none if they are
+    why_no_backstep: str = ""  #: why the backstep is not determined, in words
 
     @property
     def period(self) -> float:
@@ -141,6 +155,11 @@ class Run:
         return self.mean_step.error
 
     @property
+    def is_clear(self) -> bool:
+        """Whether the step is no chance."""
+        return abs(self.step_size) > SETTINGS.least_step_errors * self.step_size_error
+
+    @property
     def backstep(self) -> float:
         """Mean backstep of the settled cycles, m."""
         return self.mean_backstep.value
@@ -171,6 +190,11 @@ class Run:
         return math.nan if self.ringing is None else self.ringing.damping_ratio
 
     @property
+    def explained(self) -> bool:
+        """Whether equal steps explain the motion; other runs are not returned."""
+        return True
+
+    @property
     def determined(self) -> bool:
         """Whether the record determines the run; if not, see `doubts`."""
         return not self.doubts
@@ -192,21 +216,17 @@ class Run:
 
     def report(self) -> str:
         """Return cycles, step size, backstep, ringing and Eq. 9 as text."""
-        balance = self.balance
-        told, unknown = self.as_json(), "not determined"
+        balance, unknown = self.balance, "not determined"
         rings, damps, backstep = "none visible", "-", unknown
         if self.ringing is not None:
             rings = f"{self.ringing_frequency:.1f} Hz"
             damps = f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical"
-            damps = unknown if math.isnan(told["damping_ratio"]) else damps
-            if math.isnan(told["ringing_frequency"]):
-                rings = f"{unknown}: {rings}, or a faster one that looks the same"
-        if not math.isinf(self.backstep_error):
+            if not self.ringing.told:
+                rings, damps = f"{unknown}: {rings}, or another one that looks the same", unknown
+        if math.isfinite(self.backstep):
             backstep = nanometres(self.backstep, self.backstep_error)
-            if not math.isnan(self.backstep) and self.mean_backstep.method != SAMPLES:
-                arc = self.mean_backstep.method == ARC  # a simulation without noise shows it
-                backstep += ", estimated by "
-                backstep += "a curve through the falls" if arc else "the ringing"
+        elif self.why_no_backstep:
+            backstep += f": {self.why_no_backstep}"
         rows = [
             ("cycles", f"{self.steps} of {format_si(self.period, 's')}, from {self.span}"),
             ("step size", nanometres(self.step_size, self.step_size_error)),
@@ -241,7 +261,7 @@ class Run:
         """Draw steps and backsteps, cycle by cycle, into axes of Matplotlib, or new ones."""
         cycle = np.arange(1, self.steps + 1)
         lines = [
-            (cycle[: len(sizes)], sizes, "o-", colour, name)
+            (cycle, sizes, "o-", colour, name)
             for sizes, colour, name in (
                 (self.step_sizes, SIMULATED, "step"),
                 (self.backsteps, MEASURED, "backstep"),
@@ -262,8 +282,9 @@ class Run:
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
-        ringing = self.ringing or Ringing(math.nan, math.nan)
-        hidden = math.inf if ringing.folded else 0.0
+        ringing = self.ringing
+        if ringing is None or not ringing.told:
+            ringing = Ringing(math.nan, math.nan)
         return {
             "start": self.start,
             "end": self.end,
@@ -278,10 +299,13 @@ class Run:
             "determined": self.determined,
             "doubts": list(self.doubts),
             "scatter": float(np.std(self.step_sizes[self.first_cycle :])),
-            **_known("backstep", self.backstep, self.backstep_error),
-            "backstep_from": self.mean_backstep.method,
-            **_known("ringing_frequency", ringing.frequency, hidden + ringing.frequency_error),
-            **_known("damping_ratio", ringing.damping_ratio, hidden + ringing.damping_ratio_error),
+            "backstep": self.backstep,
+            "backstep_error": self.backstep_error,
+            "backstep_from": "fold",
+            "ringing_frequency": ringing.frequency,
+            "ringing_frequency_error": ringing.frequency_error,
+            "damping_ratio": ringing.damping_ratio,
+            "damping_ratio_error": ringing.damping_ratio_error,
             "mean_speed": self.mean_speed,
         }
 
@@ -293,12 +317,6 @@ class Run:
         )  # fmt: skip
         own = {name: getattr(self, name) for name in names} | {"balance": asdict(self.balance)}
         return own | {name: told for name, told in self.as_json().items() if name in own}
-
-
-def _known(name: str, value: float, error: float) -> dict[str, float]:
-    """Return a value and its error by name; nan where the record does not determine it."""
-    shown = (math.nan, math.nan) if math.isinf(error) else (value, error)
-    return dict(zip((name, f"{name}_error"), shown, strict=True))
 
 
 def main_run(runs: Sequence[Run]) -> Run:
@@ -314,7 +332,7 @@ def after_slip(t: Array, x: Array, run: Run) -> tuple[Array, Array]:
     t (s) and x (m) are the measurement, (samples,). Positive is the direction of the run. Empty
     where there are too few samples; at most half a period of the drive, eight of the ringing.
     """
-    period, ringing = 1.0 / run.frequency, run.ringing_frequency
+    period, ringing = run.period, run.ringing_frequency
     swing = 1.0 / ringing if ringing > 0.0 else _NO_SWING * period
     slips = run.slips[run.first_cycle : run.first_cycle + _CYCLES]
     begin, end = -min(swing, _BEFORE * period), min(_SWINGS * swing, _AFTER * period)

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When the slips of a motion begin, by the answer of a ringing runner to all of them.
+
+With tau the time since the start of a slip, and omega and delta those of the ringing,
+
+    x = -A (1 - exp(-delta tau) (cos(omega tau) - c delta / omega sin(omega tau))),
+
+beside the mean and the slope of each cycle. A purely elastic contact would give c = 1: the damping
+pushes, too. In a slip of the CEIM the asperities yield meanwhile, and c = 3 gives the same onset
+for runs that differ in damping only.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.arrays import Array
+from stickslip_ros.measurement.steps.ringing import Ringing
+
+#: c above.
+PUSH = 3.0
+#: Range of the search as part of a period of the ringing, and places tried in it first.
+_ONSET_REACH, _ONSET_PLACES = 0.3, 13
+#: Part of a period of the drive by which the window of a cycle begins before its slip.
+_CYCLE_BEFORE = 0.3
+#: Approximate number of samples for the onsets, and number of their cycles if there are enough.
+_ONSET_SAMPLES, _ONSET_CYCLES = 20_000, 8
+#: So many samples of a swing show about where they are.
+_ONSET_SEEN = 12.0
+#: Added to what is fitted: far more than it reaches. Steps of the derivative are parts of a trial:
+#: of one near 0, as where all agrees, a step would be lost to rounding.
+_AWAY = 10.0
+_DESCENT = {"diff_step": 1e-3 / _AWAY, "xtol": 1e-6 / _AWAY, "ftol": 1e-10}
+
+
+@dataclass(frozen=True)
+class Onset:
+    """How much later than expected the slips begin: shift + drift (t - middle)."""
+
+    shift: float  #: s
+    drift: float  #: s/s
+    shift_error: float  #: standard uncertainty, s
+
+
+def cycle_of(t: Array, slips: Array, period: float) -> NDArray[np.int64]:
+    """Return the number of the cycle that each time (s) lies in; a cycle holds its slip inside."""
+    return np.searchsorted(slips - _CYCLE_BEFORE * period, t).astype(np.int64)
+
+
+def thin_samples(t: Array, x: Array, slips: Array, period: float) -> tuple[Array, Array]:
+    """Return whole cycles with a limited number of samples, spread over the motion.
+
+    If there are few cycles with very many samples, all cycles stay, with every n-th sample.
+    """
+    cycle = cycle_of(t, slips, period)
+    share = len(t) // _ONSET_SAMPLES + 1
+    apart = min(share, max(1, len(slips) // _ONSET_CYCLES))
+    kept = np.flatnonzero(cycle % apart == 0)[:: -(-share // apart)]
+    return t[kept], x[kept]
+
+
+def detrend(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Array]:
+    """Return the columns without their mean and slope in each cycle."""
+    count = np.maximum(np.bincount(cycle), 1)
+    time = t - (np.bincount(cycle, t) / count)[cycle]
+    square = np.bincount(cycle, time * time)
+    square[square == 0.0] = 1.0
+    result = []
+    for column in columns:
+        about = column - (np.bincount(cycle, column) / count)[cycle]
+        slope = np.bincount(cycle, about * time) / square
+        result.append(about - slope[cycle] * time)
+    return result
+
+
+def find_onset(
+    t: Array,
+    x: Array,
+    slips: Array,
+    period: float,
+    ringing: Ringing,
+    drift: bool = False,
+    middle: float = 0.0,
+    before: float = _ONSET_REACH,
+) -> Onset:
+    """Fit the answer to all slips of a motion; slips and middle (s) by the same clock as t.
+
+    before is how much earlier than expected a slip may be, in periods of the ringing.
+    """
+    cycle = cycle_of(t, slips, period)
+    (position,) = detrend(t, [x], cycle)
+    omega = 2.0 * math.pi * ringing.frequency
+
+    def left(trial: Array, part: slice = slice(None)) -> Array:
+        # While the contact slides, it rings at another frequency than after it.
+        own = Ringing(ringing.frequency * math.exp(trial[1]), ringing.decay * math.exp(trial[2]))
+        begin = slips + trial[0] / omega
+        if drift:
+            begin = begin + trial[3] / omega * (slips - middle) / (slips[-1] - slips[0] + period)
+        time, seen = t[part], position[part]
+        bounds = np.concatenate(([0], np.searchsorted(time, begin), [len(time)]))
+        after = time - np.repeat(np.append(time[:1], begin), np.diff(bounds))
+        cosine, sine = own.columns(after).T
+        answer = 1.0 - cosine + PUSH * own.decay / (2.0 * math.pi * own.frequency) * sine
+        answer[: bounds[1]] = 0.0
+        (answer,) = detrend(time, [answer], cycle[part])
+        size = float(answer @ answer)  # 0 for a place before all samples of the slips
+        return np.asarray(seen - answer * (answer @ seen) / size) if size else seen
+
+    # Trials are angles of the ringing: of order one.
+    reach = 2.0 * math.pi * _ONSET_REACH
+    zeros = [0.0, 0.0, *[0.0] * drift]
+    count = round(_ONSET_PLACES * (before + _ONSET_REACH) / (2.0 * _ONSET_REACH))
+    places = np.linspace(-2.0 * math.pi * before, reach, count)
+    dense = 1.0 / (float(np.median(np.diff(t))) * ringing.frequency * _ONSET_SEEN)
+    few = slice(None, None, max(1, int(dense)))
+    tried = [np.array([place, *zeros]) for place in places]
+    first = min(tried, key=lambda one: float(np.sum(left(one, few) ** 2)))
+    scale = float(np.std(position)) or 1.0
+    found = scipy.optimize.least_squares(
+        lambda moved: left(moved - _AWAY) / scale,
+        first + _AWAY,
+        jac="3-point",
+        **_DESCENT,
+    )
+    jacobian, rest = found.jac, found.fun
+    # Cycles count as independent of each other; samples do not, because they share the ringing.
+    parts = np.stack([np.bincount(cycle, column * rest) for column in jacobian.T], axis=1)
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    spread = inverse @ (parts.T @ parts) @ inverse
+    best = found.x - _AWAY
+    slope = best[3] / omega / (slips[-1] - slips[0] + period) if drift else 0.0
+    return Onset(float(best[0]) / omega, float(slope), math.sqrt(spread[0, 0]) / omega)

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ringing and backstep from the mean cycle.
+
+The backstep is the distance from where the slip begins to the deepest point after it. Its error
+holds noise, the begin of the slip between samples, the curve between samples at the deepest point,
+unevenness of the slips, and the steps of the converter.
+
+Samples that are further apart than a quarter of a swing do not show where it turns: with three of
+them the deepest point is missed by up to 1 - cos(pi / 3), half of the amplitude, and a swing that
+takes one sample cannot be told from an alias.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stickslip_ros.arrays import Array
+from stickslip_ros.measurement.steps.fold import Fold, Rest
+from stickslip_ros.measurement.steps.measured_value import MeasuredValue
+from stickslip_ros.measurement.steps.record import Level, Record, smooth
+from stickslip_ros.measurement.steps.ringing import (
+    Ringing,
+    combine,
+    fit_later_ringing,
+    without_ringing,
+)
+from stickslip_ros.measurement.steps.settings import SETTINGS
+from stickslip_ros.measurement.steps.timing import UNRINGING_SWINGS, SlipGrid
+
+#: Samples of a fold and of a rest in which ringing is sought, periods of the rest, its samples.
+_FEW_BINS, _FEW_REST, _REST_PERIODS, _REST_SAMPLES = 20, 40, 12.0, 2000
+#: Swings after the begin of a slip in which the deepest point lies; part of a period.
+_DEEPEST_SWINGS, _DEEPEST_PERIODS = 1.2, 0.5
+#: Swings about the deepest point, and before the begin, through which parabolas are fitted.
+_ABOUT_DEEPEST, _BEFORE_BEGIN, _AFTER_BEGIN = 0.1, 0.15, 0.01
+#: Samples of these fits at least; samples of a quarter of a swing in the fold at least.
+#: Swings before the begin that show how the runner rises, those about it that need not, places of
+#: samples there at least; deviations from the rise that are none.
+_RISE_SWINGS, _GUARD_SWINGS, _RISE_PLACES, _FALLEN = 1.0, 0.15, 5, 4.0
+#: Distance of samples in a fold, in swings, from which on cycles are sampled at the same places;
+#: swings that a fall takes.
+_ALIKE_SWINGS, _FALLS = 0.035, (0.2, 0.9)
+#: Distances of samples in such a fold between which its deepest point is fitted.
+_ALIKE_PLACES = 2.1
+#: Part of the backstep by which a deepest point between samples is missed, in squares of their
+#: distance in swings: half a distance of a cosine has pi^2 / 2 of it, of its height to both sides.
+_BETWEEN = 8.0
+_DEEPEST_SAMPLES, _BEGIN_SAMPLES, _QUARTER_SAMPLES = 8, 6, 6.0
+#: Swings after the deepest point that show about where the runner rings.
+_CENTRE_SWINGS = 1.25
+#: Places of a swing at which all cycles together are sampled, at least.
+_PLACES = 8.0
+#: Length that the shape of a fold may miss, m; parts of the step of the converter.
+_SHAPE, _CONVERTER = 1e-10, 0.15
+#: Backstep below which its error is not judged as part of it, m.
+_SMALL = 2e-8
+
+
+def find_ringing(record: Record, fold: Fold, grid: SlipGrid, rest: Rest | None) -> Ringing | None:
+    """Return the ringing in the mean cycle and in the rest after a run; None if none is clear."""
+    if not fold.enough:
+        return None
+    period = grid.period
+    t, x = fold.binned()
+    falling = (t > 0.0) & (t < 0.4 * period)
+    deepest = float(t[falling][np.argmin(x[falling])]) if falling.any() else 0.0
+    later = (t > deepest) & (t < 0.9 * period)
+    in_cycle = in_rest = None
+    looked_at = [0.0, 0.0]
+    if later.sum() > _FEW_BINS:
+        looked_at[0] = period
+        in_cycle = fit_later_ringing(t[later], x[later], 0.9 * period)
+        if in_cycle is not None and in_cycle.frequency * period <= SETTINGS.least_swings_in_cycle:
+            in_cycle = None
+    if rest is not None:
+        begin = grid.last + deepest
+        first, last = np.searchsorted(
+            record.t, [begin, min(rest[1], begin + _REST_PERIODS * period)]
+        )
+        if last - first > _FEW_REST:
+            looked_at[1] = float(record.t[last - 1] - begin)
+            part = slice(first, last, max(1, (last - first) // _REST_SAMPLES))
+            in_rest = fit_later_ringing(record.t[part] - grid.last, record.x[part], period, 2)
+    return combine(in_cycle, in_rest, (looked_at[0], looked_at[1]))
+
+
+def begin_of_slip(t: Array, x: Array, ringing: Ringing, period: float) -> float:
+    """Return when (s) the slip begins in a fold: where its middle, without ringing, falls most."""
+    swing = ringing.swing
+    spacing = swing / 60.0
+    even = np.arange(-min(0.4 * period, 2.0 * swing), min(0.45 * period, 2.0 * swing), spacing)
+    level = Level(np.interp(even, t, x), spacing, float(even[0]))
+    speed = np.gradient(without_ringing(level, ringing, UNRINGING_SWINGS).x)
+    near = np.abs(even) < min(0.6 * swing, 0.3 * period)
+    return float(even[int(np.argmin(np.where(near, speed, math.inf)))]) - 0.01 * swing
+
+
+@dataclass(frozen=True)
+class MeanSlip:
+    """The mean slip of the settled cycles of a run."""
+
+    backstep: MeasuredValue = field(default_factory=MeasuredValue)  #: m
+    begin: float = 0.0  #: of the fall, s after the slips of the run
+    deepest: float = math.nan  #: of the deepest point, s after the slips of the run
+    regained: float = math.nan  #: from the deepest point to where the runner rings about, m
+    why_unknown: str = ""  #: why the backstep is not determined
+
+
+def measure_slip(
+    record: Record, fold: Fold, period: float, unevenness: float, ringing: Ringing | None
+) -> MeanSlip:
+    """Return the mean slip of the settled cycles of a run; unevenness (s) is that of its slips."""
+    if ringing is None or not fold.enough:
+        return MeanSlip(why_unknown="no ringing is seen that shows where slips begin")
+    swing = ringing.swing
+    a_swing = swing / record.spacing
+    quarter = len(fold.t) * 0.25 * swing / float(fold.t[-1] - fold.t[0])
+    if a_swing < SETTINGS.least_samples_a_swing or quarter < _QUARTER_SAMPLES:
+        least = SETTINGS.least_samples_a_swing
+        return MeanSlip(
+            why_unknown=f"{a_swing:.1f} samples a swing of the ringing, in {fold.cycles} cycles; "
+            f"{least:g} are needed, and {_QUARTER_SAMPLES:g} in a quarter swing of all cycles"
+        )
+    apart = _distance_of_places(record, fold)
+    places = swing / apart
+    if places < _PLACES:
+        return MeanSlip(
+            why_unknown=f"all cycles are sampled at {places:.1f} places a swing of the ringing; "
+            f"{_PLACES:g} are needed"
+        )
+    t, x = fold.binned()
+    begin = begin_of_slip(t, x, ringing, period)
+    longest = min(_DEEPEST_SWINGS * swing, _DEEPEST_PERIODS * period)
+    inside = np.flatnonzero((t > begin) & (t <= begin + longest))
+    if len(inside) < 4:
+        return MeanSlip(begin=begin, why_unknown="too few samples in the slip")
+    width = max(0.02 * swing * len(t) / float(t[-1] - t[0]), 0.5)
+    deepest = float(t[inside[np.argmin(smooth(x, width)[inside])]])
+    alike = apart > _ALIKE_SWINGS * swing  # all cycles are sampled at the same places
+    reach = max(_ABOUT_DEEPEST * swing, _ALIKE_PLACES * apart if alike else 0.0)
+    about = np.abs(fold.t - deepest) < reach
+    high = (_rise_before if alike else _rise_about)(fold, begin, ringing, apart, record.resolution)
+    if about.sum() < _DEEPEST_SAMPLES or high is None:
+        return MeanSlip(
+            begin=begin, deepest=deepest,
+            why_unknown="too few samples where slips begin and end",
+        )  # fmt: skip
+    fall = (deepest - begin) / swing
+    if alike and not _FALLS[0] < fall < _FALLS[1]:
+        return MeanSlip(
+            begin=begin, deepest=deepest,
+            why_unknown=f"all cycles are sampled at the same places, {places:.1f} in a swing of the "
+            f"ringing, and the fall takes {fall:.2g} swings: a faster ringing looks alike",
+        )  # fmt: skip
+    low, low_error, _ = _vertex(fold.t[about] - deepest, fold.x[about], reach)
+    value = high.value - low
+    smear = 0.5 * (2.0 * math.pi * ringing.frequency * unevenness) ** 2 * value
+    between = _BETWEEN * (apart / swing) ** 2 * value if alike else 0.0
+    error = math.sqrt(
+        low_error**2
+        + high.error**2
+        + smear**2
+        + between**2
+        + (_CONVERTER * record.resolution) ** 2
+        + _SHAPE**2
+    )
+    regained = _centre(fold, deepest, ringing) - low
+    if error > SETTINGS.largest_backstep_error * max(value, _SMALL) or value < 0.0:
+        why = f"its error, {1e9 * error:.2g} nm, is too large"
+        return MeanSlip(MeasuredValue(), begin, deepest, regained, why)
+    return MeanSlip(MeasuredValue(value, error), begin, deepest, regained)
+
+
+def _distance_of_places(record: Record, fold: Fold) -> float:
+    """Return the distance (s) of samples in a fold; cycles may be sampled at the same places."""
+    places = len(np.unique(np.round(fold.t / (0.2 * record.spacing))))
+    return float(fold.t[-1] - fold.t[0]) / max(places, 1)
+
+
+def _rise_about(
+    fold: Fold, begin: float, ringing: Ringing, apart: float, resolution: float
+) -> MeasuredValue | None:
+    """Return the place (m) where the slip begins, from samples just before and about it."""
+    swing = ringing.swing
+    about = (fold.t > begin - _BEFORE_BEGIN * swing) & (fold.t < begin + _AFTER_BEGIN * swing)
+    if about.sum() < _BEGIN_SAMPLES:
+        return None
+    high, error, speed = _vertex(fold.t[about] - begin, fold.x[about], 0.0)
+    late = max(SETTINGS.begin_error_swings * swing, 0.3 * apart)
+    return MeasuredValue(high, math.hypot(error, speed * late))
+
+
+def _rise_before(
+    fold: Fold, begin: float, ringing: Ringing, apart: float, resolution: float
+) -> MeasuredValue | None:
+    """Return the place (m) where the slip begins, None if there are too few samples before it.
+
+    Before it the runner rises and rings on. This goes on until the first sample that falls from it;
+    the slip begins between that and the sample before.
+    """
+    swing = ringing.swing
+    guard = _GUARD_SWINGS * swing
+    near = (fold.t > begin - guard - _RISE_SWINGS * swing) & (fold.t < begin + 0.5 * swing)
+    t, x = fold.t[near] - begin, fold.x[near]
+    before = t < -guard
+    places = len(np.unique(np.round(t[before] / (1e-3 * swing))))
+    if places < _RISE_PLACES:
+        return None
+    order = 2 if places >= 2 * _RISE_PLACES else 1
+    design = np.column_stack([*((t / swing) ** k for k in range(order + 1)), ringing.columns(t)])
+    found, *_ = np.linalg.lstsq(design[before], x[before], rcond=None)
+    left = x - design @ found
+    freedom = max(before.sum() - design.shape[1], 1)
+    scatter = math.sqrt(float(left[before] @ left[before]) / freedom)
+    fallen = np.flatnonzero((t >= -guard) & (left < -max(_FALLEN * scatter, resolution, _SHAPE)))
+    if not len(fallen):
+        return None
+    first = float(t[fallen[0]])
+    last = float(t[t < first - 1e-6 * swing][-1])
+    columns = design[[int(np.searchsorted(t, last)), int(fallen[0])]]
+    ends = columns @ found
+    inverse = np.linalg.pinv(design[before].T @ design[before])
+    chance = scatter**2 * float(columns[0] @ inverse @ columns[0])
+    return MeasuredValue(
+        float(ends.mean()),
+        math.hypot(math.sqrt(max(chance, 0.0)), float(ends[1] - ends[0]) / math.sqrt(12.0)),
+    )
+
+
+def _centre(fold: Fold, deepest: float, ringing: Ringing) -> float:
+    """Return the place (m) about which the runner rings at the deepest point of a fold."""
+    part = (fold.t > deepest) & (fold.t < deepest + _CENTRE_SWINGS * ringing.swing)
+    if part.sum() < _DEEPEST_SAMPLES:
+        return math.nan
+    since = fold.t[part] - deepest
+    design = np.column_stack([np.ones_like(since), since, ringing.columns(since)])
+    found, *_ = np.linalg.lstsq(design, fold.x[part], rcond=None)
+    return float(found[0])
+
+
+def _vertex(t: Array, x: Array, reach: float) -> tuple[float, float, float]:
+    """Return the least value (m) of a parabola within reach (s) of 0, its error, the speed at 0."""
+    scale = float(np.abs(t).max())
+    columns = np.stack([np.ones_like(t), t / scale, (t / scale) ** 2], axis=1)
+    found, *_ = np.linalg.lstsq(columns, x, rcond=None)
+    left = x - columns @ found
+    variance = float(left @ left) / max(len(t) - 3, 1)
+    reach /= scale
+    at = float(np.clip(-0.5 * found[1] / found[2], -reach, reach)) if found[2] > 0.0 else 0.0
+    row = np.array([1.0, at, at * at])
+    error = variance * float(row @ np.linalg.pinv(columns.T @ columns) @ row)
+    return float(row @ found), math.sqrt(max(error, 0.0)), float(found[1]) / scale

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Why the steps of a run are not determined by a record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip_ros.measurement.steps.fold import Rest
+from stickslip_ros.measurement.steps.hum import MAINS
+from stickslip_ros.measurement.steps.matching import Chain, change_of_cycles, cycle_rows
+from stickslip_ros.measurement.steps.measured_value import MeasuredValue
+from stickslip_ros.measurement.steps.periodicity import period_factor, possible_part
+from stickslip_ros.measurement.steps.record import FASTER, MeanPosition, Pyramid, Record
+from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.settings import SETTINGS
+from stickslip_ros.measurement.steps.step_fit import PRECISION, Disturbances
+from stickslip_ros.measurement.steps.timing import SlipGrid
+
+#: Periods from one run to the next of the other direction that leave no room for a missed slip.
+_NEXT_RUN, _ODD = 2.5, 0.2
+#: Periods by which a run may be off the clock of the mains.
+_LIKE_MAINS = 0.5
+#: Part of the motion in a cycle that is no step; errors of a mean that are no chance; m.
+_SWINGING, _CHANCE, _NO_STEP = 0.005, 5.0, 5e-11
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of the runs of a record when they are judged."""
+
+    record: Record
+    pyramid: Pyramid
+    mean: MeanPosition
+    grids: Sequence[SlipGrid]
+    ringings: Sequence[Ringing | None]
+    rests: Sequence[tuple[Rest | None, Rest | None]]
+    steps: Sequence[MeasuredValue]
+    disturbances: Disturbances
+    given: bool  #: whether the period was given
+
+    def doubts(self, k: int) -> tuple[str, ...]:
+        """Return why run k is not determined; empty if it is."""
+        found = [
+            *self._sampling(k), *self._ends(k), *self._size(k), *self._rests_beside(k),
+            *self._cycles(k),
+        ]  # fmt: skip
+        return tuple(found)
+
+    def _sampling(self, k: int) -> list[str]:
+        grid, found = self.grids[k], []
+        if grid.count < SETTINGS.least_cycles and not self.given:
+            found.append(f"{grid.count} cycles; {SETTINGS.least_cycles} are needed")
+        samples = grid.period / self.record.spacing
+        if round(samples, 1) < SETTINGS.least_samples_a_cycle:
+            found.append(too_few_samples(grid.period, self.record.spacing))
+        if self.record.cut_samples:
+            found.append(
+                f"{self.record.cut_samples} samples in a row have the record's outermost value: "
+                "it was cut off there"
+            )
+        limit = max(
+            SETTINGS.largest_unevenness_periods * grid.period,
+            SETTINGS.largest_unevenness_samples * self.record.spacing,
+        )
+        if grid.unevenness > limit:
+            part = 100.0 * grid.unevenness / grid.period
+            found.append(f"the slips miss even times by {part:.2g} % of a period")
+        return found
+
+    def _ends(self, k: int) -> list[str]:
+        """Return doubts about the number of slips."""
+        grid, found = self.grids[k], []
+        before, first, last, after = grid.end_sizes
+        beyond = np.nanmax([before, after, 0.0])
+        inside = np.nanmin([first, last, 1.0])
+        if beyond > SETTINGS.largest_slip_beyond_ends or inside < SETTINGS.least_slip_at_ends:
+            sizes = f"{before:.2f} {first:.2f} ... {last:.2f} {after:.2f}"
+            found.append(f"first or last slip is not clear (sizes {sizes})")
+        for other in self.grids:
+            gap = (other.first - grid.last) / grid.period
+            turns = other.direction != grid.direction
+            if turns and 0.0 < gap < _NEXT_RUN and abs(gap - 1.0) > _ODD:
+                found.append(f"{gap - 1.0:.1f} periods between this run and the next one")
+        return found
+
+    def _size(self, k: int) -> list[str]:
+        grid, step, found = self.grids[k], self.steps[k], []
+        if not math.isfinite(step.error):
+            return ["too few settled cycles for an error of the step"]
+        if not abs(step.value) > SETTINGS.least_step_errors * step.error:
+            found.append(
+                f"the step, {1e9 * step.value:.2f} nm ± {1e9 * step.error:.2f} nm, is not clear"
+            )
+        if step.value * grid.direction < 0.0:
+            found.append("the slips point along the steps")
+        return found
+
+    def _rests_beside(self, k: int) -> list[str]:
+        if self.rests[k] == (None, None):
+            return ["no rest beside the run, so step and drift cannot be told apart"]
+        grid, ringing, found = self.grids[k], self.ringings[k], []
+        width = max(0.25 * grid.period, 0.0 if ringing is None else ringing.swing)
+        low, high = self._free_time(k)
+        for name, begin, end in (
+            ("before", low, grid.first - 1.1 * grid.period),
+            ("after", grid.last + 1.1 * grid.period, high),
+        ):
+            count = int((end - begin) / width)
+            if count < 2:
+                continue
+            edges = begin + width * np.arange(count + 1)
+            place = self.mean.between(edges[:-1], edges[1:])
+            place -= self.disturbances.hum_at(0.5 * (edges[1:] + edges[:-1]), width)
+            moved = float(np.ptp(place))
+            if moved > SETTINGS.largest_move_in_rest_steps * abs(self.steps[k].value):
+                found.append(
+                    f"the runner moves by {1e9 * moved:.1f} nm {name} the run, about as far as in "
+                    "a step"
+                )
+        return found
+
+    def _free_time(self, k: int) -> tuple[float, float]:
+        """Return the end of the run before and the begin of the next one, s."""
+        low, high = float(self.record.t[0]), float(self.record.t[-1])
+        if k > 0:
+            other = self.grids[k - 1]
+            low = other.last + SETTINGS.rest_after_slip_periods * other.period
+        if k + 1 < len(self.grids):
+            other = self.grids[k + 1]
+            high = other.first - (1.0 + SETTINGS.rest_before_rise_periods) * other.period
+        return low, high
+
+    def _cycles(self, k: int) -> list[str]:
+        grid, ringing, found = self.grids[k], self.ringings[k], []
+        rows = cycle_rows(self.pyramid, Chain(grid.slips, grid.direction, grid.period))
+        change = change_of_cycles(rows)
+        if change > SETTINGS.largest_change_in_doubt:
+            found.append(f"{100.0 * change:.0f} % of the motion differs from cycle to cycle")
+        few = grid.count < SETTINGS.least_cycles_without_ringing
+        if few and ringing is None and not self.given:
+            found.append(f"{grid.count} cycles without ringing may be other motion")
+        turns = grid.count * grid.period
+        near = [abs(1.0 / grid.period - k * one) * turns for one in MAINS for k in (1, 2)]
+        if ringing is None and not self.given and min(near) < _LIKE_MAINS:
+            found.append("cycles as long as those of the mains, without ringing, may be hum")
+        longest = max(self.grids, key=lambda one: one.count)
+        if grid is longest:
+            factor = period_factor(self.record, self.mean, self.pyramid, grid, ringing)
+            if factor != 1.0:
+                better = 1.0 / (factor * grid.period)
+                found.append(f"the motion repeats better at {better:.6g} Hz")
+            elif not self.given and ringing is None:
+                part = possible_part(self.record, self.mean, grid)
+                if part > 1:
+                    found.append(f"the samples may also show {part / grid.period:.6g} Hz")
+        return found
+
+
+def too_few_samples(period: float, spacing: float) -> str:
+    """Return what is said of cycles (s) with too few samples, which are so far (s) apart."""
+    return (
+        f"{1.0 / spacing:.4g} samples a second are {period / spacing:.1f} a cycle at "
+        f"{1.0 / period:.6g} Hz; {SETTINGS.least_samples_a_cycle:g} are needed: {FASTER}"
+    )
+
+
+def comes_back(mean: MeanPosition, grid: SlipGrid) -> bool:
+    """Return True if the runner comes back in each cycle, but for the scatter between cycles."""
+    ends = grid.slips[grid.settling :]
+    if len(ends) < 3:
+        return False
+    change = np.diff(mean.between(ends[:-1], ends[1:]))
+    scatter = float(np.std(change)) / len(change) if len(change) > 2 else 0.0
+    edges = ends[-2] + grid.period * np.linspace(0.0, 1.0, 65)
+    motion = float(np.ptp(mean.between(edges[:-1], edges[1:])))
+    least = max(_NO_STEP, _CHANCE * scatter, _SWINGING * motion, PRECISION)
+    return abs(float(change.mean())) < least
