@@ -17,8 +17,8 @@ from stickslip_ros.measurement.steps.settings import SETTINGS
 
 #: Samples of a period at the level where it is sought; at the finest level, fewer.
 _LAGS, FEWEST_SAMPLES = (32, 64), 4
-#: Part of the mean motion that counts as none.
-_STILL = 0.01
+#: Part of the mean motion that counts as none; length that does, m.
+_STILL, _PRECISION = 0.01, 1e-11
 #: Candidates at most, and part by which they differ.
 _CANDIDATES, _APART = 5, 0.15
 #: Samples that are looked at: a longer level is seen in pieces.
@@ -106,7 +106,9 @@ def _repeating_stretch(sums: _Sums, lag: int) -> Candidate:
     slope = slope - (np.arange(len(mean)) + 0.5 * (lag - 1)) * mean
     moving = square - mean * mean / lag - slope**2 / (lag * (lag * lag - 1) / 12.0)
     moving = np.minimum(moving[: len(changing)], moving[lag : lag + len(changing)])
-    still = _STILL * max(float(np.mean(moving)), 0.0) + 1e-30
+    moving = np.maximum(moving, 0.0)  # differences of long sums round to less
+    rounding = 4.0 * np.finfo(np.float64).eps * float(sums.square[-1])
+    still = _STILL * float(np.mean(moving)) + lag * _PRECISION**2 + rounding
     unlike = (0.5 * changing + still) / (moving + still)
     good = unlike < SETTINGS.largest_change_of_cycles
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
