@@ -19,7 +19,7 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification.settings import RECORD
-from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS, hum_columns
+from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS
 from stickslip_ros.measurement.steps.motions import determined_part, find_runs, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.ringing import Ringing
@@ -64,7 +64,7 @@ class Experiment:
         """Find the runs of the drive in a measurement. IdentificationError if it shows no steps."""
         frequency = parameters.drive.frequency
         motion, repeats = without_repeats(motion)
-        found = _found(motion, frequency)
+        found = find_runs(motion.t, motion.x, frequency)
         if not found:
             raise IdentificationError(
                 f"{motion.source} shows no steps at {frequency:g} Hz; correct the frequency in the "
@@ -76,6 +76,12 @@ class Experiment:
             f"{motion.source}: the {one.steps} steps from {one.span} are left out: {why}"
             for one, why in zip(found, why_left_out(found, kept), strict=True)
             if why
+        ]
+        left_out += [
+            f"{motion.source}: the {one.steps} steps from {one.span} are fitted, but not "
+            f"determined: {'; '.join(one.doubts)}"
+            for one in kept
+            if one.doubts
         ]
         _refuse_changes(motion, kept)
         doubtful = not all(_clear(one, frequency) for one in kept)
@@ -207,19 +213,6 @@ def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
                 f"{format_si(abs(one.step_size), 'm')}: amplitude, preload or load changed between "
                 "them; cut the measurement there, and give each part as a --run of its own"
             )
-
-
-def _found(motion: Motion, frequency: float) -> list[Run]:
-    """Return the runs of a measurement; where they are not clear, those without its hum."""
-    found = find_runs(motion.t, motion.x, frequency)
-    if found and all(_clear(one, frequency) for one in determined_part(motion, found)[1]):
-        return found
-    t = motion.t - motion.t[0]
-    columns = np.column_stack([np.ones_like(t), t / t[-1], *hum_columns(t, MAINS)])
-    hum = columns[:, 2:] @ np.linalg.lstsq(columns, motion.x, rcond=None)[0][2:]
-    without = find_runs(motion.t, motion.x - hum, frequency)
-    kept = determined_part(motion, without)[1]
-    return without if kept and all(_clear(one, frequency) for one in kept) else found
 
 
 def _clear(run: Run, frequency: float) -> bool:

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -23,8 +24,11 @@ import scipy  # its parts load when they are used, which takes half a second
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
+from stickslip_ros.measurement.steps.actuator_cycles import cycles_of_actuator
+from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
 from stickslip_ros.measurement.steps.measured_value import COVERAGE, MeasuredValue
 from stickslip_ros.measurement.steps.motions import has_actuator, why_left_out
+from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Run, main_run
 from stickslip_ros.motion.motion import Motion
@@ -32,6 +36,10 @@ from stickslip_ros.reporting import format_si
 
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98
+#: Samples of a cycle that both have in common, at least.
+_SAMPLES = 2
+#: A time (s) before or after all motions.
+_EVER = 1e12
 
 
 @dataclass(frozen=True)
@@ -161,15 +169,23 @@ def pair_runs(
     run, frequency = motions.run, main_run(measured).frequency
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     seen = run if exact else Motion(run.source, pairs.t, pairs.run)
+    driven = has_actuator(run.u)
     try:
-        runs, why = motions.runs_in(seen, frequency), "none are found there"
-    except TraceError as error:
-        runs, why = [], str(error)
+        runs = [] if driven else motions.runs_in(seen, frequency)
+    except TraceError:
+        runs = []
     limit = significant(len(METRICS) * len(measured))
+    middles = [0.5 * (a.end + b.start) for a, b in pairwise(measured)]
+    edges = [-_EVER, *middles, _EVER]
     found = []
-    for one in measured:
+    for one, free in zip(measured, pairwise(alignment.run_time(np.array(edges))), strict=True):
         begin, end = alignment.run_time(np.array([one.start, one.end])).tolist()
-        own = nearest_run(runs, one.direction, begin, end)
+        own, why = nearest_run(runs, one.direction, begin, end), "none are found there"
+        if driven:
+            try:
+                own = _driven_run(motions, seen.between(*free), run.between(*free), one)
+            except TraceError as error:
+                why = str(error)
         if own is None:
             missing = f"the run has no such steps: {why}"
             found.append(RunPair(None, one, missing_metrics(missing), missing))
@@ -177,6 +193,21 @@ def pair_runs(
             metrics = step_metrics(motions, own, one, alignment.gain, limit)
             found.append(RunPair(own, one, metrics))
     return found
+
+
+def _driven_run(motions: MotionPair, seen: Motion, part: Motion, measured: Run) -> Run:
+    """Return the run of steps in a part of the run, whose actuator gives its cycles.
+
+    seen has the samples of the part that are analysed. Raises TraceError.
+    """
+    if not has_actuator(part.u):
+        raise TraceError("its actuator rests there")
+    frequency = measured.frequency if measured.steps == 1 else None
+    cycles = cycles_of_actuator(part.t, part.u, frequency)
+    if len(seen.t) < _SAMPLES * len(cycles.slips):
+        raise TraceError(f"fewer than {_SAMPLES} samples a cycle are in common")
+    noise = noise_of(motions.measurement.x)
+    return analyse_cycles(seen.t, seen.x, seen.u, cycles, noise)
 
 
 def nearest_run(runs: Sequence[Run], direction: int, begin: float, end: float) -> Run | None:

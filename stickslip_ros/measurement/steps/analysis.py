@@ -221,7 +221,8 @@ class _Analysis:
         for k, (grid, step) in enumerate(zip(grids, steps, strict=True)):
             fold = fold_cycles(self.record, self.mean, grid)
             slip = measure_slip(self.record, fold, grid.period, grid.unevenness, ringing)
-            cycles = Cycles.even(grid.slips, grid.period, grid.direction)
+            cycles = Cycles.even(grid.slips + slip.begin, grid.period, grid.direction)
+            slip = replace(slip, begin=0.0, deepest=slip.deepest - slip.begin)
             values = cycle_values(
                 self.record, self.pyramid, cycles, ringing, slip, step.value, driven=False
             )

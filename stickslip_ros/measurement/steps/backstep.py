@@ -39,7 +39,7 @@ _ABOUT_DEEPEST, _BEFORE_BEGIN, _AFTER_BEGIN = 0.1, 0.15, 0.01
 #: Samples of these fits at least; samples of a quarter of a swing in the fold at least.
 #: Swings before the begin that show how the runner rises, those about it that need not, places of
 #: samples there at least; deviations from the rise that are none.
-_RISE_SWINGS, _GUARD_SWINGS, _RISE_PLACES, _FALLEN = 1.0, 0.15, 5, 4.0
+_RISE_SWINGS, _GUARD_SWINGS, _RISE_PLACES, _FALLEN = 2.5, 0.15, 5, 4.0
 #: Distance of samples in a fold, in swings, from which on cycles are sampled at the same places;
 #: swings that a fall takes.
 _ALIKE_SWINGS, _FALLS = 0.035, (0.2, 0.9)
@@ -84,7 +84,7 @@ def find_ringing(record: Record, fold: Fold, grid: SlipGrid, rest: Rest | None) 
             looked_at[1] = float(record.t[last - 1] - begin)
             part = slice(first, last, max(1, (last - first) // _REST_SAMPLES))
             in_rest = fit_later_ringing(record.t[part] - grid.last, record.x[part], period, 2)
-    return combine(in_cycle, in_rest, (looked_at[0], looked_at[1]))
+    return combine(in_cycle, in_rest, (looked_at[0], looked_at[1]), period)
 
 
 def begin_of_slip(t: Array, x: Array, ringing: Ringing, period: float) -> float:
@@ -152,8 +152,8 @@ def measure_slip(
     if alike and not _FALLS[0] < fall < _FALLS[1]:
         return MeanSlip(
             begin=begin, deepest=deepest,
-            why_unknown=f"all cycles are sampled at the same places, {places:.1f} in a swing of the "
-            f"ringing, and the fall takes {fall:.2g} swings: a faster ringing looks alike",
+            why_unknown=f"all cycles are sampled at the same places, {places:.1f} in a swing of "
+            f"the ringing, and the fall takes {fall:.2g} swings: a faster one looks alike",
         )  # fmt: skip
     low, low_error, _ = _vertex(fold.t[about] - deepest, fold.x[about], reach)
     value = high.value - low
@@ -209,7 +209,7 @@ def _rise_before(
     places = len(np.unique(np.round(t[before] / (1e-3 * swing))))
     if places < _RISE_PLACES:
         return None
-    order = 2 if places >= 2 * _RISE_PLACES else 1
+    order = 2 if places >= 6 * _RISE_PLACES else 1
     design = np.column_stack([*((t / swing) ** k for k in range(order + 1)), ringing.columns(t)])
     found, *_ = np.linalg.lstsq(design[before], x[before], rcond=None)
     left = x - design @ found

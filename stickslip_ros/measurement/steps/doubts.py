@@ -22,6 +22,11 @@ from stickslip_ros.measurement.steps.timing import SlipGrid
 
 #: Periods from one run to the next of the other direction that leave no room for a missed slip.
 _NEXT_RUN, _ODD = 2.5, 0.2
+#: Steps that the rests may be apart beside the number of cycles, as the first ones differ, and more
+#: of them for each cycle.
+_MISSING, _GROWING = 1.0, 0.05
+#: The same of a last rise without a slip.
+_RISE = 1.5
 #: Periods by which a run may be off the clock of the mains.
 _LIKE_MAINS = 0.5
 #: Part of the motion in a cycle that is no step; errors of a mean that are no chance; m.
@@ -45,7 +50,8 @@ class Evidence:
     def doubts(self, k: int) -> tuple[str, ...]:
         """Return why run k is not determined; empty if it is."""
         found = [
-            *self._sampling(k), *self._ends(k), *self._size(k), *self._rests_beside(k),
+            *self._sampling(k), *self._ends(k), *self._size(k), *self._distance(k),
+            *self._rests_beside(k),
             *self._cycles(k),
         ]  # fmt: skip
         return tuple(found)
@@ -99,6 +105,24 @@ class Evidence:
             found.append("the slips point along the steps")
         return found
 
+    def _distance(self, k: int) -> list[str]:
+        """Return doubts where the rests are apart by another number of steps."""
+        grid, step, (before, after) = self.grids[k], self.steps[k], self.rests[k]
+        if before is None or after is None or not step.value or not math.isfinite(step.error):
+            return []
+        near = 0.5 * grid.period
+        edges = np.array([
+            [max(before[0], before[1] - near), before[1]],
+            [after[0], min(after[1], after[0] + near)],
+        ])  # fmt: skip
+        first, last = self.mean.between(edges[:, 0], edges[:, 1])
+        counted = float(last - first) / step.value
+        uncertain = grid.count * abs(step.error / step.value)
+        missing = _MISSING + _GROWING * grid.count + 2.0 * uncertain
+        if -missing < counted - grid.count < missing + _RISE:
+            return []
+        return [f"the rests are {counted:.1f} steps apart, but {grid.count} cycles are seen"]
+
     def _rests_beside(self, k: int) -> list[str]:
         if self.rests[k] == (None, None):
             return ["no rest beside the run, so step and drift cannot be told apart"]
@@ -112,7 +136,7 @@ class Evidence:
             count = int((end - begin) / width)
             if count < 2:
                 continue
-            edges = begin + width * np.arange(count + 1)
+            edges = np.asarray(begin + width * np.arange(count + 1), np.float64)
             place = self.mean.between(edges[:-1], edges[1:])
             place -= self.disturbances.hum_at(0.5 * (edges[1:] + edges[:-1]), width)
             moved = float(np.ptp(place))

@@ -20,7 +20,7 @@ USUAL = 2e-8
 #: Harmonics that are taken out; order of the drift beside them; samples that are fitted at most.
 _HARMONICS, _DRIFT, _SAMPLES = 5, 5, 40_000
 #: Periods of the mains that a record holds at least; least hum that is taken out, m.
-_PERIODS, _LEAST = 2.0, 3e-10
+_PERIODS, _LEAST = 3.0, 3e-10
 
 
 def without_hum(record: Record) -> Record | None:

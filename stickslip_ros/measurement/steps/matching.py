@@ -37,8 +37,10 @@ _BLOCKS, _SHIFTS = (16, 4), 0.04
 _ALIKE, _MEAN = 0.7, (0.6, 1.5)
 #: Neighbours of a slip on either side that the first template is the mean of.
 _NEIGHBOURS = 2
-#: Cycles that show whether the runner gets on evenly; part of a step by which the median may differ.
+#: Cycles that show whether the runner gets on evenly; part of a step by which a median may differ.
+#: Quantiles of the way in a cycle; steps and robust deviations by which these may differ.
 _EVEN_CYCLES, _UNEVEN_STEPS = 6, 0.3
+_OUTER, _FAR_STEPS, _FAR_SCATTER = (0.08, 0.92), 0.5, 4.0
 #: Slips of a chain whose distance tells where the next ones are.
 _RECENT = 40
 
@@ -76,11 +78,11 @@ def match_chains(pyramid: Pyramid, candidate: Candidate, excerpt: float = 0.0) -
     """
     period, samples = candidate.period, float(SAMPLES_A_PERIOD)
     level = _level_for(pyramid, period, candidate, excerpt, samples)
-    template, direction = _first_template(level, candidate)
+    template, direction = _first_template(level, candidate, 0)
     if _is_noisy(level, template):
         samples = _NOISY_SAMPLES
         level = _level_for(pyramid, period, candidate, excerpt, samples)
-        template, direction = _first_template(level, candidate)
+        template, direction = _first_template(level, candidate, _NEIGHBOURS)
     chains: list[Chain] = []
     for turn in range(_ROUNDS):
         slips, sizes = find_slips(level, template, period)
@@ -123,8 +125,12 @@ def _level_for(
     return level.excerpt(middle - 0.5 * excerpt, middle + 0.5 * excerpt)
 
 
-def _first_template(level: Level, candidate: Candidate) -> tuple[Array, int]:
-    """Return the slip of median depth in the stretch of a candidate, and the way of the steps."""
+def _first_template(level: Level, candidate: Candidate, neighbours: int) -> tuple[Array, int]:
+    """Return the slip of median depth in the stretch of a candidate, and the way of the steps.
+
+    It is the mean of so many neighbours on either side, too, which has less noise; the period is
+    not known well enough for more.
+    """
     x, lag = level.x, round(candidate.period / level.spacing)
     begin, end = (
         round((one - level.start) / level.spacing) for one in (candidate.begin, candidate.end)
@@ -143,9 +149,8 @@ def _first_template(level: Level, candidate: Candidate) -> tuple[Array, int]:
         (int(one[np.argmin(speed[one])]) for one in parts if len(one)), key=lambda k: speed[k]
     )
     at = level.start + level.spacing * falls[len(falls) // 2]
-    # The mean of some neighbours has less noise; the period is not known well enough for more.
-    number = np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
-    near = at + candidate.period * number
+    number = np.arange(-neighbours, neighbours + 1)
+    near = np.asarray(at + candidate.period * number, np.float64)
     near = near[(near > candidate.begin) & (near < candidate.end)]
     return mean_slip(level, near if len(near) else np.array([at]), candidate.period), direction
 
@@ -302,7 +307,7 @@ def cycle_rows(pyramid: Pyramid, chain: Chain) -> Array:
     """Return the settled cycles of a chain beside straight lines, (cycles, samples)."""
     level = pyramid.level_for(chain.period, 32)
     half = int(0.5 * chain.period / level.spacing)
-    settled = chain.settled
+    settled = chain.settled[:-1] if len(chain.settled) > 1 else chain.settled  # it runs into rest
     rows = level.rows(settled[:2000], half, half)
     rows = rows[np.isfinite(rows).all(axis=1)]
     return beside_line(rows) if len(rows) else rows
@@ -354,7 +359,10 @@ def gets_on_evenly(mean: MeanPosition, chain: Chain) -> bool:
     usual, average = float(np.median(step)), float(np.mean(step))
     scatter = 1.4826 * float(np.median(np.abs(step - usual)))
     chance = 3.0 * scatter / np.sqrt(len(step))
-    return abs(usual - average) < _UNEVEN_STEPS * abs(average) + chance
+    if abs(usual - average) > _UNEVEN_STEPS * abs(average) + chance:
+        return False
+    away = np.abs(np.quantile(step, _OUTER) - usual).max()
+    return bool(away < _FAR_STEPS * abs(average) + _FAR_SCATTER * scatter)
 
 
 def has_slips(rows: Array) -> bool:
@@ -452,11 +460,11 @@ class PeriodChoice:
     def _best(self) -> _Trial:
         most = max(one.coverage for one in self._trials)
         good = [one for one in self._trials if one.coverage > SETTINGS.least_coverage * most]
-        least = min(one.alternation for one in good)
+        least, noise = (min(getattr(one, key) for one in good) for key in ("alternation", "change"))
         good = [
             one
             for one in good
-            if one.alternation < least + SETTINGS.largest_alternation * (0.3 + 3.0 * one.change)
+            if one.alternation < least + SETTINGS.largest_alternation * (0.3 + 3.0 * noise)
         ]
         least = min(one.change for one in good) + SETTINGS.largest_change_above_least
         good = [one for one in good if one.change < least]

@@ -64,7 +64,7 @@ def period_factor(
     record: Record, mean: MeanPosition, pyramid: Pyramid, grid: SlipGrid, ringing: Ringing | None
 ) -> float:
     """Return by how much the period is too short (2, 3, ...) or too long (1/2, 1/3), else 1."""
-    if grid.count <= SETTINGS.least_cycles:
+    if grid.count < SETTINGS.least_cycles:
         return 1.0
     explained = explained_by(record, mean, grid)
     own = explained(grid.period)
@@ -82,9 +82,9 @@ def period_factor(
         resolved = grid.period / m > _RESOLVED * record.spacing
         if resolved and between > _SLIP_BETWEEN:
             return 1.0 / m
-        if explained(grid.period / m) > _AS_GOOD * own > 0.0:
-            if ringing is None or between > 0.5 * SETTINGS.least_amplitude:
-                return 1.0 / m
+        possible = ringing is None or between > 0.5 * SETTINGS.least_amplitude
+        if possible and explained(grid.period / m) > _AS_GOOD * own > 0.0:
+            return 1.0 / m
     return 1.0
 
 

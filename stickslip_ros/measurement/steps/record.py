@@ -134,7 +134,8 @@ def _held_samples(x: Array, resolution: float) -> NDArray[np.bool_]:
     for k in long:
         first, after = last[k] - length[k] + 1, last[k]
         before = first - _HELD_SAMPLES
-        stops = before >= 0 and moved[before] > _STOPS * usual
+        beside = moved[max(before - _HELD_SAMPLES, 0) : max(before + 1, 0)]
+        stops = float(np.max(beside, initial=0.0)) > _STOPS * usual
         soon = slice(after, after + 3)  # from rest, it takes a part of a swing to get as fast
         leaves = first == 0 and len(x[soon]) > 2 and abs(np.ptp(x[soon])) > usual_move
         if noisy or stops or leaves:

@@ -101,7 +101,9 @@ def fit_later_ringing(t: Array, x: Array, longest: float, order: int = 3) -> Rin
     The time after the ringing has died away is left out, too.
     """
     found = fit_ringing(t, x, longest, order)
-    for skipped in _SKIPPED if found is not None else ():
+    if found is None:
+        return None
+    for skipped in _SKIPPED:
         begin = t[0] + skipped * found.swing
         later = (t > begin) & (t < begin + _GONE / max(found.decay, 1e-9))
         if later.sum() < 2 * _FEWEST or np.ptp(t[later]) * found.frequency < _SWINGS_LATER:
@@ -156,18 +158,25 @@ def _checked(
 
 
 def combine(
-    in_cycle: Ringing | None, in_rest: Ringing | None, looked_at: tuple[float, float]
+    in_cycle: Ringing | None,
+    in_rest: Ringing | None,
+    looked_at: tuple[float, float],
+    period: float,
 ) -> Ringing | None:
     """Return the better of the ringings seen in the mean cycle and in the rest after the last slip.
 
     Neither is told where they differ, or where only one shows it although the other is long enough
-    (looked_at: time that was seen of both, s; 0: too few samples).
+    (looked_at: time that was seen of both, s; 0: too few samples). period (s) is that of the drive.
     """
     found = [
         replace(
             one,
             frequency_error=math.hypot(one.frequency_error, bend * one.frequency),
-            decay_error=math.hypot(one.decay_error, SETTINGS.bend_of_decay * one.decay),
+            decay_error=math.hypot(
+                one.decay_error,
+                SETTINGS.bend_of_decay * one.decay,
+                SETTINGS.decay_error_periods / period,
+            ),
         )
         for one, bend in ((in_cycle, SETTINGS.bend_in_cycle), (in_rest, SETTINGS.bend_in_rest))
         if one is not None

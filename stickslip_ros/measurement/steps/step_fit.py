@@ -38,9 +38,9 @@ _HARMONICS, _PERIODS, _NUISANCE_PERIODS = (1, 3), 2.0, 0.4
 #: How probable hum of either mains, a drift that is not straight, and a random walk are beforehand;
 #: how far (m) such a walk gets over the record; waves of its series.
 _HUM_ODDS, _BENT_ODDS, _WALK_ODDS = 0.01, 0.02, 0.2
-#: Drift beforehand (m/s), as on a bench, and in steps over the record; times of it by which one that bends is tried; creep in
-#: e-fold of time, in steps.
-_DRIFT, _DRIFT_STEPS, _BENT, _CREEPS = 3e-7, 0.2, (1.0, 10.0), 0.1
+#: Drift beforehand (m/s), as on a bench, and in steps over the record; times of it by which one
+#: that bends is tried; creep in an e-fold of time, in steps.
+_DRIFT, _DRIFT_STEPS, _BENT, _CREEPS = 3e-7, 0.2, (1.0, 4.0), 0.1
 _WALKS, _WAVES = (3e-10, 1e-9, 3e-9, 1e-8, 3e-8, 1e-7), 24
 #: Standard errors from which on drift and hum are plainly there; m that a drift comes to, and that
 #: hum swings, at least.
@@ -52,6 +52,8 @@ _PARTS, _SAMPLES, _RUN_ROWS, _REST_ROWS = 8, 3.0, 1500, 200
 #: Least change of a step in a short run, whose cycles have not settled, as part of it; how many
 #: cycles settle.
 _UNSETTLED, _SETTLED = 0.01, 8
+#: Differences in a group that show its scatter.
+_SCATTER = 3
 #: Cycles from which on their motion shows the step; part by which the first two may
 #: differ from settled ones.
 _SHOW_STEP, _SECOND = 3, 0.15
@@ -119,9 +121,9 @@ class _Rows:
     t: Array  #: middle of each block, s
     width: Array  #: s
     x: Array  #: m
-    group: Array  #: number of the level that blocks share
+    group: NDArray[np.int64]  #: number of the level that blocks share
     columns: Array  #: cycle numbers of each run; then jumps and ringing
-    in_run: Array  #: whether a block is part of a run
+    in_run: NDArray[np.bool_]  #: whether a block is part of a run
 
     def within_groups(self, values: Array) -> Array:
         """Return values without the mean of their group."""
@@ -247,7 +249,7 @@ def _rows_of(
         parts = int(np.clip(grid.period / record.spacing / _SAMPLES, 1, _PARTS))
         cycles = cycles[:: max(1, len(cycles) * parts // _RUN_ROWS)]
         for part in range(parts):
-            begin = grid.first + (cycles + part / parts) * grid.period
+            begin = np.asarray(grid.first + (cycles + part / parts) * grid.period, np.float64)
             begins.append(begin)
             ends.append(begin + grid.period / parts)
             numbers.append(np.where(np.arange(len(grids)) == j, cycles[:, None], 0.0))
@@ -267,7 +269,7 @@ def _rows_of(
                 continue
             if k == 1 and count > 8 and ringing is not None:
                 rings.append((len(begins), rest[0], ringing))
-            edges = np.linspace(*rest, count + 1)
+            edges: Array = np.linspace(*rest, count + 1, dtype=np.float64)
             begins.append(edges[:-1])
             ends.append(edges[1:])
             numbers.append(np.zeros((count, len(grids))))
@@ -286,7 +288,7 @@ def _rows_of(
     )  # fmt: skip
 
 
-def _mean_ringing(inside: Array, begin: Array, end: Array, ringing: Ringing) -> Array:
+def _mean_ringing(inside: NDArray[np.bool_], begin: Array, end: Array, ringing: Ringing) -> Array:
     """Return the means of cosine and sine of ringing over blocks (s), 0 outside."""
     power = 2j * math.pi * ringing.frequency - ringing.decay
     begin, end = np.where(inside, begin, 0.0), np.where(inside, end, 1.0)
@@ -313,12 +315,18 @@ def _weights(rows: _Rows, runs: int, resolution: float) -> Array:
     weight = np.ones(len(x))
     neighbours = np.diff(rows.group) == 0
     change, group = np.diff(x)[neighbours], rows.group[1:][neighbours]
-    usual = np.bincount(group, change) / np.maximum(np.bincount(group), 1)
-    change = change - usual[group] if len(change) else change
+    count = np.maximum(np.bincount(group, minlength=1), 1)
+    if len(change):
+        change = change - (np.bincount(group, change) / count)[group]
+        change *= np.sqrt(count / np.maximum(count - 1, 1))[group]
+    enough = count[group] >= _SCATTER
     for part in (rows.in_run, ~rows.in_run):
-        own = change[part[1:][neighbours]]
+        own = change[part[1:][neighbours] & enough]
         if len(own) > 2:
             weight[part] = 1.0 / max(float(np.std(own)) / math.sqrt(2.0), least)
+        else:
+            weight[part] = math.nan
+    weight[np.isnan(weight)] = np.nanmin(weight) if np.isfinite(weight).any() else 1.0
     return weight / weight.max()
 
 
@@ -341,7 +349,8 @@ def _fits(
         if record.duration * mains > _NUISANCE_PERIODS
     }
     blocks = {"": list(rows.columns.T), **slow, **{f"{one:g} Hz": fast[one] for one in fast}}
-    places, columns = {}, []
+    places: dict[str, NDArray[np.int64]] = {}
+    columns: list[Array] = []
     for name, of_block in blocks.items():
         places[name] = np.arange(len(columns), len(columns) + len(of_block))
         columns += [rows.within_groups(one) * weight for one in of_block]
@@ -403,7 +412,7 @@ def _slow_cases(duration: float, step: float) -> dict[str, tuple[dict[str, Array
 class _Solver:
     """Least squares with some of many columns, all of which are decomposed once."""
 
-    def __init__(self, columns: Array, y: Array, t: Array, in_run: Array) -> None:
+    def __init__(self, columns: Array, y: Array, t: Array, in_run: NDArray[np.bool_]) -> None:
         scale = np.sqrt(np.sum(columns * columns, axis=0))
         self._used = scale > 1e-12 * max(float(scale.max()), 1e-30)  # a jump beside all rows is 0
         self._scale = np.where(self._used, scale, 1.0)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.steps.matching import SAMPLES_A_PERIOD, Chain, window_of
@@ -282,7 +283,7 @@ def join_grids(mean: MeanPosition, grids: Sequence[SlipGrid]) -> list[SlipGrid]:
     return joined
 
 
-def steepest_fall(fold: Array, inside: Array) -> int:
+def steepest_fall(fold: Array, inside: NDArray[np.bool_]) -> int:
     """Return where positions at even times fall most, at the finest scale that noise allows."""
     noise = 1.4826 * float(np.median(np.abs(np.diff(fold, 2)))) / math.sqrt(6.0)
     at, width = 0, 1.5

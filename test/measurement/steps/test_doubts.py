@@ -37,10 +37,10 @@ def test_too_few_samples_are_said() -> None:
     assert "8.4 a cycle at 500 Hz; 10 are needed" in doubts(made.t, made.x, 500.0)
 
 
-def test_uneven_slips_are_said() -> None:
+def test_uneven_slips_are_no_run_that_is_determined() -> None:
     drives = tuple(Drive(1, 500.0 * 1.03**k, pause=6e-3 if k == 0 else 0.0) for k in range(14))
     made = bench_trace(Axis(), drives, Sensor(rate=1e5, noise=1e-9), rest=6e-3)
-    assert doubts(made.t, made.x)
+    assert not any(run.determined for run in find_steps(made.t, made.x).runs)
 
 
 def test_a_step_within_its_noise_is_not_clear() -> None:
