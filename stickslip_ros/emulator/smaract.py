@@ -18,6 +18,7 @@ from enum import IntEnum
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
+from stickslip_ros.axis import CommandRefused
 from stickslip_ros.axis.command import DISABLED, FAULT, HOLDING, JOGGING, SCANNING, TARGETING
 from stickslip_ros.emulator import controller
 from stickslip_ros.emulator.controller import (
@@ -267,7 +268,10 @@ class ScuDialogue(Dialogue):
     def _answer_command(self, text: str) -> bytes:
         found = _SCU_COMMAND.fullmatch(text)
         if text in SCU_CONTROLLER:
-            return _line(SCU_CONTROLLER[text](self.controller))
+            try:
+                return _line(SCU_CONTROLLER[text](self.controller))
+            except CommandRefused:
+                return _scu_error("", self.reasons.impossible)
         if _BAUD.fullmatch(text):
             return b""  # TCP has no rate
         if not found:

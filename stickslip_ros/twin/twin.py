@@ -370,6 +370,11 @@ class Twin:
         return OK, "as expected"
 
     @property
+    def departs(self) -> bool:
+        """Whether the step drifts or the estimates have left the model, seen now or before."""
+        return self.tracker.lost or self._drifts
+
+    @property
     def _drifts(self) -> bool:
         rate, deviation = self.drift
         fits = self._excess <= MISFIT * math.sqrt(2.0 * max(self._since, 1))

@@ -102,7 +102,10 @@ class Evidence:
                 f"the step, {1e9 * step.value:.2f} nm ± {1e9 * step.error:.2f} nm, is not clear"
             )
         if step.value * grid.direction < 0.0:
-            found.append("the slips point along the steps")
+            found.append(
+                "the runner jumps the way it steps, where a slip throws it back: check the sign of "
+                "the position, and the frequency"
+            )
         return found
 
     def _distance(self, k: int) -> list[str]:

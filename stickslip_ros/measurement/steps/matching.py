@@ -263,7 +263,7 @@ def _grown(
         if len(chain.slips) >= SETTINGS.least_cycles:
             own = Level(chain.direction * direction * amplitude, level.spacing,
                         level.start + before * level.spacing)  # fmt: skip
-            others = [one for one in kept]
+            others = list(kept)
             chain = _grow(own, _grow(own, chain, 1, others), -1, others)
         kept.append(chain)
     return sorted(kept, key=lambda one: float(one.slips[0]))

@@ -360,7 +360,8 @@ def _fits(
     plain = solver.solve(places[""], len(grids))
     if plain is None:
         return [], math.nan
-    step = float(np.max(np.abs(plain.value[: len(grids)])))
+    # A run of two cycles has no settled step of its own.
+    step = float(np.nanmax(np.abs(plain.value[: len(grids)]), initial=0.0))
     cases = _slow_cases(record.duration, step) if slow else {"": ((), 1.0)}
     likely, chances = [], []
     for name, (blocks_of_case, odds) in cases.items():

@@ -11,7 +11,11 @@ from records import assert_right, bench
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.measurement.steps.analysis import find_steps
+from stickslip_ros.measurement.steps.fold import find_rests
 from stickslip_ros.measurement.steps.motions import find_runs
+from stickslip_ros.measurement.steps.record import MeanPosition, clean_record
+from stickslip_ros.measurement.steps.step_fit import fit_steps
+from stickslip_ros.measurement.steps.timing import SlipGrid
 
 
 @pytest.mark.parametrize("told", [False, True])
@@ -136,3 +140,17 @@ def test_a_frequency_that_the_record_cannot_hold_is_refused() -> None:
         find_steps(T, NOISE, 5.0)
     with pytest.raises(StickslipError, match=r"show no cycles of 8000 Hz"):
         find_steps(T, NOISE, 8000.0)
+
+
+def test_a_run_of_two_cycles_leaves_the_step_of_a_long_one_known() -> None:
+    """It has no settled step of its own, and every other step was no number."""
+    period, t = 2e-3, np.arange(0.0, 0.12, 5e-5)
+    since = np.clip((t - 0.02) / period, 0.0, 30.0) + np.clip((t - 0.1) / period, 0.0, 2.0)
+    x = 1e-7 * since + 3e-8 * np.abs(np.sin(np.pi * since))
+    x += 1e-9 * np.random.default_rng(2).standard_normal(len(t))
+    record = clean_record(t, x)
+    grids = [SlipGrid(0.02 + period, period, 30, 1), SlipGrid(0.1 + period, period, 2, 1)]
+    rests = find_rests(grids, float(t[0]), float(t[-1]))
+    steps, _ = fit_steps(record, MeanPosition(record), grids, [None, None], rests)
+    assert 0.0 < steps[0].error < 1e-8
+    assert steps[0].value == pytest.approx(1e-7, abs=4.0 * steps[0].error)
