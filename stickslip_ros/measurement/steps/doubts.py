@@ -22,6 +22,8 @@ from stickslip_ros.measurement.steps.timing import SlipGrid
 
 #: Periods from one run to the next of the other direction that leave no room for a missed slip.
 _NEXT_RUN, _ODD = 2.5, 0.2
+#: Part by which the periods of two pieces of one run may differ.
+_SAME_PERIOD = 0.05
 #: Steps that the rests may be apart beside the number of cycles, as the first ones differ, and more
 #: of them for each cycle.
 _MISSING, _GROWING = 1.0, 0.05
@@ -91,6 +93,11 @@ class Evidence:
             turns = other.direction != grid.direction
             if turns and 0.0 < gap < _NEXT_RUN and abs(gap - 1.0) > _ODD:
                 found.append(f"{gap - 1.0:.1f} periods between this run and the next one")
+            sooner, later = sorted((grid, other), key=lambda one: one.first)
+            apart = (later.first - sooner.last) / grid.period
+            alike = abs(other.period / grid.period - 1.0) < _SAME_PERIOD
+            if other is not grid and not turns and alike and apart < _NEXT_RUN:
+                found.append("another run of the same steps is so near that both may be one")
         return found
 
     def _size(self, k: int) -> list[str]:

@@ -54,9 +54,13 @@ _PARTS, _SAMPLES, _RUN_ROWS, _REST_ROWS = 8, 3.0, 1500, 200
 _UNSETTLED, _SETTLED = 0.01, 8
 #: Differences in a group that show its scatter.
 _SCATTER = 3
-#: Cycles from which on their motion shows the step; part by which the first two may
-#: differ from settled ones.
-_SHOW_STEP, _SECOND = 3, 0.15
+#: Cycles from which on their motion shows the step; part of a step of fewer by which the rise
+#: before a slip may bend; periods before the slip between which the runner rises towards it.
+_SHOW_STEP, _BENT_RISE = 3, 0.05
+_RISING = (-0.13, -0.08, -0.03)
+#: Part by which samples far apart miss a step, in squares of their distance in periods: a slip lies
+#: anywhere between two of them.
+_COARSE = 1.2
 #: Precision of positions, m: of the solver of simulated ones, far below any sensor.
 PRECISION = 2e-12
 
@@ -191,9 +195,10 @@ def fit_steps(
             variance = max(chance, own) * float(one.covariance[j]) * (1.0 + 2.0 / freedom)
             spread += p * (variance + (one.value[j] - value) ** 2)
         unsettled = _UNSETTLED * value if grid.count < _SETTLED else 0.0
+        coarse = _COARSE * value * (record.spacing / grid.period) ** 2
         # A rest may lie within one step of the converter, which hides a drift.
         hidden = 0.5 * record.resolution * grid.period / longest * drifting
-        steps.append(MeasuredValue(value, math.sqrt(spread + unsettled**2 + hidden**2)))
+        steps.append(MeasuredValue(value, math.sqrt(spread + unsettled**2 + coarse**2 + hidden**2)))
     best = models[int(np.argmax(share))]
     return steps, _disturbances(best, chance, record.duration)
 
@@ -201,17 +206,24 @@ def fit_steps(
 def _step_between_rests(
     mean: MeanPosition, grid: SlipGrid, rests: tuple[Rest | None, Rest | None]
 ) -> MeasuredValue:
-    """Return the mean step (m) of one or two cycles from the rests beside them, with one drift."""
+    """Return the step (m) of one or two cycles: to the last slip from the rest, or from the first.
+
+    The rests beside them show a drift, if there is one.
+    """
     before, after = rests
     if before is None or after is None:
         return MeasuredValue()
     t, x, side = [], [], []
     for k, rest in enumerate((before, after)):
         edges = np.linspace(*rest, 65)
-        t.append(0.5 * (edges[1:] + edges[:-1]) - grid.first)
+        t.append(0.5 * (edges[1:] + edges[:-1]) - grid.last)
         x.append(mean.between(edges[:-1], edges[1:]))
         side.append(np.full(64, float(k)))
     times, place, later = (np.concatenate(one) for one in (t, x, side))
+    # Just before the slip, the place of the runner goes on as it went before.
+    ends = grid.slips[:, None] + grid.period * np.array(_RISING)
+    first, second = mean.between(ends[:, :-1], ends[:, 1:]).T
+    tops = second + (second - first)
     fits = []
     for slow in ([], [times / float(np.ptp(times))]):
         design = np.column_stack([np.ones_like(later), later, *slow])
@@ -219,16 +231,19 @@ def _step_between_rests(
         left = place - design @ found
         free = max((len(left) - design.shape[1]) / persistence(left), 1.0)
         variance = max(float(left @ left) / free, PRECISION**2)
-        error = variance * float(np.linalg.inv(design.T @ design)[1, 1]) * (1.0 + 2.0 / free)
+        error = variance * float(np.linalg.inv(design.T @ design)[0, 0]) * (1.0 + 2.0 / free)
         information = free * math.log(variance) + design.shape[1] * math.log(max(free, 3.0))
-        fits.append((information, float(found[1]), error))
+        step = float(tops[-1] - found[0])
+        if len(tops) > 1:
+            rate = float(found[2]) / float(np.ptp(times)) if slow else 0.0
+            step = float(tops[-1] - tops[-2]) - rate * grid.period
+        fits.append((information, step, error + 2.0 * variance))
     least = min(one[0] for one in fits)
     share = np.exp([-0.5 * (one[0] - least) for one in fits])
     share /= share.sum()
     value = float(sum(p * one[1] for p, one in zip(share, fits, strict=True)))
     spread = sum(p * (one[2] + (one[1] - value) ** 2) for p, one in zip(share, fits, strict=True))
-    error = math.hypot(math.sqrt(spread), _SECOND * abs(value))
-    return MeasuredValue(value / grid.count, error / grid.count)
+    return MeasuredValue(value, math.hypot(math.sqrt(spread), _BENT_RISE * abs(value)))
 
 
 def _rows_of(

@@ -44,14 +44,6 @@ def test_runs_of_other_frequencies_are_found_beside_the_one_that_is_given() -> N
         assert [one.steps for one in found] == [20, 15]
 
 
-def test_one_step_is_measured_where_the_frequency_is_given() -> None:
-    made = bench(1, 500.0)
-    (run,) = find_steps(made.t, made.x, 500.0).runs
-    assert (run.steps, run.doubts) == (1, ())
-    after = made.clean[-100:].mean() - made.clean[:100].mean()
-    assert abs(run.step_size - after) < 2.0 * run.step_size_error
-
-
 def test_one_step_is_not_determined_where_it_is_not() -> None:
     made = bench(1, 500.0)
     assert all(run.doubts for run in find_steps(made.t, made.x).runs)
@@ -154,3 +146,16 @@ def test_a_run_of_two_cycles_leaves_the_step_of_a_long_one_known() -> None:
     steps, _ = fit_steps(record, MeanPosition(record), grids, [None, None], rests)
     assert 0.0 < steps[0].error < 1e-8
     assert steps[0].value == pytest.approx(1e-7, abs=4.0 * steps[0].error)
+
+
+@pytest.mark.parametrize("frequency", [60.0, 400.0])
+@pytest.mark.parametrize("cycles", [1, 2])
+def test_one_step_and_two_are_measured_where_the_frequency_is_given(
+    cycles: int, frequency: float
+) -> None:
+    """One was refused as no steps, although its frequency was given."""
+    made = bench(cycles, frequency)
+    (run,) = find_steps(made.t, made.x, frequency).runs
+    assert (run.steps, run.determined) == (cycles, True)
+    assert run.step_size == pytest.approx(made.runs[0].step_size, abs=3.0 * run.step_size_error)
+    assert run.step_size_error < 0.1 * abs(run.step_size)
