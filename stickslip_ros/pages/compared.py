@@ -28,8 +28,8 @@ from stickslip_ros.reporting.page import (
 )
 
 SHAPE = "#b3a5d9"
-#: Points of a line over the whole run, and over one step.
-_OVERVIEW, _DETAIL = 6000, 4000
+#: Points of a line over one step.
+_DETAIL = 4000
 #: The phases between the points of Fig. 2 (Fig. 1), with a tint for each.
 PHASES = (
     ("A", "B", "presliding 1", "#dfe8d3"),

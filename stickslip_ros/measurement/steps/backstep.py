@@ -142,7 +142,10 @@ def measure_slip(
     alike = apart > _ALIKE_SWINGS * swing  # all cycles are sampled at the same places
     reach = max(_ABOUT_DEEPEST * swing, _ALIKE_PLACES * apart if alike else 0.0)
     about = np.abs(fold.t - deepest) < reach
-    high = (_rise_before if alike else _rise_about)(fold, begin, ringing, apart, record.resolution)
+    if alike:
+        high = _rise_before(fold, begin, ringing, record.resolution)
+    else:
+        high = _rise_about(fold, begin, ringing, apart)
     if about.sum() < _DEEPEST_SAMPLES or high is None:
         return MeanSlip(
             begin=begin, deepest=deepest,
@@ -180,9 +183,7 @@ def _distance_of_places(record: Record, fold: Fold) -> float:
     return float(fold.t[-1] - fold.t[0]) / max(places, 1)
 
 
-def _rise_about(
-    fold: Fold, begin: float, ringing: Ringing, apart: float, resolution: float
-) -> MeasuredValue | None:
+def _rise_about(fold: Fold, begin: float, ringing: Ringing, apart: float) -> MeasuredValue | None:
     """Return the place (m) where the slip begins, from samples just before and about it."""
     swing = ringing.swing
     about = (fold.t > begin - _BEFORE_BEGIN * swing) & (fold.t < begin + _AFTER_BEGIN * swing)
@@ -194,7 +195,7 @@ def _rise_about(
 
 
 def _rise_before(
-    fold: Fold, begin: float, ringing: Ringing, apart: float, resolution: float
+    fold: Fold, begin: float, ringing: Ringing, resolution: float
 ) -> MeasuredValue | None:
     """Return the place (m) where the slip begins, None if there are too few samples before it.
 
