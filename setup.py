@@ -189,6 +189,7 @@ setup(
             "pipython",
             "pylablib-lightweight",
             "pandas",
+            "xarray",
             "distributed",
             "gymnasium>=1.0",
             "sphinx",

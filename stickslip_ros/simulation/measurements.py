@@ -24,6 +24,7 @@ from stickslip_ros.measurement.as_measured import simulate_as_measured
 from stickslip_ros.measurement.load_motion import is_parameter_file, load_motion
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
+from stickslip_ros.measurement.reading.given import given_loop, given_motion
 from stickslip_ros.measurement.steps import motions as analyses
 from stickslip_ros.measurement.steps.motions import analyse_steps
 from stickslip_ros.measurement.steps.record import TraceError
@@ -35,17 +36,19 @@ from stickslip_ros.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.shared_files import sample_file
 from stickslip_ros.simulation.run import SimulatedRun
 
-#: Whatever holds the position of a runner over time.
-MotionSource = Motion | SimulatedRun | Trace | str | PathLike[str]
+#: Whatever holds the position of a runner over time: a motion, a file, or a DataFrame, an xarray
+#: object or a pair of arrays as `given_motion` takes them.
+MotionSource = Any
 
 
-def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **how: Any) -> Motion:
+def read_measurement(path: MotionSource, *, joint: str | None = None, **how: Any) -> Motion:
     """Read the motion in a trace, table, array file, instrument's file or bag.
 
     Parameters
     ----------
-    path : str or path
-        The file or bag, or the name of a sample of the package.
+    path : str, path, DataFrame, Dataset or (t, x)
+        The file or bag, or the name of a sample of the package; or a table or arrays that a program
+        holds.
     joint : str, optional
         The joint to use in a bag.
     **how
@@ -73,6 +76,13 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
     >>> print(f"{len(motion.t)} samples over {motion.duration:.2f} s")
     14000 samples over 0.14 s
     """
+    if not isinstance(path, str | PathLike):
+        return given_motion(path, how=_reading(how))
+    if is_parameter_file(Path(path)):
+        raise MeasurementError(
+            f"{path} is a parameter file and no measurement; compare takes it first, as the run, "
+            "and simulate runs it"
+        )
     return load_motion(
         sample_file(Path(path), MeasurementError), how=_reading(how), joint=joint
     ).motion
@@ -83,8 +93,8 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
 
     Parameters
     ----------
-    measurement : Motion, SimulatedRun, Trace, str or path
-        The motion, or a file of it.
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or (t, x)
+        The motion, a file of it, or a table or arrays (s, m) that hold it.
     frequency : float, optional
         Frequency of the drive, Hz, if it is known.
 
@@ -113,7 +123,7 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
 
 def analyse(
     measurement: MotionSource,
-    *,
+    *arrays: ArrayLike,
     frequency: float | None = None,
     start: float | None = None,
     zero_amplitude: float | None = None,
@@ -122,8 +132,11 @@ def analyse(
 
     Parameters
     ----------
-    measurement : Motion, SimulatedRun, Trace, str or path
-        The motion, or a file of it.
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or (t, x)
+        The motion, a file of it, or a table or arrays (s, m) that hold it.
+    *arrays : array_like
+        Where times (s) are given in place of a measurement: positions (m) and, where it was
+        measured, the actuator's deflection (m), each of shape (samples,).
     frequency : float, optional
         Frequency of the drive, Hz; found if it is not given.
     start : float, optional
@@ -148,7 +161,7 @@ def analyse(
     >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
     133.8 nm, ringing at 7534 Hz
     """
-    motion = _motion(measurement)
+    motion = _motion(measurement, *arrays)
     _check(frequency)
     with announce_if_slow(SEARCH):
         return analyse_steps(
@@ -171,8 +184,8 @@ def compare(
     run : Motion, SimulatedRun, Trace, Parameters, mapping, str or path
         The run; of parameters, also in a YAML file, the steps that the measurement shows are
         simulated.
-    measurement : Motion, SimulatedRun, Trace, str or path
-        The measured motion, or a file of it.
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or (t, x)
+        The measured motion, a file of it, or a table or arrays (s, m) that hold it.
     fits : Fits, optional
         Which corrections of clock and sensor are fitted.
     cutoff : float, optional
@@ -213,7 +226,7 @@ def compare(
 
 
 def identify_actuator(
-    loop: str | PathLike[str] | tuple[ArrayLike, ...],
+    loop: Any,
     *,
     operators: int = 16,
     creep_start: float = 0.1,
@@ -225,8 +238,8 @@ def identify_actuator(
 
     Parameters
     ----------
-    loop : str, path or tuple of array_like
-        A file, or voltage (V), deflection (m) and, where known, times (s), each of shape
+    loop : str, path, DataFrame, Dataset or tuple of array_like
+        A file or table, or voltage (V), deflection (m) and, where known, times (s), each of shape
         (samples,).
     operators : int
         How many play operators.
@@ -261,7 +274,11 @@ def identify_actuator(
         volts, deflection, *rest = (np.asarray(one, dtype=np.float64) for one in loop)
         times = rest[0] if rest else None
     else:
-        read = read_loop(sample_file(Path(loop), MeasurementError), _reading(how))
+        read = (
+            read_loop(sample_file(Path(loop), MeasurementError), _reading(how))
+            if isinstance(loop, str | PathLike)
+            else given_loop(loop, _reading(how))
+        )
         volts, deflection, times = read.volts, read.deflection, read.times
     return identify_hysteresis(volts, deflection, operators, times, creep_start)
 
@@ -281,11 +298,18 @@ def _check(frequency: float | None) -> None:
         raise TraceError(f"the frequency is {frequency:g} Hz; it has to be above 0")
 
 
-def _motion(source: MotionSource) -> Motion:
-    if isinstance(source, Motion):
-        return source
+def _motion(source: MotionSource, *arrays: ArrayLike) -> Motion:
     if isinstance(source, SimulatedRun):
-        return source.motion
+        source = source.motion
     if isinstance(source, Trace):
-        return Motion.of_trace(source, "trace")
-    return read_measurement(source)
+        source = Motion.of_trace(source, "trace")
+    if isinstance(source, str | PathLike):
+        source = read_measurement(source)
+    if not isinstance(source, Motion):
+        return given_motion(source, *arrays)
+    if arrays:
+        raise MeasurementError(
+            f"{source.source} is a measurement of its own; give it alone, or times (s) and "
+            "positions (m) as arrays"
+        )
+    return source

@@ -229,8 +229,12 @@ class SweepResult:
         }
         return dict(to_json(found))
 
-    def plot(self, metric: str | None = None, axes: Axes | None = None) -> Axes:
-        """Draw a metric (the first): a line over one parameter, a map over two.
+    def plot(
+        self, axes: Axes | str | None = None, metric: str | Axes | None = None
+    ) -> Axes:
+        """Draw a metric (the first) into axes of Matplotlib, or new ones; return them.
+
+        It is a line over one parameter, a map over two. Both arguments may change places.
 
         >>> import matplotlib
         >>> matplotlib.use("agg")
@@ -238,8 +242,10 @@ class SweepResult:
         >>> ss.sweep(preload=[0.5, 1.0]).plot().get_ylabel()
         'step size (nm)'
         """
-        name = metric or self.plan.metrics[0]
-        drawn = axes_or_new(axes)
+        named = [one for one in (axes, metric) if isinstance(one, str)]
+        given = [one for one in (axes, metric) if one is not None and not isinstance(one, str)]
+        name = named[0] if named else self.plan.metrics[0]
+        drawn = axes_or_new(given[0] if given else None)
         draw_metric(drawn, self.plan, name, self[name].ravel())
         return drawn
 
@@ -255,7 +261,7 @@ class SweepResult:
             size = (COLUMN, 0.3 + 0.75 * COLUMN * count)
             figure = Figure(figsize=size, layout="constrained")
             for k, name in enumerate(self.metrics):
-                self.plot(name, figure.add_subplot(count, 1, k + 1))
+                self.plot(figure.add_subplot(count, 1, k + 1), name)
             figure.suptitle(_title(self.plan), fontsize=LOOKS["font.size"])
         return figure
 

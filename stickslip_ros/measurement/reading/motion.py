@@ -30,6 +30,7 @@ from stickslip_ros.measurement.reading.choice import (
 from stickslip_ros.measurement.reading.layout import LARGEST
 from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, numbers_of, read_text_table
+from stickslip_ros.measurement.steps.actuator_cycles import find_strokes
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.opening import ReadError, open_regular
 from stickslip_ros.reporting import format_si
@@ -104,6 +105,8 @@ _DATES = 1e8
 _GRAINS = 8.0
 #: No actuator deflects by more (m), and none of a stick-slip drive: its unit is another one.
 _WIDEST_LOOP, _WIDEST_STROKE = 0.01, 1e-3
+#: Strokes from which on a column goes back and forth.
+_SURE_STROKES = 6
 #: Share of times that are like the one before them where times are rounded.
 _MANY_TIES = 0.05
 #: Part of a fringe from which on a step from one sample to the next may be a jump or motion.
@@ -126,7 +129,13 @@ def read_measurement(path: Path, how: Reading | None = None) -> Motion:
 def motion_of(table: Table, source: str, how: Reading) -> Motion:
     """Return the motion in a table. Raises MeasurementError."""
     values, notes = _read(table, MOTION, how)
-    x, stroke = values["x"], float(np.ptp(values.get("u", [0.0])))
+    x, u = values["x"], values.get("u", np.zeros(1))
+    stroke = float(np.ptp(u))
+    if stroke > np.ptp(x) > 0.0 and _is_runner(values["t"], u, x):
+        raise MeasurementError(
+            "the position goes back and forth in every cycle while the actuator moves on by "
+            f"{stroke:g} m, as if both columns were swapped; name them: --columns x=NAME,u=NAME"
+        )
     if stroke > _WIDEST_STROKE:
         raise MeasurementError(
             f"the actuator's deflection goes over {stroke:g} m, which no stick-slip drive does; "
@@ -137,6 +146,14 @@ def motion_of(table: Table, source: str, how: Reading) -> Motion:
         notes = (*notes, note)
     x = x / math.cos(how.angle) if how.angle else x
     return Motion(source, values["t"], x, values.get("v"), values.get("u"), notes)
+
+
+def _is_runner(t: Array, actuator: Array, position: Array) -> bool:
+    """Return whether a deflection (m) moves on while the position (m) does what actuators do."""
+    strokes, other = (
+        len(find_strokes(t, (one - one.min()) / np.ptp(one))) for one in (position, actuator)
+    )
+    return strokes >= _SURE_STROKES and strokes > 2 * other
 
 
 def without_fringe_jumps(x: Array, fringe: float) -> tuple[Array, str]:
@@ -172,13 +189,18 @@ def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
     """
     how = how or Reading()
     with naming(path):
-        values, notes = _read(open_table(path, how.decimal), LOOP, how)
-        span = float(np.ptp(values["deflection"]))
-        if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scale}:
-            raise MeasurementError(
-                f"the deflection goes over {span:g} m, which no actuator does; say in which unit "
-                "it is: --units deflection=um, or in which column: --columns deflection=NAME"
-            )
+        return loop_of(open_table(path, how.decimal), how)
+
+
+def loop_of(table: Table, how: Reading) -> ActuatorLoop:
+    """Return the loops in a table. Raises MeasurementError."""
+    values, notes = _read(table, LOOP, how)
+    span = float(np.ptp(values["deflection"]))
+    if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scale}:
+        raise MeasurementError(
+            f"the deflection goes over {span:g} m, which no actuator does; say in which unit "
+            "it is: --units deflection=um, or in which column: --columns deflection=NAME"
+        )
     return ActuatorLoop(values["voltage"], values["deflection"], values.get("t"), notes)
 
 

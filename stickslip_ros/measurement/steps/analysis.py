@@ -39,6 +39,8 @@ from stickslip_ros.measurement.steps.timing import (
     retime,
 )
 
+#: No stick-slip drive steps by more (m): its unit is another one.
+WIDEST_STEP = 1e-3
 #: Part by which a run may be off a frequency that was given, as clocks and short runs are.
 AS_GIVEN = 0.02
 #: How many times a period that is a part of the right one is corrected.
@@ -80,7 +82,7 @@ def find_steps(t: ArrayLike, x: ArrayLike, frequency: float | None = None) -> Fi
     """
     time, position = check_samples(t, x)
     try:
-        return _find_steps(time, position, frequency)
+        found = _find_steps(time, position, frequency)
     except TraceError:
         raise
     except (ArithmeticError, LookupError, ValueError) as error:  # no record is worth a traceback
@@ -88,6 +90,13 @@ def find_steps(t: ArrayLike, x: ArrayLike, frequency: float | None = None) -> Fi
             f"the search for steps cannot take a record of this shape ({error}); cut out the part "
             "with steps, and please report it with the record"
         ) from error
+    widest = max((abs(one.step_size) for one in found.runs), default=0.0)
+    if widest > WIDEST_STEP:
+        raise TraceError(
+            f"a step would be {widest:g} m, which no stick-slip drive makes; its unit is another "
+            "one (--units x=nm), or it is another column (--columns x=NAME)"
+        )
+    return found
 
 
 def _find_steps(time: Array, position: Array, frequency: float | None) -> Findings:

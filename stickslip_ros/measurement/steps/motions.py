@@ -20,11 +20,15 @@ from stickslip_ros.measurement.steps.actuator_cycles import (
 from stickslip_ros.measurement.steps.analysis import find_steps
 from stickslip_ros.measurement.steps.doubts import too_few_samples
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
+from stickslip_ros.measurement.steps.measured_value import COVERAGE
 from stickslip_ros.measurement.steps.record import FEWEST_SAMPLES, TraceError
 from stickslip_ros.measurement.steps.run import Run, main_run
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.motion.motion import Motion
+from stickslip_ros.reporting import format_si
 
+#: Part of the actuator's stroke that a step never exceeds, gains of both sensors included.
+_OUTRUN = 1.1
 #: Part of a cycle by which slips may be away from where a start that is given has them.
 _OFF_CLOCK = 0.1
 
@@ -129,7 +133,14 @@ def _analyse(
     t: Array, x: Array, u: Array | None, frequency: float | None, start: float | None
 ) -> Run:
     if has_actuator(u):
-        return _with_doubts(t, analyse_cycles(t, x, u, cycles_of_actuator(t, u, frequency, start)))
+        run = analyse_cycles(t, x, u, cycles_of_actuator(t, u, frequency, start))
+        if abs(run.step_size) > _OUTRUN * run.excitation + COVERAGE * run.step_size_error:
+            raise TraceError(
+                f"the runner moves by {format_si(abs(run.step_size), 'm', 4)} a cycle and its "
+                f"actuator by {format_si(run.excitation, 'm', 4)}, which it cannot outrun; is the "
+                "unit of one of them another one (--units), or are columns swapped (--columns)?"
+            )
+        return _with_doubts(t, run)
     if frequency is None or start is None:
         found = find_steps(t, x, frequency)
         runs = found.runs if frequency is None else found.at(frequency)
