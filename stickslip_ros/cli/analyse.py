@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     if len(args.traces) > 1 or args.cluster:
         return _run_many(args)
     try:
-        motion, seen, found = _analysed(measurement_of(args, args.trace), args)
+        motion, seen, found = _analysed(measurement_of(args, args.trace, finer=True), args)
         if wants_files(args) and not seen.runs:
             raise TraceError("no run of steps is seen that a picture or a table could show")
     except TraceError as error:
@@ -123,7 +123,7 @@ def _run_many(args: argparse.Namespace) -> int:
 def _rows_of(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Return what is found in one measurement, a run each, or the reason why nothing is."""
     try:
-        _, seen, _ = _analysed(measurement_of(args, args.trace), args)
+        _, seen, _ = _analysed(measurement_of(args, args.trace, finer=True), args)
     except StickslipError as error:
         return [{"file": str(args.trace), "reason": str(error).partition("\n")[0]}]
     return [
@@ -168,15 +168,17 @@ def _page(motion: Motion, seen: Findings) -> ResultPage:
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:
     """Return the motion, the findings in it, and its longest run. Raises TraceError."""
-    from stickslip_ros.measurement.steps.motions import analyse_steps, has_actuator
+    from stickslip_ros.measurement.steps.motions import analyse_steps, has_actuator, runs_of
     from stickslip_ros.measurement.steps.run import main_run
 
     period = None if args.frequency is None else 1.0 / args.frequency
     motion, seen = steps_in(args, motion, period)
-    by_actuator = has_actuator(motion.u) and not args.runner_only
-    if by_actuator or args.start is not None:
-        u = motion.u if by_actuator else None
-        run = analyse_steps(motion.t, motion.x, u, frequency=args.frequency, start=args.start)
+    if has_actuator(motion.u) and not args.runner_only:
+        runs = runs_of(motion, seen.runs, args.frequency, args.start)
+        runs = runs or [analyse_steps(motion.t, motion.x, motion.u)]  # it says why not
+        seen = replace(seen, runs=runs)
+    elif args.start is not None:
+        run = analyse_steps(motion.t, motion.x, frequency=args.frequency, start=args.start)
         seen = replace(seen, runs=[run])
     if args.zero_amplitude is not None:
         known = [replace(one, zero_amplitude=args.zero_amplitude) for one in seen.runs]

@@ -117,7 +117,7 @@ def _motions(
         p = parameters_from(
             argparse.Namespace(config=args.simulation, assignments=args.assignments)
         )
-        measurement = measurement_of(args, args.measurement)
+        measurement = measurement_of(args, args.measurement, finer=True)
         period = 1.0 / p.drive.frequency
         measurement, seen = steps_in(args, measurement, period)
         name = args.simulation.name
@@ -130,7 +130,11 @@ def _motions(
         loaded = LoadedMotion(simulation, None, p.flat(), __version__)
         return loaded, measurement, seen.runs, period
     run = load_motion(args.simulation, joint=args.joint)
-    measurement = measurement_of(args, args.measurement, run.origin_ns)
+    if run.parameters is not None:
+        from stickslip_ros.measurement.finer import finest_motion  # it needs the solver
+
+        run = run._replace(motion=finest_motion(args.simulation, run))
+    measurement = measurement_of(args, args.measurement, run.origin_ns, finer=True)
     if measurement.u is not None and not (args.fit_position_drift or args.remove_hum):
         return run, measurement, None, None
     measurement, seen = steps_in(args, measurement, None)

@@ -75,17 +75,24 @@ def reading_of(args: argparse.Namespace) -> Reading:
     )
 
 
-def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None = None) -> Motion:
+def measurement_of(
+    args: argparse.Namespace, path: Path, origin_ns: int | None = None, finer: bool = False
+) -> Motion:
     """Return the motion measured in a file, cut as the options say; print its notes on stderr.
 
-    origin_ns is the time (ns) that the stamps of a bag count from (default: its first message).
+    origin_ns is the time (ns) that the stamps of a bag count from (default: its first message);
+    with finer, a bag of an axis of ours is simulated again where its samples do not suffice.
     Raises UsageError and BagError.
     """
     from stickslip_ros.measurement.load_motion import load_motion
 
-    measurement = load_motion(
-        sample_file(path), how=reading_of(args), joint=args.joint, origin_ns=origin_ns
-    ).motion
+    path = sample_file(path)
+    loaded = load_motion(path, how=reading_of(args), joint=args.joint, origin_ns=origin_ns)
+    measurement = loaded.motion
+    if finer and loaded.parameters is not None:
+        from stickslip_ros.measurement.finer import finest_motion  # it needs the solver
+
+        measurement = finest_motion(path, loaded)
     for note in measurement.notes:
         print(f"{path.name}: {note}", file=sys.stderr)
     start = -math.inf if args.first is None else args.first

@@ -43,6 +43,7 @@ class LoadedMotion(NamedTuple):
     #: of the axis when it started, if the file holds them
     parameters: dict[str, Value] | None = None
     version: str | None = None  #: of this package that the axis ran with, likewise
+    joint: str | None = None  #: whose motion it is, of a bag
 
 
 def is_parameter_file(path: Path) -> bool:
@@ -77,7 +78,8 @@ def load_motion(
     stamps = origins[position.number - 1] + np.rint(1e9 * motion.t).astype(np.int64)
     origin = int(stamps[0]) if origin_ns is None else origin_ns
     motion = replace(motion, t=np.asarray(1e-9 * (stamps - origin), np.float64))
-    return LoadedMotion(motion, origin, *_axis_of(path, position.name.split("/")[-2]))
+    joint = position.name.split("/")[-2]
+    return LoadedMotion(motion, origin, *_axis_of(path, joint), joint)
 
 
 def _axis_of(path: Path, joint: str) -> tuple[dict[str, Value] | None, str | None]:

@@ -21,7 +21,8 @@ from stickslip_ros.measurement.actuator_identification import (
     identify_hysteresis,
 )
 from stickslip_ros.measurement.as_measured import simulate_as_measured
-from stickslip_ros.measurement.load_motion import is_parameter_file, load_motion
+from stickslip_ros.measurement.finer import finest_motion
+from stickslip_ros.measurement.load_motion import is_bag, is_parameter_file, load_motion
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.measurement.reading.given import given_loop, given_motion
@@ -161,7 +162,7 @@ def analyse(
     >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
     133.8 nm, ringing at 7534 Hz
     """
-    motion = _motion(measurement, *arrays)
+    motion = _finest(measurement, *arrays)
     _check(frequency)
     with announce_if_slow(SEARCH):
         return analyse_steps(
@@ -212,7 +213,7 @@ def compare(
     >>> print(f"rmse {1e9 * found.rmse:.1f} nm, noise of the sensor {1e9 * found.noise:.1f} nm")
     rmse 2.0 nm, noise of the sensor 2.0 nm
     """
-    measured = _motion(measurement)
+    measured = _finest(measurement)
     with report_compilation(), announce_if_slow("comparing"):
         if isinstance(run, Parameters | Mapping) or (
             isinstance(run, str | PathLike) and is_parameter_file(Path(run))
@@ -222,7 +223,7 @@ def compare(
             runs = analyses.find_runs(measured.t, measured.x, p.drive.frequency)
             simulated = simulate_as_measured(p, measured, runs, "simulation")
             return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
-        return comparisons.compare(_motion(run), measured, fits, cutoff)  # type: ignore[arg-type]
+        return comparisons.compare(_finest(run), measured, fits, cutoff)  # type: ignore[arg-type]
 
 
 def identify_actuator(
@@ -296,6 +297,13 @@ def _check(frequency: float | None) -> None:
     """Raise TraceError for a frequency (Hz) that none can be."""
     if frequency is not None and not 0.0 < frequency < math.inf:
         raise TraceError(f"the frequency is {frequency:g} Hz; it has to be above 0")
+
+
+def _finest(source: MotionSource, *arrays: ArrayLike) -> Motion:
+    """Return a motion; that of a bag of ours is simulated again where its samples are too few."""
+    if arrays or not isinstance(source, str | PathLike) or not is_bag(Path(source)):
+        return _motion(source, *arrays)
+    return finest_motion(Path(source), load_motion(Path(source)))
 
 
 def _motion(source: MotionSource, *arrays: ArrayLike) -> Motion:

@@ -229,9 +229,7 @@ class SweepResult:
         }
         return dict(to_json(found))
 
-    def plot(
-        self, axes: Axes | str | None = None, metric: str | Axes | None = None
-    ) -> Axes:
+    def plot(self, axes: Axes | str | None = None, metric: str | Axes | None = None) -> Axes:
         """Draw a metric (the first) into axes of Matplotlib, or new ones; return them.
 
         It is a line over one parameter, a map over two. Both arguments may change places.

@@ -8,6 +8,8 @@ the slips are found by their likeness (:mod:`matching`).
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
@@ -22,6 +24,8 @@ SHORT = 0.01
 #: Parts of the deflection that a stroke goes through; parts between which all of it lies, of many
 #: samples: a few may be spikes.
 _LEVELS, _OUTER, _MANY = (0.25, 0.75), (0.001, 0.999), 10_000
+#: A rest between runs lasts so many times the time between the strokes beside it, or more.
+_RESTS = 3.0
 #: Part of its range within which a runner gets nowhere.
 _NOWHERE = 1e-2
 
@@ -54,8 +58,7 @@ def cycles_of_actuator(
     frequency (Hz) and start of the first cycle (s) are taken as they are where given. Raises
     TraceError.
     """
-    low, high = np.quantile(u, _OUTER) if len(u) > _MANY else np.array([u.min(), u.max()])
-    strokes = find_strokes(t, (u - low) / (high - low))
+    strokes = find_strokes(t, _share_of(u))
     falls, rises = strokes[strokes[:, 2] < 0], strokes[strokes[:, 2] > 0]
     if len(falls) + len(rises) < 2:
         raise TraceError(
@@ -90,6 +93,28 @@ def cycles_of_actuator(
     if first < t[0] - SHORT * period:  # the first cycle began before the trace
         starts, slips, ends = starts[1:], slips[1:], ends[1:]
     return _at_least_one(Cycles(period, direction, starts, slips, ends))
+
+
+def stretches_of_actuator(t: Array, u: Array) -> list[slice]:
+    """Return the parts of a record, times t (s), with cycles of the actuator u (m) between rests.
+
+    A rest is far longer than the time from stroke to stroke on either side.
+    """
+    strokes = find_strokes(t, _share_of(u))
+    if len(strokes) < 2:
+        return [slice(0, len(t))]
+    gaps = np.diff(strokes[:, :2].mean(axis=1))
+    usual = np.maximum(np.append(gaps[1:], 0.0), np.append(0.0, gaps[:-1]))
+    rests = np.flatnonzero(gaps > _RESTS * usual) if len(gaps) > 2 else np.array([], dtype=int)
+    middles = 0.5 * (strokes[rests, 1] + strokes[rests + 1, 0])
+    edges = [0, *np.searchsorted(t, middles).tolist(), len(t)]
+    return [slice(*edge) for edge in pairwise(edges)]
+
+
+def _share_of(u: Array) -> Array:
+    """Return a deflection (m) as share of its range; a few samples may be spikes."""
+    low, high = np.quantile(u, _OUTER) if len(u) > _MANY else np.array([u.min(), u.max()])
+    return np.asarray((u - low) / (high - low))
 
 
 def too_slow(t: Array) -> str:

@@ -20,6 +20,7 @@ from stickslip_ros.measurement.steps.periodicity import period_factor
 from stickslip_ros.measurement.steps.record import (
     FASTER,
     FEWEST_SAMPLES,
+    ImplausibleError,
     MeanPosition,
     Pyramid,
     Record,
@@ -92,7 +93,7 @@ def find_steps(t: ArrayLike, x: ArrayLike, frequency: float | None = None) -> Fi
         ) from error
     widest = max((abs(one.step_size) for one in found.runs), default=0.0)
     if widest > WIDEST_STEP:
-        raise TraceError(
+        raise ImplausibleError(
             f"a step would be {widest:g} m, which no stick-slip drive makes; its unit is another "
             "one (--units x=nm), or it is another column (--columns x=NAME)"
         )

@@ -14,15 +14,17 @@ from numpy.typing import ArrayLike
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.steps.actuator_cycles import (
+    SHORT,
     cycles_of_actuator,
     cycles_of_clock,
+    stretches_of_actuator,
 )
 from stickslip_ros.measurement.steps.analysis import find_steps
 from stickslip_ros.measurement.steps.doubts import too_few_samples
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
 from stickslip_ros.measurement.steps.measured_value import COVERAGE
-from stickslip_ros.measurement.steps.record import FEWEST_SAMPLES, TraceError
-from stickslip_ros.measurement.steps.run import Run, main_run
+from stickslip_ros.measurement.steps.record import FEWEST_SAMPLES, ImplausibleError, TraceError
+from stickslip_ros.measurement.steps.run import Cycles, Run, main_run
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.reporting import format_si
@@ -90,17 +92,33 @@ def has_actuator(u: Array | None) -> TypeGuard[Array]:
     return u is not None and len(u) > 0 and bool(np.ptp(u) > 0.0)
 
 
-def runs_of(motion: Motion, runs: Sequence[Run] | None = None) -> list[Run]:
+def runs_of(
+    motion: Motion,
+    runs: Sequence[Run] | None = None,
+    frequency: float | None = None,
+    start: float | None = None,
+) -> list[Run]:
     """Return the runs of a motion in the order of time, from its actuator if that shows cycles.
 
-    runs are those found in its position, if these were searched for.
+    runs are those found in its position, if these were searched for; they are taken where they are
+    determined and those of the actuator are not, as where it moves at several amplitudes. A
+    frequency (Hz) and the start of the first cycle (s) are those of a single run. Raises
+    ImplausibleError.
     """
+    by_actuator: list[Run] = []
     if has_actuator(motion.u):
         try:
-            return [analyse_steps(motion.t, motion.x, motion.u)]
-        except TraceError:  # it steps both ways, or shows no whole cycle: its position may
+            by_actuator = runs_of_actuator(motion.t, motion.x, motion.u, frequency, start)
+        except ImplausibleError:
+            raise
+        except TraceError:  # it shows no whole cycle: the position may
             pass
-    return find_runs(motion.t, motion.x) if runs is None else list(runs)
+        if any(one.determined for one in by_actuator):
+            return by_actuator
+    found = find_runs(motion.t, motion.x, frequency) if runs is None else list(runs)
+    if any(one.determined for one in found):
+        return found
+    return max(by_actuator, found, key=lambda one: sum(run.steps for run in one))
 
 
 def determined_part(motion: Motion, runs: Sequence[Run]) -> tuple[Motion, list[Run]]:
@@ -133,14 +151,8 @@ def _analyse(
     t: Array, x: Array, u: Array | None, frequency: float | None, start: float | None
 ) -> Run:
     if has_actuator(u):
-        run = analyse_cycles(t, x, u, cycles_of_actuator(t, u, frequency, start))
-        if abs(run.step_size) > _OUTRUN * run.excitation + COVERAGE * run.step_size_error:
-            raise TraceError(
-                f"the runner moves by {format_si(abs(run.step_size), 'm', 4)} a cycle and its "
-                f"actuator by {format_si(run.excitation, 'm', 4)}, which it cannot outrun; is the "
-                "unit of one of them another one (--units), or are columns swapped (--columns)?"
-            )
-        return _with_doubts(t, run)
+        runs = runs_of(Motion("trace", t, x, None, u), None, frequency, start)
+        return main_run(runs or runs_of_actuator(t, x, u, frequency, start))  # it says why not
     if frequency is None or start is None:
         found = find_steps(t, x, frequency)
         runs = found.runs if frequency is None else found.at(frequency)
@@ -154,6 +166,46 @@ def _analyse(
             return run
         return _at_clock(t, x, run.period, start, run)
     return _at_clock(t, x, 1.0 / frequency, start, None)
+
+
+def runs_of_actuator(
+    t: Array, x: Array, u: Array, frequency: float | None = None, start: float | None = None
+) -> list[Run]:
+    """Return the runs whose cycles an actuator shows: times t (s), runner x and actuator u (m).
+
+    A frequency (Hz) and the start of the first cycle (s) are those of a single run. Raises
+    TraceError where it shows no whole cycle, and where the runner outruns it.
+    """
+    stretches = [slice(0, len(t))]
+    if frequency is None and start is None:
+        stretches = stretches_of_actuator(t, u)
+    runs, whys = [], []
+    for one in stretches:
+        try:
+            cycles = cycles_of_actuator(t[one], u[one], frequency, start)
+        except TraceError as error:
+            whys.append(error)
+        else:
+            runs.append(_of_actuator(t[one], x[one], u[one], cycles))
+    if not runs:
+        raise whys[0]
+    return runs
+
+
+def _of_actuator(t: Array, x: Array, u: Array, cycles: Cycles) -> Run:
+    run = analyse_cycles(t, x, u, cycles)
+    even = cycles.slips[0] + cycles.period * np.arange(run.steps)
+    uneven = float(np.abs(cycles.slips - even).max())
+    if uneven > SHORT * cycles.period + 2.0 * float(np.median(np.diff(t))):
+        doubt = f"the actuator's slips are uneven by {uneven / cycles.period:.2g} of a period"
+        run = replace(run, doubts=(*run.doubts, doubt))
+    elif abs(run.step_size) > _OUTRUN * run.excitation + COVERAGE * run.step_size_error:
+        raise ImplausibleError(
+            f"the runner moves by {format_si(abs(run.step_size), 'm', 4)} a cycle and its "
+            f"actuator by {format_si(run.excitation, 'm', 4)}, which it cannot outrun; is the "
+            "unit of one of them another one (--units), or are columns swapped (--columns)?"
+        )
+    return _with_doubts(t, run)
 
 
 def _at_clock(t: Array, x: Array, period: float, start: float, found: Run | None) -> Run:

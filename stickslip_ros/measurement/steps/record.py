@@ -38,6 +38,10 @@ class TraceError(StickslipError, ValueError):
     """The trace cannot be analysed; the message says what is missing."""
 
 
+class ImplausibleError(TraceError):
+    """No axis moves so: a unit or a column is another one."""
+
+
 @dataclass(frozen=True)
 class FringeJump:
     """A jump of an interferometer that lost count."""

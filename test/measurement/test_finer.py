@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bag of an axis of ours whose samples do not show its slips is simulated again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bags import EVENTS, JOINTS, SECOND, START, event, header, serialized, topic
+from table_1 import TABLE_1, table_1
+
+import stickslip_ros as ss
+from stickslip_ros.axis import Axis
+from stickslip_ros.axis.events import event_texts
+from stickslip_ros.cli.main import main
+from stickslip_ros.recordings import BagWriter
+
+STEPS, FIRST = 20, 50
+AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
+
+
+def record(folder: Path, rate: int, with_commands: bool = True, part: float = 1.0) -> None:
+    """Write what an axis and a recorder write of steps there and back, at a rate in Hz."""
+    axis = Axis(dict(TABLE_1))
+    with BagWriter(folder) as bag:
+        for one in (JOINTS, AXIS_EVENTS):
+            bag.add_topic(one)
+        for number in range(round(part * rate)):
+            axis.advance(number / rate)
+            if number * 1000 == FIRST * rate:
+                axis.command("steps", STEPS)
+            elif number * 2 == rate:
+                axis.command("steps", -STEPS)
+            ns = START + number * SECOND // rate
+            for told in axis.take_events() if with_commands else ():
+                at = START + round(told.time * SECOND)
+                data = event(at, **event_texts(told))
+                bag.write(AXIS_EVENTS.name, data, log_ns=ns, publish_ns=ns)
+            state = axis.state
+            row = np.array([state.x, state.u]), np.array([state.v, state.rate])
+            data = serialized(
+                JOINTS.type, header=header(ns), name=["axis_slider", "axis_piezo"],
+                position=row[0], velocity=row[1], effort=np.zeros(2),
+            )  # fmt: skip
+            bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
+
+
+@pytest.mark.parametrize("rate", [20, 1000])
+def test_analyse_gives_the_backstep_of_the_simulation(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], rate: int
+) -> None:
+    """6.5 nm were "determined" at 1 kHz where it is 87, and at 20 Hz there was no run."""
+    record(tmp_path / "run", rate)
+    truth = ss.analyse(ss.simulate(table_1(), steps=STEPS))
+    found = ss.analyse(tmp_path / "run")
+    assert "do not show the slips; simulated again from its commands" in capfd.readouterr().err
+    assert found.steps == STEPS and not found.doubts
+    assert found.backstep == pytest.approx(truth.backstep, abs=3.0 * found.backstep_error)
+    assert found.backstep_error < 0.2e-9
+    assert found.step_size == pytest.approx(truth.step_size, abs=0.02e-9)
+
+
+def test_the_commands_work_on_such_a_bag(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    record(tmp_path / "run", 1000)
+    assert main(["analyse", str(tmp_path / "run")]) == 0
+    out = capfd.readouterr().out
+    assert f"{STEPS} steps forward at 100 Hz" in out and f"{STEPS} steps backward" in out
+    assert main(["compare", "table1_typical", str(tmp_path / "run")]) == 0
+    out = capfd.readouterr().out
+    assert "DIFFERS" not in out and "backstep" in out
+
+
+def test_samples_that_suffice_and_bags_without_commands_stay_as_they_are(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    record(tmp_path / "fine", 80_000, part=0.3)
+    record(tmp_path / "foreign", 1000, with_commands=False)
+    assert ss.analyse(tmp_path / "fine").steps == STEPS
+    assert np.isnan(ss.analyse(tmp_path / "foreign").backstep)
+    assert "simulated again" not in capfd.readouterr().err
