@@ -29,6 +29,8 @@ from stickslip_ros.reporting.terminal import announce_if_slow
 
 #: Samples of a swing of the ringing that the shape of a slip takes, and those aimed at.
 ENOUGH, _AIM = 10.0, 20.0
+#: Samples of the ringing that follow a motion.
+_RINGS_ON = 60.0 * _AIM
 #: Samples while the axis moves, at most: each takes 30 us.
 _MOST = 500_000
 
@@ -108,6 +110,8 @@ def _times(run: RecordedRun, recorded: Array, step: float) -> Array:
     scout = Rerun(run.events)
     moving = np.array([scout.advance(t).moving for t in recorded.tolist()], dtype=bool)
     moves = moving[:-1] | moving[1:]
+    last = np.maximum.accumulate(np.where(moving, recorded, -np.inf))  # it rings on
+    moves |= recorded[:-1] < last[:-1] + _RINGS_ON * step
     step = max(step, float(np.diff(recorded)[moves].sum()) / _MOST)
     even = step * np.arange(recorded[0] // step + 1.0, recorded[-1] // step + 1.0)
     even = even[moves[np.searchsorted(recorded, even, side="right") - 1]]

@@ -27,7 +27,7 @@ from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, P
 from stickslip_ros.measurement.steps.actuator_cycles import cycles_of_actuator
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
 from stickslip_ros.measurement.steps.measured_value import COVERAGE, MeasuredValue
-from stickslip_ros.measurement.steps.motions import has_actuator, why_left_out
+from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Run, main_run
@@ -184,8 +184,12 @@ def pair_runs(
         if driven:
             try:
                 own = _driven_run(motions, seen.between(*free), run.between(*free), one)
-            except TraceError as error:
-                why = str(error)
+            except TraceError as error:  # its position shows the run, or it has none
+                try:
+                    found_there = find_runs(seen.t, seen.x, frequency)
+                except TraceError:
+                    found_there = []
+                own, why = nearest_run(found_there, one.direction, begin, end), str(error)
         if own is None:
             missing = f"the run has no such steps: {why}"
             found.append(RunPair(None, one, missing_metrics(missing), missing))

@@ -131,7 +131,7 @@ def find_onset(
     jacobian, rest = found.jac, found.fun
     # Cycles count as independent of each other; samples do not, because they share the ringing.
     parts = np.stack([np.bincount(cycle, column * rest) for column in jacobian.T], axis=1)
-    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
     spread = inverse @ (parts.T @ parts) @ inverse
     best = found.x - _AWAY
     slope = best[3] / omega / (slips[-1] - slips[0] + period) if drift else 0.0

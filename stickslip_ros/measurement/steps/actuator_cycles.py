@@ -24,6 +24,9 @@ SHORT = 0.01
 #: Parts of the deflection that a stroke goes through; parts between which all of it lies, of many
 #: samples: a few may be spikes.
 _LEVELS, _OUTER, _MANY = (0.25, 0.75), (0.001, 0.999), 10_000
+#: Shares of the deflection within which a sample lies in a slip; such samples, and the range of
+#: their shares, that show its slope.
+_WITHIN, _FEW_WITHIN, _SPREAD = (0.05, 0.95), 4, 0.2
 #: A rest between runs lasts so many times the time between the strokes beside it, or more.
 _RESTS = 3.0
 #: Part of its range within which a runner gets nowhere.
@@ -66,8 +69,16 @@ def cycles_of_actuator(
         )
     length = [np.median(s[:, 1] - s[:, 0]) if len(s) else np.inf for s in (falls, rises)]
     direction = 1 if length[0] <= length[1] else -1
-    slip = falls if direction > 0 else rises
-    slip, apart = find_even(slip[:, :2], 2.0 * float(np.median(np.diff(t))))
+    slip, slow = (falls, rises) if direction > 0 else (rises, falls)
+    spacing = float(np.median(np.diff(t)))
+    slip, apart = find_even(slip[:, :2], 2.0 * spacing)
+    even = len(slip) > 2 and float(np.ptp(np.diff(slip[:, 0]))) < 1e-3 * spacing
+    at = np.clip(np.searchsorted(t, slip.mean(axis=1)), 1, len(t) - 1)
+    usual = np.abs((t[at] - t[at - 1]) / spacing - 1.0).max() < SHORT  # no kinks of a simulation
+    short = usual and (slip[:, 1] - slip[:, 0]).max() < 2.0 * spacing
+    if even and short and len(slow) > 2:
+        apart = find_even(slow[:, :2], 2.0 * spacing)[1]
+        slip = _sharpened(t, _share_of(u), slip, apart, spacing)
     half = 0.5 * (slip[:, 1] - slip[:, 0])
     slips, ends = slip[:, 0] - half, slip[:, 1] + half
     if frequency is not None:
@@ -93,6 +104,25 @@ def cycles_of_actuator(
     if first < t[0] - SHORT * period:  # the first cycle began before the trace
         starts, slips, ends = starts[1:], slips[1:], ends[1:]
     return _at_least_one(Cycles(period, direction, starts, slips, ends))
+
+
+def _sharpened(t: Array, share: Array, slip: Array, period: float, spacing: float) -> Array:
+    """Return slips (begin, end), s, that take less time than the samples are apart (s).
+
+    Straight lines between samples make each of them last as long as that. The samples of all slips
+    together, which lie at other places of each, show the line that the deflection falls along. The
+    period (s) is that of the slow strokes, which samples show well.
+    """
+    turns = period * np.arange(float(len(slip)))
+    middle = float(np.mean(slip.mean(axis=1) - turns)) + turns
+    number = np.clip(np.searchsorted(t, middle)[:, None] + np.arange(-2, 2), 0, len(t) - 1)
+    since, shares = t[number] - middle[:, None], share[number]
+    half = 1e-3 * spacing  # none of them fell into a slip
+    within = (shares > _WITHIN[0]) & (shares < _WITHIN[1]) & (np.abs(since) < spacing)
+    if within.sum() >= _FEW_WITHIN and np.ptp(shares[within]) > _SPREAD:
+        slope, late = np.polyfit(shares[within] - 0.5, since[within], 1)
+        middle, half = middle + float(late), 0.25 * abs(float(slope))
+    return np.column_stack([middle - half, middle + half])
 
 
 def stretches_of_actuator(t: Array, u: Array) -> list[slice]:

@@ -22,11 +22,13 @@ from stickslip_ros.measurement.steps.timing import SlipGrid
 
 #: Periods from one run to the next of the other direction that leave no room for a missed slip.
 _NEXT_RUN, _ODD = 2.5, 0.2
-#: Part by which the periods of two pieces of one run may differ.
-_SAME_PERIOD = 0.05
+#: Parts by which the periods of two pieces of one run may differ, and their steps, by chance.
+_SAME_PERIOD, _SAME_STEP = 0.05, 0.02
 #: Steps that the rests may be apart beside the number of cycles, as the first ones differ, and more
 #: of them for each cycle.
 _MISSING, _GROWING = 1.0, 0.05
+#: Samples of a cycle that show all of its shape.
+_CLEAR_SAMPLES = 60.0
 #: The same of a last rise without a slip.
 _RISE = 1.5
 #: Periods by which a run may be off the clock of the mains.
@@ -88,17 +90,23 @@ class Evidence:
         if beyond > SETTINGS.largest_slip_beyond_ends or inside < SETTINGS.least_slip_at_ends:
             sizes = f"{before:.2f} {first:.2f} ... {last:.2f} {after:.2f}"
             found.append(f"first or last slip is not clear (sizes {sizes})")
-        for other in self.grids:
+        for j, other in enumerate(self.grids):
             gap = (other.first - grid.last) / grid.period
             turns = other.direction != grid.direction
             if turns and 0.0 < gap < _NEXT_RUN and abs(gap - 1.0) > _ODD:
                 found.append(f"{gap - 1.0:.1f} periods between this run and the next one")
             sooner, later = sorted((grid, other), key=lambda one: one.first)
             apart = (later.first - sooner.last) / grid.period
-            alike = abs(other.period / grid.period - 1.0) < _SAME_PERIOD
+            alike = abs(other.period / grid.period - 1.0) < _SAME_PERIOD and self._same_steps(j, k)
             if other is not grid and not turns and alike and apart < _NEXT_RUN:
                 found.append("another run of the same steps is so near that both may be one")
         return found
+
+    def _same_steps(self, j: int, k: int) -> bool:
+        """Return whether the steps of two runs may be those of one."""
+        one, other = self.steps[j], self.steps[k]
+        error = math.hypot(one.error, other.error, _SAME_STEP * one.value)
+        return not abs(one.value - other.value) > _CHANCE * error
 
     def _size(self, k: int) -> list[str]:
         grid, step, found = self.grids[k], self.steps[k], []
@@ -174,7 +182,9 @@ class Evidence:
         change = change_of_cycles(rows)
         if change > SETTINGS.largest_change_in_doubt:
             found.append(f"{100.0 * change:.0f} % of the motion differs from cycle to cycle")
-        few = grid.count < SETTINGS.least_cycles_without_ringing
+        clear = grid.period > _CLEAR_SAMPLES * self.record.spacing  # no alias of a faster drive
+        least = SETTINGS.least_cycles_without_ringing
+        few = grid.count < (least // 2 if clear else least)
         if few and ringing is None and not self.given:
             found.append(f"{grid.count} cycles without ringing may be other motion")
         turns = grid.count * grid.period

@@ -65,7 +65,7 @@ def _exact(record: Record, run: Run) -> Run:
     ends = cycles.ends if (cycles.ends > cycles.slips).all() else cycles.slips
     levels = np.interp(ends, record.t, forward)
     steps = np.diff(levels, prepend=np.interp(cycles.starts[0], record.t, forward))
-    before = np.interp(cycles.slips, record.t, forward)
+    before = _just_before(record.t, forward, cycles.slips)
     deepest = [_deepest(record.t, forward, float(at), cycles.period) for at in cycles.slips]
     when, low = np.array(deepest).T
     backsteps = np.maximum(before - low, 0.0)
@@ -80,6 +80,20 @@ def _exact(record: Record, run: Run) -> Run:
         backsteps=backsteps,
         points=run.points | {"E": when},
     )
+
+
+def _just_before(t: Array, x: Array, slips: Array) -> Array:
+    """Return the place (m) where slips (s) begin, as the samples before them go on.
+
+    Between two samples with the begin of a slip there is a kink.
+    """
+    k = np.clip(np.searchsorted(t, slips, side="right") - 1, 2, None)
+    third, second, last = (k - 2, k - 1, k)
+    slope = (x[last] - x[second]) / (t[last] - t[second])
+    before = (x[second] - x[third]) / (t[second] - t[third])
+    bend = (slope - before) / (t[last] - t[third])
+    since = slips - t[last]
+    return np.asarray(x[last] + since * (slope + bend * (slips - t[second])))
 
 
 def _deepest(t: Array, x: Array, slip: float, period: float) -> tuple[float, float]:

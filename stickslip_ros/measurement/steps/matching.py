@@ -291,9 +291,9 @@ def _grow(amplitude: Level, chain: Chain, way: int, others: list[Chain]) -> Chai
         best = int(np.argmax(size.mean(axis=0)))
         own = size[:, best]
         like = (own > SETTINGS.least_amplitude) & (own < SETTINGS.largest_amplitude)
-        last = float(own[-len(own) // 4 :].mean())
+        first, last = own[: len(own) // 4].mean(), own[-len(own) // 4 :].mean()
         clear = like.mean() > _ALIKE and all(
-            _MEAN[0] < one < _MEAN[1] for one in (own.mean(), last)
+            _MEAN[0] < one < _MEAN[1] for one in (own.mean(), first, last)
         )
         if clear and way * due[-1] < limit - 0.5 * abs(gap):
             slips += (due + shifts[best]).tolist()

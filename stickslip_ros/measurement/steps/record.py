@@ -25,8 +25,8 @@ _HELD_SAMPLES, _HELD_TIMES, _STOPS = 12, 20.0, 0.5
 #: Part of the moves between samples that turn, above which they are noise; a smooth motion of many
 #: samples turns far less often.
 _NOISY = 0.35
-#: Part of the samples below which different values show the steps of a converter.
-_FEW_VALUES = 0.05
+#: Part of the samples below which different values show the steps of a converter, in so many.
+_FEW_VALUES, _LOOKED_AT = 0.05, 40_000
 #: Jumps of a fringe counter at most; times the next smaller move; times the usual move; part of one
 #: jump by which another may miss a multiple of it.
 _JUMPS, _CLEAR_JUMP, _LARGE_JUMP, _ODD_JUMP = 6, 2.0, 30.0, 0.1
@@ -102,12 +102,20 @@ def clean_record(t: Array, x: Array) -> Record:
         t, x = t[~spiky], x[~spiky]
     else:
         spikes = 0
-    values = np.unique(x)
-    few = 1 < len(values) < _FEW_VALUES * len(x)
-    resolution = float(np.median(np.diff(values))) if few else 0.0
+    resolution = _resolution_of(x)
     held = _held_samples(x, resolution)
     record = Record(t[~held], x[~held], spikes, int(held.sum()), resolution)
     return _without_jumps(record)
+
+
+def _resolution_of(x: Array) -> float:
+    """Return the step (m) of a converter, 0 where none is seen."""
+    some = x[:: max(1, len(x) // _LOOKED_AT)]
+    if len(np.unique(some)) > _FEW_VALUES * len(some):
+        return 0.0
+    values = np.unique(x)
+    few = 1 < len(values) < _FEW_VALUES * len(x)
+    return float(np.median(np.diff(values))) if few else 0.0
 
 
 def _median_of_five(x: Array) -> Array:
@@ -152,7 +160,7 @@ def _without_jumps(record: Record) -> Record:
     x, moves = record.x, np.abs(np.diff(record.x))
     if len(moves) < 4 * _JUMPS:
         return record
-    largest = np.argsort(moves)[::-1][: _JUMPS + 1]
+    largest = np.argpartition(moves, -_JUMPS - 1)[-_JUMPS - 1 :]
     moves = np.diff(x)
     for k in largest:  # beside what the runner does there
         near = moves[max(k - 4, 0) : k + 5]

@@ -13,8 +13,9 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.measurement.steps.record import Level, smooth
 from stickslip_ros.measurement.steps.settings import SETTINGS
 
-#: Samples of a fit at least; frequencies tried; decays tried, over the time that is fitted.
-_FEWEST, _FREQUENCIES, _DECAYS = 12, 400, (1.0, 3.0, 8.0, 20.0)
+#: Samples of a fit at least; times that frequencies tried are finer than its spectrum; decays that
+#: are tried, over the time that is fitted.
+_FEWEST, _FINER, _DECAYS = 12, 8, (1.0, 3.0, 8.0, 20.0)
 #: Swings from which on the first one is left out; part by which the frequency is the same without.
 #: Decays after which nothing of it is left.
 _SWINGS_LATER, _SAME, _GONE = 6.0, 0.05, 6.0
@@ -71,28 +72,63 @@ def fit_ringing(t: Array, x: Array, longest: float, order: int = 3) -> Ringing |
     place = t / t[-1]
     base = np.polynomial.polynomial.polyfit(place, x, order, w=np.exp(-3.0 * place))
     rest = x - np.polynomial.polynomial.polyval(place, base)
+    scale = float(np.std(rest)) or 1.0  # the solver's tolerances are absolute
     lowest, highest = max(1.5 / t[-1], 1.0 / longest), _TRIED / spacing
     if not lowest < highest:
         return None
-    tried = np.geomspace(lowest, highest, _FREQUENCIES)
-    waves = np.exp(-2j * math.pi * tried[:, None] * t)
-
-    def left(log: Array) -> Array:
-        columns = _columns(t, math.exp(log[0]), math.exp(log[1]), order)
-        return np.asarray(x - columns @ np.linalg.lstsq(columns, x, rcond=None)[0])
-
+    even = np.linspace(0.0, t[-1], len(t))
+    spread = np.interp(even, t, rest)
+    tried = np.fft.rfftfreq(_FINER * len(t), even[1])
+    inside = (tried >= lowest) & (tried <= highest)
+    model = _DampedWave(t, x, order, scale)
     best = None
     for decay in np.array(_DECAYS) / t[-1]:
-        weight = np.exp(-decay * t)
-        power = np.abs(waves @ (weight * rest)) / math.sqrt(float(weight @ weight))
+        weight = np.exp(-decay * even)
+        power = np.where(inside, np.abs(np.fft.rfft(weight * spread, _FINER * len(t))), 0.0)
         start = [math.log(float(tried[int(np.argmax(power))])), math.log(decay)]
         try:
-            found = scipy.optimize.least_squares(left, start, x_scale=[0.01, 0.3], max_nfev=40)
+            found = scipy.optimize.least_squares(
+                model.left, start, x_scale=[0.01, 0.3], max_nfev=40
+            )
         except (ValueError, OverflowError, np.linalg.LinAlgError):
             continue
         if best is None or found.cost < best.cost:
             best = found
-    return None if best is None else _checked(t, x, best, order, tried[0], _TOLD / spacing)
+    return None if best is None else _checked(model, best, (lowest, _TOLD / spacing))
+
+
+class _DampedWave:
+    """Positions over time as a polynomial and a damped sinusoid, whose sizes are always the best.
+
+    They are projected out (variable projection, Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973)
+    413), so that frequency and decay are left. Times t (s) begin at 0; residuals are parts of a
+    scale (m), as the tolerances of the solver are absolute.
+    """
+
+    def __init__(self, t: Array, x: Array, order: int, scale: float) -> None:
+        self.t, self.scale, self.order = t, scale, order
+        powers = np.polynomial.polynomial.polyvander(t / max(float(t[-1]), 1e-30), order)
+        self._base = np.linalg.qr(powers)[0]
+        self._x = self._beside(x[:, None] / scale)[:, 0]
+
+    def _beside(self, columns: Array) -> Array:
+        return np.asarray(columns - self._base @ (self._base.T @ columns))
+
+    def _columns(self, log: Array) -> Array:
+        frequency, decay = (math.exp(one) for one in log)
+        return self._beside(Ringing(frequency, decay).columns(self.t))
+
+    def size(self, log: Array) -> float:
+        """Return the amplitude at time 0, over the scale, of a log frequency (Hz) and decay."""
+        columns = self._columns(log)
+        return math.hypot(*np.linalg.lstsq(columns, self._x, rcond=None)[0])
+
+    def left(self, log: Array) -> Array:
+        """Return the residuals, (samples,), of the logarithms of a frequency (Hz) and a decay."""
+        columns = self._columns(log)
+        square = columns.T @ columns
+        square[0, 0], square[1, 1] = square[0, 0] + 1e-300, square[1, 1] + 1e-300
+        return np.asarray(self._x - columns @ np.linalg.solve(square, columns.T @ self._x))
 
 
 def fit_later_ringing(t: Array, x: Array, longest: float, order: int = 3) -> Ringing | None:
@@ -117,39 +153,27 @@ def fit_later_ringing(t: Array, x: Array, longest: float, order: int = 3) -> Rin
     return found
 
 
-def _columns(t: Array, frequency: float, decay: float, order: int) -> Array:
-    place = t / max(t[-1], 1e-30)
-    waves = Ringing(frequency, decay).columns(t)
-    return np.column_stack([*(place**k for k in range(order + 1)), waves])
-
-
 def _checked(
-    t: Array,
-    x: Array,
-    fit: scipy.optimize.OptimizeResult,
-    order: int,
-    lowest: float,
-    highest: float,
+    model: _DampedWave, fit: scipy.optimize.OptimizeResult, limits: tuple[float, float]
 ) -> Ringing | None:
     """Return the ringing of a fit with its errors; None where it may be chance."""
     frequency, decay = math.exp(min(fit.x[0], 60.0)), math.exp(min(fit.x[1], 60.0))
-    left = fit.fun
-    scale = float(left @ left)
-    like = float(left[1:] @ left[:-1]) / scale if scale > 0.0 else 0.0
+    left, count = fit.fun, len(fit.fun)
+    square = float(left @ left)
+    like = float(left[1:] @ left[:-1]) / square if square > 0.0 else 0.0
     like = min(max(like, 0.0), 0.95)
-    independent = max(len(t) * (1.0 - like) / (1.0 + like) - order - 5.0, 1.0)
+    independent = max(count * (1.0 - like) / (1.0 + like) - model.order - 5.0, 1.0)
     try:
-        covariance = scale / independent * np.linalg.inv(fit.jac.T @ fit.jac)
+        covariance = square / independent * np.linalg.inv(fit.jac.T @ fit.jac)
+        size = model.size(fit.x)
     except np.linalg.LinAlgError:
         return None
     error = np.sqrt(np.abs(np.diag(covariance)))
-    columns = _columns(t, frequency, decay, order)
-    size = math.hypot(*np.linalg.lstsq(columns, x, rcond=None)[0][-2:])
     clear = (
-        size > SETTINGS.least_ringing_to_noise * math.sqrt(scale / len(t))
+        size > SETTINGS.least_ringing_to_noise * math.sqrt(square / count)
         and error[0] < SETTINGS.largest_frequency_error
-        and lowest < frequency < highest
-        and frequency * t[-1] > SETTINGS.least_swings
+        and limits[0] < frequency < limits[1]
+        and frequency * model.t[-1] > SETTINGS.least_swings
         and decay < 2.0 * math.pi * frequency * SETTINGS.largest_damping
     )
     if not clear:
@@ -194,11 +218,14 @@ def combine(
 
 
 def without_ringing(level: Level, ringing: Ringing, swings: float) -> Level:
-    """Return the place towards which the runner rings, x + 2 d x' / w^2 + x'' / w^2.
+    """Return the place towards which the runner rings, of positions smoothed over some swings.
 
-    A slip is a step there, so many swings wide.
+    A slip is a step there. Three samples of a damped sinusoid, however far apart, have one relation
+    (R. Prony, J. Ec. Polytech. 1 (1795) 24), and so have means of it.
     """
-    width = swings * ringing.swing / level.spacing
-    square = (2.0 * math.pi * ringing.frequency * level.spacing) ** 2
-    place, speed, bend = (smooth(level.x, width, order) for order in range(3))
-    return replace(level, x=place + (2.0 * ringing.decay * level.spacing * speed + bend) / square)
+    x = smooth(level.x, swings * ringing.swing / level.spacing)
+    before, after = (np.pad(x, 1, mode="edge")[k : len(x) + k] for k in (0, 2))
+    fade = math.exp(-ringing.decay * level.spacing)
+    turn = 2.0 * fade * math.cos(2.0 * math.pi * ringing.frequency * level.spacing)
+    place = (after - turn * x + fade * fade * before) / (1.0 - turn + fade * fade)
+    return replace(level, x=place)

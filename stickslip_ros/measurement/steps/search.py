@@ -22,7 +22,7 @@ _STILL, _PRECISION = 0.01, 1e-11
 #: Candidates at most, and part by which they differ.
 _CANDIDATES, _APART = 5, 0.15
 #: Samples that are looked at: a longer level is seen in pieces.
-_PIECE, _PIECES = 2**14, 8
+_PIECE, _PIECES = 2**13, 8
 
 
 @dataclass(frozen=True)

@@ -39,10 +39,10 @@ class StepSettings:
     largest_frequency_error: float = 0.01  #: part of the frequency
     least_swings: float = 3.0  #: of the ringing that the fit sees
     largest_damping: float = 0.3  #: decay in an angular period
-    bend_in_rest: float = 0.004  #: part by which a contact rings off its linear frequency
-    bend_in_cycle: float = 0.01
-    bend_of_decay: float = 0.1  #: part by which sliding makes swings die away otherwise
-    decay_error_periods: float = 0.5  #: error of a decay times the period, in which it is seen
+    bend_in_rest: float = 0.0005  #: part by which a contact rings off its linear frequency
+    bend_in_cycle: float = 0.001
+    bend_of_decay: float = 0.02  #: part by which sliding makes swings die away otherwise
+    decay_error_periods: float = 0.05  #: error of a decay times the period, in which it is seen
     largest_disagreement: float = 0.02  #: part by which both frequencies may differ
     least_swings_in_cycle: float = 8.0  #: from which on a cycle shows the ringing by itself
 

@@ -58,6 +58,8 @@ _SCATTER = 3
 #: before a slip may bend; periods before the slip between which the runner rises towards it.
 _SHOW_STEP, _BENT_RISE = 3, 0.05
 _RISING = (-0.13, -0.08, -0.03)
+#: Variances of one mean in a rise that goes on as before: twice the second, less the first.
+_OF_TOPS = 5.0
 #: Part by which samples far apart miss a step, in squares of their distance in periods: a slip lies
 #: anywhere between two of them.
 _COARSE = 1.2
@@ -224,6 +226,10 @@ def _step_between_rests(
     ends = grid.slips[:, None] + grid.period * np.array(_RISING)
     first, second = mean.between(ends[:, :-1], ends[:, 1:]).T
     tops = second + (second - first)
+    # Each top is two means of a few samples, and noise as that of the blocks of the rests.
+    block = max(b - a for a, b in (before, after)) / 64.0
+    window = grid.period * float(np.diff(_RISING).min())
+    of_tops = max(2.0, _OF_TOPS * block / window)
     fits = []
     for slow in ([], [times / float(np.ptp(times))]):
         design = np.column_stack([np.ones_like(later), later, *slow])
@@ -237,7 +243,7 @@ def _step_between_rests(
         if len(tops) > 1:
             rate = float(found[2]) / float(np.ptp(times)) if slow else 0.0
             step = float(tops[-1] - tops[-2]) - rate * grid.period
-        fits.append((information, step, error + 2.0 * variance))
+        fits.append((information, step, error + of_tops * variance))
     least = min(one[0] for one in fits)
     share = np.exp([-0.5 * (one[0] - least) for one in fits])
     share /= share.sum()
@@ -433,9 +439,10 @@ class _Solver:
         self._used = scale > 1e-12 * max(float(scale.max()), 1e-30)  # a jump beside all rows is 0
         self._scale = np.where(self._used, scale, 1.0)
         self._columns, self._y = columns / self._scale, y
-        q, self._r = np.linalg.qr(self._columns)
-        self._seen = q.T @ y
-        self._unseen = max(float(y @ y) - float(self._seen @ self._seen), 0.0)
+        count = columns.shape[1]
+        both = np.linalg.qr(np.column_stack([self._columns, y]), mode="r")
+        self._r, self._seen = both[:count, :count], both[:count, count]
+        self._unseen = float(np.sum(both[count:, count] ** 2))
         self._order = np.argsort(t, kind="stable")
         self._in_run = in_run[self._order]
 

@@ -39,7 +39,7 @@ _MOST, _OUTLIER = 0.7, 3.0
 #: Swings over which the record is smoothed where ringing is taken out; samples of a swing there.
 UNRINGING_SWINGS, _SWING_SAMPLES = 0.1, 24
 #: Part of the sampling rate up to which ringing is taken out.
-_RESOLVED = 0.12
+_RESOLVED = 0.25
 #: Swings by which slips may have been timed wrongly; from which they are moved though uneven.
 _SWINGS_OFF, _CLEARLY_OFF = 3.0, 0.3
 #: Slips that are looked for beyond the ends of a run.
@@ -48,6 +48,8 @@ _BEYOND = 3
 _JOINED = 0.3
 #: Part of the usual rise in a cycle from which on one belongs to the run.
 _RISES = 0.7
+#: Part of it that a whole rise may miss, before which a small slip is one.
+_WHOLE = 0.1
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,9 @@ def count_slips(
     number = np.unique(np.concatenate([low, high]))
     due = grid.first + grid.period * number
     size = SlipSizes(pyramid, grid.slips, grid.period, ringing).at(due)
-    rise = _rises(mean, due, grid.period) / _rises(mean, grid.settled, grid.period).mean()
+    usual = _rises(mean, grid.settled, grid.period)
+    usual = usual.mean() if len(usual) and usual.any() else math.nan
+    rise = _rises(mean, due, grid.period) / usual
     size = np.where(size < SETTINGS.least_amplitude, _judged(size, rise), size)
     seen = dict(zip(number.tolist(), size.tolist(), strict=True))
 
@@ -245,7 +249,7 @@ def _rises(mean: MeanPosition, slips: Array, period: float) -> Array:
 
 def _judged(size: Array, rise: Array) -> Array:
     """Return the sizes of slips that are small, or 0 or 1 where the rise before them is clear."""
-    slip = (size > 0.5 * SETTINGS.least_amplitude) & (rise > _RISES) & (rise < 1.0 / _RISES)
+    slip = (size > 0.5 * SETTINGS.least_amplitude) & (np.abs(rise - 1.0) < _WHOLE)
     none = (size < SETTINGS.least_amplitude) & (np.abs(rise) < 1.0 - _RISES)
     return np.where(slip, 1.0, np.where(none, 0.0, size))
 
