@@ -10,10 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
 from stickslip_ros.axis.faults import Travel
-from stickslip_ros.axis.sensor import SensorDynamics, has_bandwidth
+from stickslip_ros.axis.sensor import Readings, SensorDynamics, has_bandwidth
 from stickslip_ros.model import DriveCycle
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.solver import State
@@ -63,6 +65,7 @@ class Actuation:
         self._run_before = 0  # steps in both directions before it
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
+        self._readings = Readings()  # under way
         self._read_sensor()
 
     # -- requests
@@ -82,6 +85,11 @@ class Actuation:
         """Position at the sensor (m), without noise: x, low-pass filtered if it has a bandwidth."""
         self._read_sensor()
         return self._dynamics.sensed if self._dynamics else self.x
+
+    @property
+    def arrived(self) -> tuple[int, float]:
+        """Number of the reading that has arrived last, and the position (m) that it saw."""
+        return self._readings.arrived(self.config.sensor, self.t)
 
     @property
     def level(self) -> float:
@@ -308,12 +316,19 @@ class Actuation:
             self._dynamics.wake()
 
     def _watch(self, t: float) -> None:
-        """Advance to the samples, up to time t (s), that a sensor with a bandwidth needs."""
+        """Advance to the samples, up to time t (s), that the sensor needs."""
         self._read_sensor()
+        sensor = self.config.sensor
+        numbers = self._readings.due(sensor, t)
+        seen: list[float] = []
         if self._dynamics:
-            for times in self._dynamics.due(t, driven=self.kind != REST):
+            for times in self._dynamics.due(t, self.kind != REST, numbers.start):
                 samples = self.sim.sample(times)
-                self._dynamics.record(samples.x, samples.v)
+                seen.extend(self._dynamics.record(samples.x, samples.v).tolist())
+        elif numbers:
+            seen = self.sim.sample(np.array([sensor.time_of(k) for k in numbers])).x.tolist()
+        if numbers:
+            self._readings.record(numbers, seen[-len(numbers) :])
 
     def _room(self, sign: int) -> float:
         """Return how far (m) it is to the soft limit in the direction of sign."""

@@ -103,6 +103,12 @@ class Device:
             self.actuation.sensed, self.config.sensor.number_at(self.actuation.t)
         )
 
+    @property
+    def arrived(self) -> float:
+        """The reading of the sensor that has arrived last, m; nan: it gives none."""
+        k, x = self.actuation.arrived
+        return self.config.reading(x, k)
+
     # -- time
 
     def advance(self, t: float) -> None:

@@ -280,6 +280,11 @@ def _differences(report: dict[str, Any], changed: bool) -> str:
             for change in report["model_changes"]
         ]
     lines += [f"left out: {text}" for text in report["left_out"]]
+    if unknown := report["unknown_velocities"]:
+        lines.append(
+            f"{unknown} mean velocities of joint_states were not compared: the report before them "
+            "is not in the bag"
+        )
     if report["bit_for_bit"]:
         lines.append("every recorded state came out again, bit for bit")
         return "\n".join(lines)

@@ -17,7 +17,7 @@ from stickslip_ros.axis.events import (
     is_set_point,
     unpack_set_points,
 )
-from stickslip_ros.axis.joints import Joints, contact_joints, joints_of
+from stickslip_ros.axis.joints import SOURCE, Joints, contact_joints, joints_of
 from stickslip_ros.parameters.groups import CONTACT_SUFFIX, SLIDER
 from stickslip_ros.recordings.cdr import decode_messages, not_of_type, statuses
 from stickslip_ros.recordings.errors import BagError
@@ -55,10 +55,24 @@ class RecordedRun:
         return str(self.events[0].details.get("axis_name", "axis"))
 
     @property
+    def reports_readings(self) -> bool:
+        """Whether its joint_states are a `JointReport`; before 2.0.0 they were the truth."""
+        return SOURCE in self.events[0].details
+
+    @property
+    def joint_topic(self) -> str:
+        """The topic with what a driver would say of it."""
+        return f"{self.node.rpartition('/')[0]}/joint_states"
+
+    @property
     def state_topics(self) -> dict[str, tuple[str, Callable[[Axis], Joints]]]:
-        """The topics with its states: the joint that each is about, what computes all."""
+        """The topics with its states: the joint that each is about, what computes all of the truth.
+
+        That of readings takes a `JointReport`, see :attr:`reports_readings`.
+        """
         return {
-            f"{self.node.rpartition('/')[0]}/joint_states": (SLIDER, joints_of),
+            self.joint_topic: (SLIDER, joints_of),
+            f"{self.node}/truth": (SLIDER, joints_of),
             f"{self.node}/contact": (CONTACT_SUFFIX, contact_joints),
         }
 

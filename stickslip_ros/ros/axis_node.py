@@ -19,7 +19,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.command import Command
+from stickslip_ros.axis.command import JOINT_STATE, Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import (
     Event,
@@ -29,6 +29,7 @@ from stickslip_ros.axis.events import (
     shorten,
 )
 from stickslip_ros.axis.faults import LATE, VANISH
+from stickslip_ros.axis.joints import JointReport
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.groups import AXIS_NODE
@@ -96,6 +97,7 @@ class AxisNode(GuardedNode):
             if not topic.of_process
         }
         self._states = {topic: JointState() for topic in OUTPUTS.values() if topic.joints}
+        self._report = JointReport()
         self._set_points: list[Event] = []  # that are not in the log yet
         self._readers = 0  # of set points
         self._nan_set_points = 0
@@ -189,14 +191,17 @@ class AxisNode(GuardedNode):
 
     def publish_state(self) -> None:
         """Publish the present state to those who subscribe, and the events before it."""
+        if VANISH in self.axis.config.faults:
+            return
         # Messages for nobody cost half of a fast axis.
         read = [one for one in self._states if self._outputs[one.name].get_subscription_count()]
         self.is_read = bool(read)
         name, now = self.axis.parameters.node.axis_name, self._sim_loop.stamp()
+        reported = self._report.take(self.axis)  # its velocities are from instant to instant
         for topic in read:
             assert topic.joints
-            joints = topic.joints(self.axis)
-            self.publish(topic, fill_joints(self._states[topic], now, name, joints))
+            if joints := topic.joints(self.axis, reported):
+                self.publish(topic, fill_joints(self._states[topic], now, name, joints))
         self.publish_events()
 
     def report(self) -> None:
@@ -283,7 +288,7 @@ class AxisNode(GuardedNode):
         try:
             now, joint = self._sim_loop.pace.stamp, self.axis.config.joint
             arguments = read_command(command, message(), now, joint)
-            if arguments is not None:
+            if arguments is not None and not self._is_echo(command, arguments):
                 self._sim_loop.check([command.name])
                 zero = self.axis.config.offset
                 self.axis.command(command.name, *arguments)
@@ -300,6 +305,12 @@ class AxisNode(GuardedNode):
             return self._report_refusal(refusal)
         except Exception as error:  # of any kind: a peer may send anything
             return self.refuse(command.name, None, why_not(error))
+
+    def _is_echo(self, command: Command, arguments: tuple[Any, ...]) -> bool:
+        """Return whether a controller sends back what it has read, and so asks for nothing."""
+        if command.type != JOINT_STATE or arguments[1] != "position":
+            return False
+        return self._report.echoes(self.axis, arguments[2])
 
     def refuse(self, name: str, value: object, reason: str) -> str:
         """Count, note and report a command that is refused before it reaches the axis."""

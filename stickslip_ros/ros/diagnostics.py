@@ -16,6 +16,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.joints import TRUTH
 from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.motion.phases import phase_now, regime_now
@@ -31,6 +32,7 @@ from stickslip_ros.simulation.operating_points import (
 from stickslip_ros.version import __version__
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+NO_READING = "the sensor gives no reading"
 LATER, _PATIENCE = "the 0-amplitude is being computed", 0.02  # s that a report waits for it
 
 
@@ -78,6 +80,9 @@ class Diagnostics:
         status = axis.status
         if status.fault:
             level, message = ERROR, f"fault: {status.fault}"
+        elif math.isnan(axis.arrived):
+            stays = axis.parameters.node.joint_state_source != TRUTH
+            level, message = WARN, NO_READING + (": joint_states stays away" if stays else "")
         elif status.held_at:
             level, message = WARN, f"held at the {status.held_at} end of the travel"
         else:

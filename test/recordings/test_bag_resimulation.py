@@ -21,6 +21,7 @@ from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import Event, NotRepeatable, event_texts, is_set_point
+from stickslip_ros.axis.joints import JointReport
 from stickslip_ros.axis.resimulation import model_changes
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickslipError
@@ -35,6 +36,7 @@ AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
 PRESET = Path(__file__).parents[2] / "config" / "edeler_2011_everything.yaml"
 SET_POINTS = topic("/stickslip_axis/set_points", EVENTS.type)
 CONTACT = topic("/stickslip_axis/contact", JOINTS.type)
+TRUTH = topic("/stickslip_axis/truth", JOINTS.type)
 
 Texts = dict[str, str]
 
@@ -65,9 +67,9 @@ def record_axis(
     values: parameters of the axis.
     """
     axis = Axis({**TABLE_1, "sensor_noise": 1e-9, "preload": 0.5, **values})
-    written = 0
+    written, report = 0, JointReport()
     with BagWriter(folder) as bag:
-        for one in (JOINTS, CONTACT, AXIS_EVENTS, SET_POINTS):
+        for one in (JOINTS, TRUTH, CONTACT, AXIS_EVENTS, SET_POINTS):
             bag.add_topic(one)
         for number in range(60):
             ns = START + number * SECOND // 1000
@@ -79,9 +81,11 @@ def record_axis(
                 bag.write(where.name, event(at, **texts), log_ns=ns, publish_ns=ns)
             axis.advance(number * 1_000_000 * 1e-9)
             s = axis.state
-            rows = {"axis_slider": (s.x, s.v, -s.force), "axis_piezo": (s.u, s.rate, s.force)}
+            rows = {f"axis{end}": numbers for end, *numbers in report.take(axis)}
             data = joints(number, state(ns, **rows))
             bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
+            rows = {"axis_slider": (s.x, s.v, -s.force), "axis_piezo": (s.u, s.rate, s.force)}
+            bag.write(TRUTH.name, state(ns, **rows), log_ns=ns, publish_ns=ns)
             each = (
                 axis.simulation.deflections.tolist()
                 if axis.parameters.friction.contacts > 1
@@ -123,7 +127,7 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
     with open_bag(tmp_path / "run") as bag:
         counts = bag.counts
         (again,) = resimulate(bag, {}, tmp_path / "copy", lambda: seen.append(None))
-    assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 120, 7, 120)
+    assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 180, 7, 180)
     assert again.bit_for_bit and len(again.differences) == 9
     assert _stamps(tmp_path / "copy") == _stamps(tmp_path / "run")
     with open_bag(tmp_path / "copy") as copy:

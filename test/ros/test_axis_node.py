@@ -42,9 +42,11 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
     make_axis(axis_name="lens", publish_rate=200.0)
     client, heard = connect(ros)
     client.step(30).wait()
-    ros.wait_until(lambda: min(len(heard.joints), len(heard.contact)) > 50, "states of both")
-    joints, contact = list(heard.joints), {stamp(m): m for m in list(heard.contact)}
-    for message in joints:
+    ros.wait_until(
+        lambda: min(len(heard.joints), len(heard.truth), len(heard.contact)) > 50, "states of all"
+    )
+    joints, contact = list(heard.truth), {stamp(m): m for m in list(heard.contact)}
+    for message in [*joints, *list(heard.joints)]:
         assert message.name == ["lens_slider", "lens_piezo"]
         lengths = len(message.position), len(message.velocity), len(message.effort)
         assert lengths == (2, 2, 2)
@@ -58,6 +60,10 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
         assert touch.effort[0] == joint.effort[1]
         assert touch.velocity[0] == joint.velocity[0] - joint.velocity[1]
     assert max(m.position[0] for m in joints) > 3e-6
+    for before, now in pairwise(list(heard.joints)):  # the mean since the last
+        assert stamp(before) < stamp(now)
+        way, dt = now.position[0] - before.position[0], 1e-9 * (stamp(now) - stamp(before))
+        assert now.velocity[0] == pytest.approx(way / dt, rel=1e-6, abs=1e-12)
 
 
 def test_each_of_several_contacts_has_its_deflection() -> None:
@@ -182,7 +188,7 @@ def test_axes_in_one_context_are_told_apart_by_their_namespaces(
     seen = len(left.joints)
     ros.wait_until(lambda: len(left.joints) > seen + 2)
     assert {name for m in left.joints for name in m.name} == {"left_slider", "left_piezo"}
-    assert {m.position[0] for m in left.joints} == {0.0}
+    assert {m.position[0] for m in left.truth} == {0.0}
     assert [event["event"] for _, event in left.events] == ["start"]
     assert right.joints[-1].position[0] > 1e-6
     found = left.next_report()
