@@ -88,7 +88,7 @@ class Resimulated:
     #: velocities that were not compared: the report that they count from is not in the bag
     unknown_velocities: int = 0
     duration: float = 0.0  #: s of simulation
-    #: by joint and field, such as ``axis_slider position``
+    #: by joint and field, such as ``axis_slider position``; that of ~/truth is ``true ...``
     differences: dict[str, Difference] = field(default_factory=dict)
 
     @property
@@ -162,6 +162,12 @@ def _resimulate_run(
     on_state: Callable[[], object],
 ) -> Resimulated:
     rerun = Rerun(run.events, changes)
+    if lost := run.missing_events:
+        raise NotRepeatable(
+            f"events of {run.node} are missing in {bag.path}, number {lost}: what they did to the "
+            "axis is not known; record again, on a machine with less load, "
+            f"or from {run.node}/events alone"
+        )
     applied = sum(event.outcome == "applied" for event in run.events)
     _, version, digest = start_of(run.events)
     model = model_changes(run.events)
@@ -173,9 +179,9 @@ def _resimulate_run(
         found.unknown_velocities = said.unknown
         for name, index, again in values:
             recorded = getattr(sample.message, name)[index]
-            difference = found.differences.setdefault(
-                f"{sample.message.name[index]} {name}", Difference()
-            )
+            true = "true " if sample.topic == run.truth_topic else ""
+            what = f"{true}{sample.message.name[index]} {name}"
+            difference = found.differences.setdefault(what, Difference())
             difference.note(recorded, again, sample.time_ns)
         events = axis.take_events()
         if copy:

@@ -10,6 +10,7 @@ import contextlib
 import math
 import os
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -56,9 +57,18 @@ class Diagnostics:
         self._computing.join(patience)
 
     def statuses(
-        self, axis: Axis, sim_loop: SimLoop, nan_set_points: int
+        self,
+        axis: Axis,
+        sim_loop: SimLoop,
+        nan_set_points: int,
+        commanders: Sequence[str] = (),
+        doubles: int = 0,
     ) -> list[DiagnosticStatus]:
-        """Return the statuses axis, friction and timing; nan_set_points is a count."""
+        """Return the statuses axis, friction and timing.
+
+        nan_set_points is a count, commanders are nodes that command the axis at once, doubles the
+        number of others that publish as this axis.
+        """
         status = axis.status
         refused, self._refused = status.refused - self._refused, status.refused
         hits, self._hits = status.limits_hit - self._hits, status.limits_hit
@@ -66,6 +76,8 @@ class Diagnostics:
         news += [f"limits hit {hits} times"] if hits else []
         nan, self._nan = nan_set_points - self._nan, nan_set_points
         news += [f"{nan} set points of NaN ignored"] if nan else []
+        news += [f"commanded by {' and '.join(commanders)}"] if commanders else []
+        news += [f"{doubles} others publish as this axis"] if doubles else []
         return [
             self.axis_status(axis, overload(axis, sim_loop.last_report), ", ".join(news)),
             self._friction(axis, status),
@@ -189,9 +201,13 @@ def overload(axis: Axis, report: PaceReport) -> str:
     """Return a warning for an axis that does not keep its pace; else an empty text."""
     if not report.overload:
         return ""
+    wanted = axis.parameters.node.real_time_factor
+    how = f"real-time factor {report.factor:.3g} of {wanted:g}"
+    if report.behind:
+        how = f"{report.behind:.2g} s behind /clock"
     return (
-        f"real-time factor {report.factor:.2g} of {axis.parameters.node.real_time_factor:g}: a "
-        f"second of motion takes {report.cost:.2g} s of processor, by {costly_settings(axis)}"
+        f"{how}: a second of motion takes {report.cost:.2g} s of processor, by "
+        f"{costly_settings(axis)}"
     )
 
 

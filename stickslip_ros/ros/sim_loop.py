@@ -45,6 +45,7 @@ from stickslip_ros.ros.messages import publisher_of, stamp
 from stickslip_ros.ros.topics import CLOCK, READY
 
 _DIAGNOSTICS_PERIOD = 1.0  # s
+_STARTS = 1.0  # s in which other nodes are found, so that deadlines missed are no news
 _APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between checks for commands
 _LONGEST_BLOCK = 0.025  # s between blocks, also where states are published more seldom: see `Pace`
@@ -99,6 +100,7 @@ class SimLoop:
         self._axes: Sequence[AxisOfLoop] = ()
         self._to_report: list[AxisOfLoop] = []  # that have their turn in this period
         self._in_step: Callable[[], None] = lambda: None
+        self._published: Callable[[], None] = lambda: None
         self._followed_up = 0.0  # s, when a state was published out of turn
         self._asked_for_priority = False
         self._is_due = False  # the state, since a deadline at which not all axes were there
@@ -115,13 +117,21 @@ class SimLoop:
         self._ready = publisher_of(node, READY)
         self._ready_readers = 0  # subscribers when "active" was sent last
 
-    def start(self, axes: Sequence[AxisOfLoop], in_step: Callable[[], None] = lambda: None) -> None:
-        """Let the time of these axes begin, at 0; in_step is called when all have one time."""
-        self._axes, self._in_step = axes, in_step
+    def start(
+        self,
+        axes: Sequence[AxisOfLoop],
+        in_step: Callable[[], None] = lambda: None,
+        published: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Let the time of these axes begin, at 0.
+
+        in_step is called when all have one time, published when all have published their state.
+        """
+        self._axes, self._in_step, self._published = axes, in_step, published
         self._start = monotonic_ns()
         timer, steady = self._node.create_timer, Clock(clock_type=ClockType.STEADY_TIME)
         period = self.pacer.period
-        self.pacer = Pacer(period, self.elapsed())
+        self.pacer = Pacer(period, self.elapsed(), excused=_STARTS)
         self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
         self._tick_ns = self._tick.timer_period_ns
         # The executor checks a timer in every round, so its period is not a pause.
@@ -289,6 +299,7 @@ class SimLoop:
         self._in_step()
         for axis in self._axes:
             axis.publish_state()
+        self._published()
         if self._clock:
             self._clock.publish(ClockMessage(clock=self.stamp()))
 
