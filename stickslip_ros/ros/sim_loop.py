@@ -108,6 +108,8 @@ class SimLoop:
         self._block_ns = round(1e9 / values.publish_rate)
         self._factor = values.real_time_factor
         self.paused = values.start_paused  #: True while the time stands still, except for steps
+        self._held, self._report_at = False, 0  # ns, when the next reports are due
+        self._first = 0  # of the axes that publishes first
         self._until = 0  # ns that the present step of a paused time goes to
         self._stepping: AxisOfLoop | None = None  # who asked for it
         self._followed = FollowedClock(node) if follows(node) else None
@@ -136,7 +138,7 @@ class SimLoop:
         self._tick_ns = self._tick.timer_period_ns
         # The executor checks a timer in every round, so its period is not a pause.
         self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
-        timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
+        self._reporter = timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
         self._choose_timer()
         self._begin()
 
@@ -199,6 +201,8 @@ class SimLoop:
         hurries = self._until > 0 if self.paused else self._factor == 0.0
         if self.begun:
             self.pace.change(monotonic_ns(), 0.0 if self.paused else self._factor)
+        if self._held:
+            return
         if hurries:
             self._tick.cancel()
             self._hurry.reset()
@@ -295,9 +299,27 @@ class SimLoop:
             if done:
                 self._publish()
 
+    def hold(self) -> None:
+        """Leave a paused time to `go_on` alone, reports included."""
+        self._held, self._report_at = True, self.pace.ns
+        for timer in (self._tick, self._reporter):
+            timer.cancel()
+
+    def go_on(self, ns: int) -> None:
+        """Let a held time go on by a time (ns) at once; publish the state, and reports if due."""
+        while not self.pace.leap(ns, _SLICE):
+            pass
+        self._publish()
+        if self.pace.ns >= self._report_at:
+            self._report_at += round(1e9 * _DIAGNOSTICS_PERIOD)
+            for _ in self._axes:
+                self._report()
+
     def _publish(self) -> None:
         self._in_step()
-        for axis in self._axes:
+        # In turns: of a queue that is full, one reader would always take the same axis.
+        self._first = (self._first + 1) % len(self._axes)
+        for axis in (*self._axes[self._first :], *self._axes[: self._first]):
             axis.publish_state()
         self._published()
         if self._clock:

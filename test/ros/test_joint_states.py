@@ -57,9 +57,9 @@ def robot(stickslip_world: InProcess) -> Robot:
     return robot
 
 
-def wait(axis: Any, condition: Callable[[], object], what: str) -> None:
-    """Wait as the client does."""
-    axis._wait(lambda: bool(condition()), 20.0, lambda: what)
+def waiting(world: InProcess) -> Callable[[Callable[[], object], str], None]:
+    """Return what waits for a condition, ten seconds of simulated time at most."""
+    return lambda condition, what: world.wait_until(condition, 10.0, what)
 
 
 @pytest.mark.stickslip(
@@ -68,15 +68,15 @@ def wait(axis: Any, condition: Callable[[], object], what: str) -> None:
     sensor_resolution=0.0,
     publish_rate=200.0,
     frequency=1000.0,
-    allow_faults=True,
+    own_time=True,
 )
 def test_a_node_sees_a_noisy_delayed_and_failing_sensor(
     stickslip_world: InProcess, robot: Robot
 ) -> None:
-    axis = stickslip_world.clients["stickslip_axis"]
+    axis, wait = stickslip_world.axis, waiting(stickslip_world)
 
     # At rest it reads noise, where the runner does not move at all.
-    wait(axis, lambda: len(robot.error()) > 200, "200 states")
+    wait(lambda: len(robot.error()) > 200, "200 states")
     assert robot.error().std() == pytest.approx(NOISE, rel=0.25)
     assert {x for x, _ in robot.true.values()} == {0.0}
     # The velocity is the mean since the last state, so noise it is.
@@ -86,7 +86,7 @@ def test_a_node_sees_a_noisy_delayed_and_failing_sensor(
     # In motion it is late by the latency, and one reading at most.
     axis.jog(1000.0)
     robot.forget()
-    wait(axis, lambda: len(robot.error()) > 100, "100 states of a jog")
+    wait(lambda: len(robot.error()) > 100, "100 states of a jog")
     late = list(robot.error())[20:]  # those of before the jog are out by then
     (t0, (x0, _)), (t1, (x1, _)) = min(robot.true.items()), max(robot.true.items())
     speed = (x1 - x0) / (t1 - t0)
@@ -97,7 +97,7 @@ def test_a_node_sees_a_noisy_delayed_and_failing_sensor(
     # It freezes: the runner goes on, and the node cannot know.
     with axis.fault("sensor_freeze"):
         robot.forget()
-        wait(axis, lambda: len(robot.error()) > 20, "20 states of a frozen sensor")
+        wait(lambda: len(robot.error()) > 20, "20 states of a frozen sensor")
         assert len({x for x, _ in robot.read.values()}) == 1
         xs = [x for x, _ in robot.true.values()]
         assert all(a < b for a, b in pairwise(xs[::5]))
@@ -106,31 +106,31 @@ def test_a_node_sees_a_noisy_delayed_and_failing_sensor(
     with axis.fault("sensor_dropout"):
         robot.forget()
         report = axis.report()
-        wait(axis, lambda: len(robot.true) > 20, "20 true states")
+        wait(lambda: len(robot.true) > 20, "20 true states")
         assert not robot.read and math.isnan(axis.position)
         assert "the sensor gives no reading: joint_states stays away" in axis._message
         assert report["axis"]["measured position (m)"] == "nan"
         axis.stop().wait()  # which waits for no reading
     robot.forget()
-    wait(axis, lambda: robot.read, "a reading again")
+    wait(lambda: robot.read, "a reading again")
 
 
-@pytest.mark.stickslip(frequency=1000.0, sensor_latency=0.0, sensor_noise=0.0)
+@pytest.mark.stickslip(frequency=1000.0, sensor_latency=0.0, sensor_noise=0.0, own_time=True)
 def test_both_topics_have_a_zero_of_their_own(stickslip_world: InProcess, robot: Robot) -> None:
-    axis = stickslip_world.clients["stickslip_axis"]
+    axis, wait = stickslip_world.axis, waiting(stickslip_world)
     axis.step(50).wait()
     there = axis.position
     assert there > 4e-6
     axis.zero()
     robot.forget()
-    wait(axis, lambda: len(robot.error()) > 5, "states")
+    wait(lambda: len(robot.error()) > 5, "states")
     assert axis.position == pytest.approx(0.0, abs=2e-9)
     assert robot.true[max(robot.true)][0] == pytest.approx(there, abs=2e-9)
     assert all(abs(v) < 1e-9 for _, v in robot.read.values())  # a zero moves nothing
     axis.set_parameters(joint_state_source="truth")
     axis.jog(1000.0)
     robot.forget()
-    wait(axis, lambda: len(robot.error()) > 20, "states of a jog")
+    wait(lambda: len(robot.error()) > 20, "states of a jog")
     both = [t for t in robot.read if t in robot.true]
     for t in both:
         assert robot.read[t][0] == pytest.approx(robot.true[t][0] - there, abs=2e-9)
@@ -142,12 +142,12 @@ def test_both_topics_come_out_of_a_bag_again_bit_for_bit(
     stickslip_world: InProcess, tmp_path: Path
 ) -> None:
     """By a recorder that came late, with failures of the sensor, and with another source."""
-    axis = stickslip_world.clients["stickslip_axis"]
+    axis, wait = stickslip_world.axis, waiting(stickslip_world)
     axis.step(20).wait()
     output = Parameter("output", value=str(tmp_path / "bag"))
     recorder = RecorderNode(context=stickslip_world.context, parameter_overrides=[output])
     stickslip_world.add(recorder)
-    wait(axis, lambda: axis.connected(2), "the recorder")
+    wait(lambda: axis.connected(2), "the recorder")
     axis.step(100).wait()
     with axis.fault("sensor_dropout"):
         axis.step(-30).wait()
@@ -163,5 +163,6 @@ def test_both_topics_come_out_of_a_bag_again_bit_for_bit(
         (other,) = resimulate(bag, {"preload": 0.5})
     assert 20 < states < truths
     assert again.bit_for_bit and again.unknown_velocities == 1
-    assert again.differences["axis_slider velocity"].values > states
+    assert again.differences["axis_slider velocity"].values == states - 1
+    assert again.differences["true axis_slider velocity"].values == truths
     assert not other.bit_for_bit

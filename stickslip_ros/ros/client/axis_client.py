@@ -351,12 +351,14 @@ class AxisClient(AxisListener):
             at_rest = not self.moving and self.state != "targeting"
             return at_rest and self._shows_rest
 
-        self._wait(ended, timeout, lambda: f"{self.axis} is still {self.summary}; it goes on")
+        self._wait_for_motion(
+            ended, timeout, lambda: f"{self.axis} is still {self.summary}; it goes on"
+        )
         if self._moves:
             # The event of the end has a topic of its own; a closed loop that comes back to its
             # target has none.
             with suppress(TimeoutError):
-                self._wait(self._heard_of_end, _LAST_WORDS, str)
+                self._wait_for_motion(self._heard_of_end, _LAST_WORDS, str)
             self._moves = False
         return self
 
@@ -386,7 +388,7 @@ class AxisClient(AxisListener):
 
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
         """Wait until the axis is in that state; TimeoutError after timeout (s)."""
-        self._wait(
+        self._wait_for_motion(
             lambda: self.state == state,
             timeout,
             lambda: f"{self.axis} is {self.state}, not {state}",
@@ -399,7 +401,7 @@ class AxisClient(AxisListener):
         The report is later than the last answer or end of a move received here.
         """
         since = self._status_stamp
-        self._wait(
+        self._wait_for_motion(
             lambda: self._report_stamp > since,
             timeout,
             lambda: f"{self.axis} does not report on /diagnostics",

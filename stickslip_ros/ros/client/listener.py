@@ -55,6 +55,10 @@ class AxisListener:
         self._description: dict[str, DiagnosticStatus] = {}
         self._joint = ""
         self._reading_age = 0  # ns, at most, of a reading when a joint state shows it
+        #: For waits on motion: the clock of their time-outs (s), and what lets time pass; None: it
+        #: passes by itself
+        self.clock: Callable[[], float] = time.monotonic
+        self.pass_time: Callable[[], None] | None = None
         self._subscriptions = self._listen()
 
     # -- state, as heard last
@@ -149,7 +153,7 @@ class AxisListener:
         """Whether the joint state was read after the status was made, if it can be."""
         if not self._is_read:
             return True
-        paused = self._status.get("paused") == "True"
+        paused = self._status.get("paused") == "True" and self.pass_time is None
         return self._state_stamp >= self._status_stamp + (0 if paused else self._reading_age)
 
     def _listen(self) -> list[Any]:
@@ -231,6 +235,22 @@ class AxisListener:
                 if time.monotonic() > deadline:
                     raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
                 self._changed.wait(_POLL)
+
+    def _wait_for_motion(
+        self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]
+    ) -> None:
+        """Wait as `_wait`, where time has to pass; timeout (s) is by :attr:`clock`."""
+        if self.pass_time is None:
+            self._wait(condition, timeout, failure)
+            return
+        deadline = self.clock() + timeout
+        while True:
+            with self._changed:
+                if condition():
+                    return
+            if self.clock() > deadline:
+                raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
+            self.pass_time()
 
     def _others(self) -> str:
         """Return a warning if several nodes publish as this axis, else an empty text."""
