@@ -28,6 +28,8 @@ ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 ENDLESS = 2**62  #: cycles that are as good as without end
 #: Arcs that a cycle may take: a fraction of a second, for others wait for the axis meanwhile.
 _BUDGET = 100_000
+#: Readings up to which one after the other costs less than all at once
+_FEW = 3
 #: Cycles that are run in one go at most, for their results take memory: 40 bytes each
 _MOST_CYCLES = 2**16
 
@@ -66,6 +68,7 @@ class Actuation:
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
         self._readings = Readings()  # under way
+        self._asked = 0.0  # s, before which nobody asks for one
         self._read_sensor()
 
     # -- requests
@@ -218,6 +221,10 @@ class Actuation:
 
     # -- time
 
+    def head_for(self, t: float) -> None:
+        """Expect the next question at time t (s): readings that are older by then are not taken."""
+        self._asked = t
+
     def advance(self, t: float) -> None:
         """Advance to time t (s)."""
         self._watch(t)
@@ -319,14 +326,18 @@ class Actuation:
         """Advance to the samples, up to time t (s), that the sensor needs."""
         self._read_sensor()
         sensor = self.config.sensor
-        numbers = self._readings.due(sensor, t)
+        numbers = self._readings.due(sensor, t, max(t, self._asked))
         seen: list[float] = []
         if self._dynamics:
             for times in self._dynamics.due(t, self.kind != REST, numbers.start):
                 samples = self.sim.sample(times)
                 seen.extend(self._dynamics.record(samples.x, samples.v).tolist())
-        elif numbers:
+        elif len(numbers) > _FEW:
             seen = self.sim.sample(np.array([sensor.time_of(k) for k in numbers])).x.tolist()
+        else:
+            for k in numbers:
+                self.sim.advance(sensor.time_of(k))
+                seen.append(self.sim.x)
         if numbers:
             self._readings.record(numbers, seen[-len(numbers) :])
 

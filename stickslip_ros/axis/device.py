@@ -125,6 +125,7 @@ class Device:
         if not now <= t < math.inf:
             raise ValueError(f"time cannot go back from {now} s to {t} s")
         if not self._stalled:
+            self.actuation.head_for(t)
             with self._solving():
                 self._run(t)
                 self.actuation.advance(t)

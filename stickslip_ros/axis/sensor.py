@@ -172,10 +172,12 @@ class Readings:
         """Begin at time 0 with the runner at 0, where it has always been."""
         self._positions = {0: 0.0}  # m, by the number of the reading, rising
 
-    def due(self, sensor: Sensor, t: float) -> range:
-        """Return the readings up to time t (s) that are to be recorded; forget older ones."""
-        last = sensor.taken_by(t)
-        arrived = last - sensor.delay
+    def due(self, sensor: Sensor, t: float, asked: float) -> range:
+        """Return the readings up to time t (s) that are to be recorded; forget older ones.
+
+        asked: time (s) before which nobody asks what has arrived.
+        """
+        last, arrived = sensor.taken_by(t), sensor.taken_by(asked) - sensor.delay
         for k in list(self._positions)[:-1]:
             if k >= arrived:
                 break

@@ -53,6 +53,7 @@ class InProcess:
         Raises ParameterError.
         """
         self.own_time = own_time
+        self._ended = False
         if own_time:
             parameters = {**parameters, "start_paused": True, "publish_clock": True}
         single = not of_axes
@@ -165,7 +166,10 @@ class InProcess:
 
     def close(self) -> None:
         """End all of it; twice does no harm."""
+        if self._ended:
+            return
+        self._ended = True
         for client in self.clients.values():
             client.close()
+        self._axes.close()  # which publish what they have not said yet
         self._spin.close()
-        self._axes.close()
