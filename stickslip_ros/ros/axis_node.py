@@ -94,7 +94,7 @@ class AxisNode(GuardedNode):
         self._doubles = 0  # others that publish the events of an axis of this name
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
-        self.sim_loop = sim_loop or SimLoop(self, values.node)  #: whose turn is when
+        self._sim_loop = sim_loop or SimLoop(self, values.node)
         with report_compilation():
             self.axis.compile_ahead()
             self._diagnostics.prepare(self.axis, _PATIENCE)
@@ -119,12 +119,17 @@ class AxisNode(GuardedNode):
             f"preload {values.friction.preload:g} N, mass {values.runner.mass:g} kg"
         )
         if sim_loop is None:
-            self.sim_loop.start([self])
+            self._sim_loop.start([self])
+
+    @property
+    def sim_loop(self) -> SimLoop:
+        """What advances the axis, and all others of the process."""
+        return self._sim_loop
 
     @property
     def finished(self) -> Future:
         """Never done: it runs until a signal asks to end."""
-        return self.sim_loop.finished
+        return self._sim_loop.finished
 
     def close(self) -> None:
         """Publish the events since the last block."""
@@ -133,11 +138,11 @@ class AxisNode(GuardedNode):
 
     def catch_up(self) -> None:
         """Bring the axis to the present, as before a command."""
-        self.sim_loop.act(self)
+        self._sim_loop.act(self)
 
     def publish_events(self) -> None:
         """Publish the events since the last call, and the status with them or while it moves."""
-        if not self.sim_loop.begun or VANISH in self.axis.config.faults:
+        if not self._sim_loop.begun or VANISH in self.axis.config.faults:
             return  # there is no time yet to stamp it with, or nobody to hear of: it is kept
         events = self.axis.take_events()
         self._log(events)
@@ -151,8 +156,8 @@ class AxisNode(GuardedNode):
             events = [event for event in events if not is_set_point(event)]
             if len(self._set_points) >= _LOGGED_TOGETHER:
                 self._log_set_points()
-        too_slow = overload(self.axis, self.sim_loop.last_report)
-        period = self.sim_loop.elapsed() // _STATUS_PERIOD if self.axis.moving else -1.0
+        too_slow = overload(self.axis, self._sim_loop.last_report)
+        period = self._sim_loop.elapsed() // _STATUS_PERIOD if self.axis.moving else -1.0
         state = (self.axis.mode, bool(too_slow), period)
         if events or state != self._published:
             self._published = state
@@ -185,7 +190,7 @@ class AxisNode(GuardedNode):
                 )
 
     def _publish_statuses(self, topic: OutputTopic, statuses: list[DiagnosticStatus]) -> None:
-        self.publish(topic, diagnostic_array(self.sim_loop.stamp(), statuses))
+        self.publish(topic, diagnostic_array(self._sim_loop.stamp(), statuses))
 
     def _log_set_points(self) -> None:
         """Publish the set points since the last time for those who come late."""
@@ -210,7 +215,7 @@ class AxisNode(GuardedNode):
         # Messages for nobody cost half of a fast axis.
         read = [one for one in self._states if self._outputs[one.name].get_subscription_count()]
         self.is_read = bool(read)
-        name, now = self.axis.parameters.node.axis_name, self.sim_loop.stamp()
+        name, now = self.axis.parameters.node.axis_name, self._sim_loop.stamp()
         self.reported = self._report.take(self.axis)  # its velocities are from instant to instant
         for topic in read:
             assert topic.joints
@@ -228,7 +233,7 @@ class AxisNode(GuardedNode):
                 throttle_duration_sec=_COMMANDERS_WARN_PERIOD,
             )
         statuses = self._diagnostics.statuses(
-            self.axis, self.sim_loop, self._nan_set_points, several, self._doubles
+            self.axis, self._sim_loop, self._nan_set_points, several, self._doubles
         )
         self._publish_statuses(topics.DIAGNOSTICS, statuses)
         readers = self._outputs[topics.SET_POINTS.name].get_subscription_count()
@@ -252,10 +257,10 @@ class AxisNode(GuardedNode):
 
     def _warn_of_overload(self) -> None:
         """Warn of an axis that does not keep its pace; a fault after the limit of the user."""
-        report = self.sim_loop.last_report
+        report = self._sim_loop.last_report
         if report.overload:
             why = overload(self.axis, report)
-            self.sim_loop.warn(why, _OVERLOAD_WARN_PERIOD)
+            self._sim_loop.warn(why, _OVERLOAD_WARN_PERIOD)
             limit = self.axis.parameters.node.overload_limit
             if 0.0 < limit < report.overload and not self.axis.fault:
                 lasted = f"overloaded for {report.overload:.1f} s"
@@ -306,25 +311,25 @@ class AxisNode(GuardedNode):
         """Carry out a command now; return why it was refused, empty if it was not."""
         if LATE in self.axis.config.faults:  # like a controller with one line, busy with it
             time.sleep(self.axis.config.faults.value(LATE))
-        self.sim_loop.act(self)
+        self._sim_loop.act(self)
         reason = self._command(command, message)
         if command.moves and self.axis.moving and not reason:
-            self.sim_loop.follow_up(self)
+            self._sim_loop.follow_up(self)
         self.publish_events()
         return reason
 
     def _command(self, command: Command, message: Callable[[], Any]) -> str:
         try:
-            now, joint = self.sim_loop.pace.stamp, self.axis.config.joint
+            now, joint = self._sim_loop.pace.stamp, self.axis.config.joint
             arguments = read_command(command, message(), now, joint)
             if arguments is not None and not self._is_echo(command, arguments):
-                self.sim_loop.check([command.name])
+                self._sim_loop.check([command.name])
                 zero = self.axis.config.offset
                 self.axis.command(command.name, *arguments)
                 if self.axis.config.offset != zero:
                     self._publish_description()  # the range of targets has moved
-                if self.axis.paused != self.sim_loop.paused:
-                    self.sim_loop.pause(self.axis.paused)
+                if self.axis.paused != self._sim_loop.paused:
+                    self._sim_loop.pause(self.axis.paused)
             return ""
         except NoSetPoint as missing:
             self._nan_set_points += 1
@@ -377,7 +382,7 @@ class AxisNode(GuardedNode):
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
             result.reason = shorten(result.reason)
-            self.sim_loop.act(self)
+            self._sim_loop.act(self)
             self.refuse("parameters", wanted, result.reason)
         return result
 
@@ -385,7 +390,7 @@ class AxisNode(GuardedNode):
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         try:
             if axis_changes:  # others are of the process, declared before the time may begin
-                self.sim_loop.check(list(axis_changes))
+                self._sim_loop.check(list(axis_changes))
             check_place(self.axis.parameters, axis_changes)
             self.axis.checked(axis_changes)
         except ParameterError as error:
@@ -397,10 +402,10 @@ class AxisNode(GuardedNode):
     def _set_parameters(self, changes: list[Parameter]) -> None:
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         if axis_changes:
-            self.sim_loop.act(self)
+            self._sim_loop.act(self)
             self.axis.set_parameters(axis_changes)
-            self.sim_loop.pace.expect_change()
-            self.sim_loop.take(self, axis_changes)
+            self._sim_loop.pace.expect_change()
+            self._sim_loop.take(self, axis_changes)
             self.publish_events()
             self._publish_description()
 
