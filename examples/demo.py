@@ -204,7 +204,11 @@ def _draw(path: Path, p: Parameters, recorded: Recorded) -> None:
     axes = figure.add_subplot(grid[0, :])
     t = recorded.t - recorded.t[0]
     axes.plot(t, 1e6 * recorded.x, ".-", color=SIMULATED, markersize=3, linewidth=1)
-    axes.set(xlabel="time (s)", ylabel="runner (µm)", title="the run as recorded (joint_states)")
+    axes.set(
+        xlabel="time (s)",
+        ylabel="runner (µm)",
+        title="the run as its sensor reads it (joint_states)",
+    )
     axes.grid(alpha=0.3)
     overview = figure.add_subplot(grid[1, :])
     draw_cycles(overview, trace, drive_cycle, cycles)

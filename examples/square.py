@@ -13,9 +13,11 @@ import math
 import sys
 from collections.abc import Sequence
 
+from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from stickslip_ros.client import AxisClient, AxisFault
+from stickslip_ros.ros.process import SpinThread
 
 Point = tuple[float, float]
 _MOVE = 0.5  # s for each side, and to lower or lift the tip
@@ -51,8 +53,12 @@ def main(args: Sequence[str] | None = None) -> int:
     prefix = options.namespace.strip("/")
     try:
         with contextlib.ExitStack() as stack:
+            spin = SpinThread("square")
+            stack.callback(spin.close)
+            node = spin.add(Node("square", namespace=prefix, context=spin.context))
             x, y, z = (
-                stack.enter_context(AxisClient(f"{prefix}/{name}", timeout=60.0)) for name in "xyz"
+                stack.enter_context(AxisClient(f"{prefix}/{name}", node=node, timeout=60.0))
+                for name in "xyz"
             )
             corners = draw_square(x, y, z, options.size)
     except (ValueError, AxisFault, TimeoutError) as error:

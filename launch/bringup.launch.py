@@ -30,7 +30,7 @@ ARGUMENTS = {
     "config": ("", "parameters: a path, or a file in the folder config; empty: of Table 1, at "
                "1 kHz with axes or ros2_control"),
     "record": ("false", "to a bag"),
-    "ros2_control": ("false", "controllers of one axis"),
+    "ros2_control": ("false", "a controller of one axis, or one of the axes x, y, z"),
     "rviz": ("false", "a view of the axes x, y, z, or of one axis"),
     "square": ("false", "draw one with the axes x, y, z"),
     "use_sim_time": ("false", "all nodes follow /clock, which somebody else publishes"),
@@ -56,8 +56,8 @@ def bring_up(context: LaunchContext) -> list:
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     wanted = {name for name, value in given.items() if value.lower() in ("true", "1")}
     names = [name.strip() for name in given["axes"].split(",") if name.strip()]
-    if "ros2_control" in wanted and names:
-        raise RuntimeError("ros2_control:=true is for one axis: leave out axes")
+    if "ros2_control" in wanted and names and set(names) != set("xyz"):
+        raise RuntimeError("ros2_control:=true needs axes:=x,y,z, or one axis: leave out axes")
     if "square" in wanted and set(names) != set("xyz"):
         raise RuntimeError("square:=true needs axes:=x,y,z")
     share = Path(get_package_share_directory(PACKAGE))
@@ -78,11 +78,15 @@ def bring_up(context: LaunchContext) -> list:
     # What may be missing on this machine comes first: then nothing else runs or is left behind.
     found, after = [], []
     if wanted & {"ros2_control", "rviz"}:
-        model = model_of(share, names, f"/{namespace}/{AXIS}".replace("//", "/"))
-        described = [{"robot_description": model}]
+        node = f"/{namespace}/{AXIS}".replace("//", "/")
+        model = model_of(share, names, node, "ros2_control" in wanted)
+        # Of two robots, each has its own frames on /tf.
+        prefix = {"frame_prefix": f"{namespace}/"} if namespace else {}
+        described = [{"robot_description": model, **prefix}]
         found.append(node_of("robot_state_publisher", namespace, described, ros_arguments=clock))
     if "ros2_control" in wanted:
-        control = share / "examples" / "ros2_control" / "controllers.yaml"
+        file = "nanorobot_controllers.yaml" if names else "controllers.yaml"
+        control = share / "examples" / "ros2_control" / file
         found.append(
             node_of(
                 "controller_manager", namespace, [str(control)], "ros2_control_node",
@@ -94,13 +98,15 @@ def bring_up(context: LaunchContext) -> list:
         after.append(node_of("controller_manager", namespace, [], "spawner", arguments=started))
     if "rviz" in wanted:
         view = ["-d", str(share / "config" / "nanorobot.rviz")]
+        view += ["-f", f"{namespace}/base"] if namespace else []
         found.append(node_of("rviz2", namespace, [], arguments=view, ros_arguments=clock))
     if "record" in wanted:
         # Relative names: the recorder takes them to be in its own namespace.
         words = [*axes, *clock]
         found.append(node_of(PACKAGE, namespace, [], "recorder_node", ros_arguments=words))
     if "square" in wanted:
-        after.append(node_of(PACKAGE, "", [], "square", arguments=[f"--namespace={namespace}"]))
+        words = [f"--namespace={namespace}"]
+        after.append(node_of(PACKAGE, namespace, [], "square", arguments=words))
     ready = OnStateTransition(
         target_lifecycle_node=axis, goal_state="active", entities=after, handle_once=True
     )
@@ -134,10 +140,15 @@ def parameters_of(config: str, share: Path, names: list[str], controlled: bool) 
     return str(file)
 
 
-def model_of(share: Path, names: list[str], node: str) -> object:
-    """Return the URDF of the robot with axes x, y, z, or of one axis with a node of that name."""
+def model_of(share: Path, names: list[str], node: str, controlled: bool) -> object:
+    """Return the URDF of the robot with axes x, y, z, or of one axis, for a node of that name."""
     if set(names) == set("xyz"):
-        return (share / "urdf" / "nanorobot.urdf").read_text(encoding="utf-8")
+        model = share / "urdf" / "nanorobot.urdf"
+        if not controlled:
+            return model.read_text(encoding="utf-8")
+        file = share / "examples" / "ros2_control" / "nanorobot.urdf.xacro"
+        words = ["xacro ", str(file), " node:=", node, " model:=", str(model)]
+        return ParameterValue(Command(words), value_type=str)
     if names:
         raise RuntimeError("rviz:=true needs axes:=x,y,z, or one axis without a name")
     file = share / "examples" / "ros2_control" / "axis.urdf.xacro"

@@ -10,10 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
 from stickslip_ros.axis.faults import Travel
-from stickslip_ros.axis.sensor import SensorDynamics, has_bandwidth
+from stickslip_ros.axis.sensor import Readings, SensorDynamics, has_bandwidth
 from stickslip_ros.model import DriveCycle
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.solver import State
@@ -26,6 +28,8 @@ ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 ENDLESS = 2**62  #: cycles that are as good as without end
 #: Arcs that a cycle may take: a fraction of a second, for others wait for the axis meanwhile.
 _BUDGET = 100_000
+#: Readings up to which one after the other costs less than all at once
+_FEW = 3
 #: Cycles that are run in one go at most, for their results take memory: 40 bytes each
 _MOST_CYCLES = 2**16
 
@@ -63,6 +67,8 @@ class Actuation:
         self._run_before = 0  # steps in both directions before it
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
+        self._readings = Readings()  # under way
+        self._asked = 0.0  # s, before which nobody asks for one
         self._read_sensor()
 
     # -- requests
@@ -82,6 +88,11 @@ class Actuation:
         """Position at the sensor (m), without noise: x, low-pass filtered if it has a bandwidth."""
         self._read_sensor()
         return self._dynamics.sensed if self._dynamics else self.x
+
+    @property
+    def arrived(self) -> tuple[int, float]:
+        """Number of the reading that has arrived last, and the position (m) that it saw."""
+        return self._readings.arrived(self.config.sensor, self.t)
 
     @property
     def level(self) -> float:
@@ -210,6 +221,10 @@ class Actuation:
 
     # -- time
 
+    def head_for(self, t: float) -> None:
+        """Expect the next question at time t (s): readings that are older by then are not taken."""
+        self._asked = t
+
     def advance(self, t: float) -> None:
         """Advance to time t (s)."""
         self._watch(t)
@@ -308,12 +323,23 @@ class Actuation:
             self._dynamics.wake()
 
     def _watch(self, t: float) -> None:
-        """Advance to the samples, up to time t (s), that a sensor with a bandwidth needs."""
+        """Advance to the samples, up to time t (s), that the sensor needs."""
         self._read_sensor()
+        sensor = self.config.sensor
+        numbers = self._readings.due(sensor, t, max(t, self._asked))
+        seen: list[float] = []
         if self._dynamics:
-            for times in self._dynamics.due(t, driven=self.kind != REST):
+            for times in self._dynamics.due(t, self.kind != REST, numbers.start):
                 samples = self.sim.sample(times)
-                self._dynamics.record(samples.x, samples.v)
+                seen.extend(self._dynamics.record(samples.x, samples.v).tolist())
+        elif len(numbers) > _FEW:
+            seen = self.sim.sample(np.array([sensor.time_of(k) for k in numbers])).x.tolist()
+        else:
+            for k in numbers:
+                self.sim.advance(sensor.time_of(k))
+                seen.append(self.sim.x)
+        if numbers:
+            self._readings.record(numbers, seen[-len(numbers) :])
 
     def _room(self, sign: int) -> float:
         """Return how far (m) it is to the soft limit in the direction of sign."""

@@ -36,7 +36,7 @@ from stickslip_ros.axis.command import (
     Row,
     row,
 )
-from stickslip_ros.axis.events import digests_of
+from stickslip_ros.axis.events import WARNED, digests_of
 from stickslip_ros.axis.trajectory import Point, Trajectory, check_trajectory
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 
@@ -108,6 +108,17 @@ def _check_points(
 def _follow_points(axis: Device, checked: tuple[list[Point], float]) -> ClosedLoop:
     points, begin = checked
     trajectory = Trajectory(axis.actuation.t, axis.measured, points, wait=begin)
+    up, down = axis.speed_of_steps(1), axis.speed_of_steps(-1)
+    fastest, lag = trajectory.too_fast(up, down)
+    stroke = axis.config.stroke(axis.config.amplitude)
+    if lag > stroke:
+        reached = up if fastest > 0.0 else down
+        reason = (
+            f"the trajectory goes at {1e6 * fastest:.4g} um/s, {1e6 * reached:.4g} um/s is what "
+            f"steps reach at this load: the axis will stay {1e6 * lag:.3g} um behind at times; "
+            "give it more time, or raise frequency or amplitude"
+        )
+        axis.note("trajectory", WARNED, reason=reason)
     return _loop(axis, "trajectory", trajectory)
 
 

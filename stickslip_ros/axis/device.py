@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from typing import Any
 
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
@@ -22,6 +23,7 @@ from stickslip_ros.axis.events import (
     CommandRefused,
     Event,
     digests_of,
+    is_set_point,
     shorten,
 )
 from stickslip_ros.axis.faults import Moment
@@ -29,8 +31,12 @@ from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supe
 from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.version import __version__
 
+#: Steps that show how fast the axis goes: the first ones, from rest, are longer or shorter
+_TRIED = 10
+_MOST_SPEEDS = 8  # that are kept
 #: Parameters that let a paused time go on for a while
 STEPS_OF_TIME = ("step_time", "step_cycles")
 
@@ -56,6 +62,8 @@ class Device:
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
+        self._noted = 0  # events so far
+        self._speeds: dict[Any, float] = {}  # m/s, of steps
         versions = {"version": __version__, "model_version": MODEL_VERSION}
         versions["arithmetic"] = arithmetic()
         self.note(START, "applied", **p.flat(), **digests_of(p), **versions)
@@ -103,6 +111,12 @@ class Device:
             self.actuation.sensed, self.config.sensor.number_at(self.actuation.t)
         )
 
+    @property
+    def arrived(self) -> float:
+        """The reading of the sensor that has arrived last, m; nan: it gives none."""
+        k, x = self.actuation.arrived
+        return self.config.reading(x, k)
+
     # -- time
 
     def advance(self, t: float) -> None:
@@ -111,11 +125,30 @@ class Device:
         if not now <= t < math.inf:
             raise ValueError(f"time cannot go back from {now} s to {t} s")
         if not self._stalled:
+            self.actuation.head_for(t)
             with self._solving():
                 self._run(t)
                 self.actuation.advance(t)
 
     # -- used by commands
+
+    def speed_of_steps(self, sign: int) -> float:
+        """Return how fast (m/s, without sign) steps go in the direction of sign at this load."""
+        config, p = self.config, self.config.parameters
+        size = self.step_size.of(config.stroke(config.amplitude), sign)
+        if p.friction.contacts > 1:  # these take their time to be simulated
+            return size * config.frequency
+        asked = p, self.actuation.load, sign
+        if asked not in self._speeds:
+            if len(self._speeds) > _MOST_SPEEDS:
+                self._speeds.clear()
+            spare = simulation_of(p, self.actuation.sim.plant)
+            with suppress(ArithmeticError, ParameterError):
+                spare.start(config.drive_cycle(sign, config.amplitude, config.frequency), _TRIED)
+                found, half = spare.run_cycles(_TRIED).position, _TRIED // 2
+                size = sign * float(found[-1] - found[half - 1]) / (_TRIED - half)
+            self._speeds[asked] = max(size, 0.0) * config.frequency
+        return self._speeds[asked]
 
     def note_limit(self, limit: str) -> None:
         """Count and report that a limit of that name was hit."""
@@ -159,7 +192,11 @@ class Device:
 
     def note(self, name: str, outcome: str, /, **details: Any) -> None:
         """Add an event at the present time."""
-        self._events.append(Event(self.actuation.t, name, outcome, details))
+        event = Event(self.actuation.t, name, outcome, details)
+        if not is_set_point(event):  # these have topics of their own
+            self._noted += 1
+            event = replace(event, number=self._noted)
+        self._events.append(event)
 
     def refuse(self, name: str, value: object, reason: str) -> CommandRefused:
         """Count a command that did not reach the axis as refused; return the error to raise."""

@@ -24,9 +24,13 @@ from stickslip_ros.parameters.row import file_names
 
 #: Keys besides those of the details
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
+#: Key of the running number, with which a lost event is noticed
+NUMBER = "number"
 #: Events that no command makes: the first one of every axis, a fault from outside, the end of a
 #: step of time, and a fault on demand that began or ended
 START, TRIP, STEP_OF_TIME, INJECTED = "start", "trip", "step of time", "injected fault"
+#: Outcome of what is carried out, but not as it was meant
+WARNED = "warned"
 #: The event of one set point, and of many in the log
 _SET_POINT, _SET_POINTS = "joint_command", "joint_commands"
 #: Levels of outcomes as those of a DiagnosticStatus: 0 OK, 2 ERROR; all others are 1, WARN
@@ -50,8 +54,10 @@ class Event:
 
     time: float  #: s since the start of the simulation
     name: str  #: its subject, such as "steps"
-    outcome: str  #: "applied", "refused", "finished", "hit" or "fault"
+    outcome: str  #: "applied", "refused", "finished", "warned", "hit" or "fault"
     details: dict[str, Any] = field(default_factory=dict)
+    #: Of the events of the axis, from 1 on; 0: not counted, as set points and those of 1.x
+    number: int = field(default=0, compare=False)
 
     @property
     def level(self) -> int:
@@ -66,13 +72,16 @@ class Event:
         """
         if not set(KEYS) <= set(texts):
             return None
-        details = {name: _value(name, text) for name, text in texts.items() if name not in KEYS}
-        return cls(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details)
+        of_event = (*KEYS, NUMBER)
+        details = {name: _value(name, text) for name, text in texts.items() if name not in of_event}
+        number = int(texts.get(NUMBER, 0))
+        return cls(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details, number)
 
 
 def event_texts(event: Event) -> dict[str, str]:
-    """Return time, name, outcome and details of an event as texts by key."""
-    named = {_TIME: event.time, _NAME: event.name, _OUTCOME: event.outcome}
+    """Return time, name, outcome, number and details of an event as texts by key."""
+    named: dict[str, Any] = {_TIME: event.time, _NAME: event.name, _OUTCOME: event.outcome}
+    named |= {NUMBER: event.number} if event.number else {}
     return {key: value_text(value) for key, value in {**named, **event.details}.items()}
 
 

@@ -39,7 +39,9 @@ class Fault:
 
 FAULTS = {
     "sensor_freeze": Fault("every reading of the sensor is the one at which this began"),
-    SENSOR_DROPOUT: Fault("the sensor gives no reading (nan); a closed loop goes into a fault"),
+    SENSOR_DROPOUT: Fault(
+        "the sensor gives no reading; joint_states stays away, a closed loop faults"
+    ),
     "sensor_spike": Fault(f"every {_SPIKE_EVERY}th reading is off by this", "m", 1e-6, -1e-2, 1e-2),
     "sensor_drift": Fault("readings drift from here on", "m/s", 1e-7, -1e-3, 1e-3),
     "sensor_zero": Fault("readings count from elsewhere, by this", "m", 1e-5, -1.0, 1.0),

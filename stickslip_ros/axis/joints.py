@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from stickslip_ros.axis.command import HOLDING, STOPPED
 from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
 
 if TYPE_CHECKING:
@@ -14,9 +17,76 @@ if TYPE_CHECKING:
 #: Of each joint in a state message: the end of its name, position, velocity, effort (None: unknown)
 Joints = Sequence[tuple[str, float, float, float | None]]
 
+#: Reports that a controller may send back: those of a second or two
+_REMEMBERED = 200
+#: The parameter that says what a report is, and its value for the model's own state
+SOURCE, TRUTH = "joint_state_source", "truth"
+
+
+class JointReport:
+    """What a driver of the real axis would say, report after report.
+
+    The position is that of the reading which has arrived last, counted from the zero that was set;
+    of the actuator it is the commanded deflection. Velocities are means since the last report, so
+    they depend on when reports were made: make one at every instant, whether anybody reads it or
+    not.
+    """
+
+    def __init__(self) -> None:
+        """Start without a report."""
+        self._last: tuple[float, float, float] | None = None  # s, reading and deflection (m)
+        self._velocities = 0.0, 0.0  # m/s, since the one before it
+        self._said: deque[float] = deque(maxlen=_REMEMBERED)  # positions (m) of the slider
+        self._echo = math.nan  # one of them that somebody has sent back
+
+    def take(self, axis: Axis) -> Joints:
+        """Return slider and piezo at the present time; none where the sensor gives no reading.
+
+        With the parameter joint_state_source "truth" they are the model's, from the zero that was
+        set, at this instant.
+        """
+        state, reading = axis.state, axis.arrived
+        if not math.isnan(reading):
+            # Without the zero, which moves nothing.
+            self._note(state.t, reading + axis.config.offset, axis.simulation.commanded)
+        if axis.parameters.node.joint_state_source == TRUTH:
+            (end, x, v, force), piezo = joints_of(axis)
+            self._said.append(x - axis.config.offset)
+            return (end, x - axis.config.offset, v, force), piezo
+        if math.isnan(reading):
+            return ()
+        v, rate = self._velocities
+        self._said.append(reading)
+        return (
+            (SLIDER, reading, v, -state.force),
+            (PIEZO, axis.simulation.commanded, rate, state.force),
+        )
+
+    def echoes(self, axis: Axis, x: float) -> bool:
+        """Return whether a position (m) is one that was reported, sent back while the axis rests.
+
+        Controllers do so when they start, and repeat it. Followed from reading to reading, the
+        noise of the sensor would carry the axis away.
+        """
+        if axis.mode not in (STOPPED, HOLDING):
+            return False
+        if x in self._said:
+            self._echo = x
+        return x == self._echo
+
+    def _note(self, t: float, reading: float, deflection: float) -> None:
+        if self._last and t > self._last[0]:
+            before, x, u = self._last
+            self._velocities = (reading - x) / (t - before), (deflection - u) / (t - before)
+        if self._last is None or t > self._last[0]:
+            self._last = t, reading, deflection
+
 
 def joints_of(axis: Axis) -> Joints:
-    """Return slider and piezo; the friction force on the slider is -F, on the piezo +F."""
+    """Return slider and piezo of the model; the friction force is -F on the one, +F on the other.
+
+    Positions count from the model's origin.
+    """
     state = axis.state
     return (
         (SLIDER, state.x, state.v, -state.force),

@@ -51,6 +51,7 @@ class PaceReport:
     factor: float  #: simulated over real time
     cost: float  #: processor time of a second of motion, s
     overload: float  #: s for which the axes have been overloaded without a break; 0: they are not
+    behind: float = 0.0  #: s behind the clock that they follow; 0 without one
 
 
 class Pace:
@@ -162,12 +163,13 @@ class Pace:
         self._window = (self._together, self.dropped, self._spent)
         real, self._reported = 1e-9 * max(steady - self._reported, 1), steady
         moved, lost = 1e-9 * (self._together - together), 1e-9 * (self.dropped - dropped)
-        if self._followed:
-            lost = 1e-9 * max(0, self._due(steady) - self.ns)
+        behind = 1e-9 * max(0, self._due(steady) - self.ns) if self._followed else 0.0
         late = lost > self._settings.tolerated * (moved + lost)
+        if self._followed:  # that goes as it goes: only what they cannot reach is too much
+            late = self._late and behind > self._settings.tolerated * (moved + behind)
         self._overload = self._overload + real if late else 0.0
         cost = (self._spent - spent) / moved if moved else 0.0
-        return PaceReport(moved / real, cost, self._overload)
+        return PaceReport(moved / real, cost, self._overload, behind)
 
     # -- inside
 
@@ -242,10 +244,14 @@ class Pacer:
     skipped: late work never comes in a burst.
     """
 
-    def __init__(self, period: float, start: float) -> None:
-        """Set the period and the start (s): that of the timer, not of its first tick."""
+    def __init__(self, period: float, start: float, excused: float = 0.0) -> None:
+        """Set the period and the start (s): that of the timer, not of its first tick.
+
+        What is missed in the time excused (s) from then on is not counted.
+        """
         self.period = period
         self._start = start
+        self._counts_from = start + excused
         self._done = 0
         self._deadlines = 0  # since the start
         self._told = 0  # of the missed ones, when `misses_more` was last True
@@ -259,11 +265,12 @@ class Pacer:
         if due <= self._done:
             return False
         first = self._start + (self._done + 1) * self.period  # that nothing was done for
-        self._deadlines += due - self._done
-        self.missed += due - self._done - 1
-        self._done = due
+        missed, self._done = due - self._done - 1, due
         self.lag = max(0.0, now - first)
-        self.worst_lag = max(self.worst_lag, self.lag)
+        if now >= self._counts_from:
+            self._deadlines += missed + 1
+            self.missed += missed
+            self.worst_lag = max(self.worst_lag, self.lag)
         return True
 
     def misses_more(self) -> bool:

@@ -43,6 +43,8 @@ _STILL = 3e-11
 _ROUNDING = 1e-9
 #: Bandwidths (Hz) below this count as none
 LOWEST = 1.0
+#: Numbers of readings are below this
+_NUMBERS = 2**62
 
 
 class Sensor:
@@ -70,6 +72,13 @@ class Sensor:
     def number_at(self, t: float) -> int:
         """Return the number of the last reading at time t (s)."""
         return math.floor(t * self.rate)
+
+    def taken_by(self, t: float) -> int:
+        """Return the number of the last reading that is taken by time t (s), without rounding."""
+        k = self.number_at(t)
+        if self.time_of(k) > t:
+            return k - 1
+        return k + 1 if self.time_of(k + 1) <= t else k
 
     def reading(self, x: float, k: int) -> float:
         """Return reading number k (m) for a runner at x (m)."""
@@ -153,6 +162,43 @@ def samples_per_reading(p: SensorParameters, ringing: float) -> int:
     return math.ceil(max(_GRID, _PER_PERIOD * ringing) / p.sensor_rate)
 
 
+class Readings:
+    """Where the runner was, as the sensor sees it, at the readings that have not arrived yet.
+
+    So what arrives does not depend on how time is divided.
+    """
+
+    def __init__(self) -> None:
+        """Begin at time 0 with the runner at 0, where it has always been."""
+        self._positions = {0: 0.0}  # m, by the number of the reading, rising
+
+    def due(self, sensor: Sensor, t: float, asked: float) -> range:
+        """Return the readings up to time t (s) that are to be recorded; forget older ones.
+
+        asked: time (s) before which nobody asks what has arrived.
+        """
+        last, arrived = sensor.taken_by(t), sensor.taken_by(asked) - sensor.delay
+        for k in list(self._positions)[:-1]:
+            if k >= arrived:
+                break
+            del self._positions[k]
+        return range(max(next(reversed(self._positions)) + 1, arrived), last + 1)
+
+    def record(self, numbers: range, positions: list[float]) -> None:
+        """Note the positions (m) at the readings that were due."""
+        self._positions.update(zip(numbers, positions, strict=True))
+
+    def arrived(self, sensor: Sensor, t: float) -> tuple[int, float]:
+        """Return number and position (m) of the reading that has arrived last at time t (s).
+
+        After the start, and with a latency that has become longer, that is the oldest there is.
+        """
+        k = sensor.taken_by(t) - sensor.delay
+        if k not in self._positions:
+            k = min(self._positions)
+        return k, self._positions[k]
+
+
 class SensorDynamics:
     """The low-pass filtered position of a sensor with a bandwidth, followed in time."""
 
@@ -185,10 +231,11 @@ class SensorDynamics:
         """Expect motion from now on."""
         self._still = False
 
-    def due(self, t: float, driven: bool = True) -> Iterator[Array]:
+    def due(self, t: float, driven: bool = True, first_reading: int = _NUMBERS) -> Iterator[Array]:
         """Yield the times (s) of the samples up to time t (s); pass their samples to `record`.
 
-        driven: whether the actuator is commanded to move until then.
+        driven: whether the actuator is commanded to move until then; first_reading: number of the
+        first one that is asked for, the last of them if it is not there yet.
         """
         last = self._number_at(t)
         while self._next <= last:
@@ -198,19 +245,25 @@ class SensorDynamics:
             first, step = self._next, 1
             if self._still:
                 step = self._samples
-                first = max(-(-first // step), (self._end - 1) // step) * step
+                asked = min((self._end - 1) // step, first_reading)
+                first = max(-(-first // step), asked) * step
             yield self._times(np.arange(first, self._end, step))
 
-    def record(self, x: Array, v: Array) -> None:
-        """Filter positions (m) and velocities (m/s) at the samples that were due, (samples,)."""
+    def record(self, x: Array, v: Array) -> Array:
+        """Filter positions (m) and velocities (m/s) at the samples that were due, (samples,).
+
+        Returns the output (m) at the readings among them.
+        """
+        sensed = x
         if not self._still:
             if self._settled:
                 self._low_pass.settle(self._x)
             readings = np.arange(self._next, self._end) % self._samples == 0
             y = self._low_pass.filter(x, v)
             self._seen(x, y)
-            if readings.any():
-                self.sensed = float(y[readings][-1])
+            sensed = y[readings]
+            if len(sensed):
+                self.sensed = float(sensed[-1])
         elif len(x):
             self._x = self.sensed = float(x[-1])
         self._settled = self._still
@@ -219,6 +272,7 @@ class SensorDynamics:
             low, high = self._range
             self._still = max(high, self._x) - min(low, self._x) <= _STILL
             self._range = (self._x, self._x)
+        return sensed
 
     def _seen(self, x: Array, *output: Array) -> None:
         """Note positions and outputs (m)."""

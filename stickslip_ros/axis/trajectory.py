@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 from stickslip_ros.parameters import ParameterError
 
@@ -47,6 +48,29 @@ class Trajectory:
         t0, t1 = self._times[k - 1 : k + 1]
         x0, x1 = self._positions[k - 1 : k + 1]
         return (x1 - x0) / (t1 - t0), t1 - t
+
+    def too_fast(self, up: float, down: float) -> tuple[float, float]:
+        """Return the fastest velocity (m/s) and the lag (m) where nothing goes so fast.
+
+        up and down are the speeds (m/s) that can be reached in either direction. Both results are 0
+        for a trajectory that can be followed. What jumps, at no time at all, counts as nothing.
+        """
+        fastest, lag, gap = 0.0, 0.0, 0.0
+        for (t0, x0), (t1, x1) in pairwise(zip(self._times, self._positions, strict=True)):
+            if t1 == t0:
+                continue
+            left, v = t1 - t0, (x1 - x0) / (t1 - t0)
+            if gap:  # made up for first, if the way is slow enough
+                closing = up - v if gap > 0.0 else down + v
+                takes = abs(gap) / closing if closing > 0.0 else math.inf
+                gap = 0.0 if takes <= left else gap - math.copysign(1.0, gap) * closing * left
+                left = max(left - takes, 0.0)
+            if not gap and not -down <= v <= up:
+                gap = (v - up if v > 0.0 else v + down) * left
+            if not -down <= v <= up:
+                fastest = v if abs(v) > abs(fastest) else fastest
+                lag = max(lag, abs(gap))
+        return fastest, lag
 
 
 def check_trajectory(

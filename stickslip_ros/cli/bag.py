@@ -27,7 +27,7 @@ from stickslip_ros.parameters import PARAMETERS, parse_assignment
 #: In the order of the help.
 ACTIONS = {
     "info": "topics, times, sizes, QoS and the parameters of the recorded axis",
-    "record": "record topics until Ctrl-C (default: all topics of the axis)",
+    "record": "record topics until Ctrl-C (default: all topics of every axis)",
     "play": "publish the messages of a bag at their times, with their recorded QoS",
     "resimulate": "compute a recorded run again and compare every state with the recorded one",
     "recover": "make a good bag from an unfinished or damaged one",
@@ -145,7 +145,7 @@ def record_arguments(parser: argparse.ArgumentParser) -> None:
     )
     option(parser, "topics", "TOPIC", "topics to record", nargs="*")
     option(parser, "--regex", "R", "also every topic whose full name matches")
-    text = "axis node (default: /stickslip_axis)"
+    text = "axis node (default: every axis that is found)"
     option(parser, "--axis", "NODE", text, action="append", dest="axes")
     text = "new folder (default: stickslip_<date>-<time>)"
     option(parser, "--out", "DIR", text, dest="output")
@@ -280,6 +280,11 @@ def _differences(report: dict[str, Any], changed: bool) -> str:
             for change in report["model_changes"]
         ]
     lines += [f"left out: {text}" for text in report["left_out"]]
+    if unknown := report["unknown_velocities"]:
+        lines.append(
+            f"{unknown} mean velocities of joint_states were not compared: the report before them "
+            "is not in the bag"
+        )
     if report["bit_for_bit"]:
         lines.append("every recorded state came out again, bit for bit")
         return "\n".join(lines)

@@ -37,7 +37,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "Exit code 1 if a limit is exceeded. docs/compare.md explains the metrics."
     text = "the run: a parameter file (.yaml) to simulate, a trace (.csv) or a bag"
     option(parser, "simulation", "RUN", text, Path)
-    option(parser, "measurement", "MEASUREMENT", "a table or a bag", Path)
+    option(parser, "measurement", "MEASUREMENT", "a table or a bag", Path, nargs="?")
+    text = "the parameter file of the drive, in place of RUN"
+    option(parser, "--config", "FILE.yaml", text, Path)
     add_outputs(parser, "run, measurement and difference", "the metrics")
     simulation = parser.add_argument_group("a run that is simulated")
     add_assignments(simulation)
@@ -68,6 +70,12 @@ def run(args: argparse.Namespace) -> int:
     for name, value in allowed.items():
         if not 0.0 <= value < math.inf:
             raise UsageError(f"--max-{name} is {value:g}; it has to be 0 or more")
+    if args.config and args.measurement:
+        raise UsageError(f"--config {args.config} is the run already: leave out {args.simulation}")
+    if args.config:
+        args.simulation, args.measurement = args.config, args.simulation
+    if not args.measurement:
+        raise UsageError(f"{args.simulation} with what? give RUN and MEASUREMENT, or --config")
     check_outputs(args)
     simulation, measurement, runs, period = _motions(args)
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)

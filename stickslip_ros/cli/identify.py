@@ -44,6 +44,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "docs/identification.md explains method, intervals and what cannot be known."
     )
     pairs: dict[str, Any] = {"nargs": 2, "action": "append", "default": []}
+    text = "measured motions of the drive of --config"
+    option(parser, "measurements", "MEASUREMENT", text, Path, nargs="*")
+    text = "what is known of the drive, in place of --run PARAMETERS.yaml for each"
+    option(parser, "--config", "FILE.yaml", text, Path)
     text = "what is known of a drive, and a measured motion of it; may be repeated"
     option(parser, "--run", ("PARAMETERS.yaml", "MEASUREMENT"), text, Path, dest="runs", **pairs)
     text = "what is known of a drive, and a table of metrics over parameters; may be repeated"
@@ -76,6 +80,9 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.measurement.load_motion import is_parameter_file
     from stickslip_ros.pages.fitted import fit_page
 
+    if bool(args.measurements) != bool(args.config):
+        raise UsageError("--config FILE.yaml and its MEASUREMENT go together")
+    args.runs = [*args.runs, *((args.config, path) for path in args.measurements)]
     check_outputs(args, args.out)
     bounds = _pairs(args.bounds, "--bounds", "LOW:HIGH")
     priors = {name: Prior(*pair) for name, pair in _pairs(args.prior, "--prior", "MEAN:SD").items()}

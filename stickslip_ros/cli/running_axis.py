@@ -266,22 +266,16 @@ def _print(axis: AxisClient, args: argparse.Namespace) -> None:
     rows.writerow(["time", "state", "position", "velocity", *_STATUS_COLUMNS, "against"])
     for now in _ticks(args):
         status = axis.status
-        moves = f"{axis.position - zero_of(axis):.9g}", f"{axis.velocity:.6g}"
+        moves = f"{axis.position:.9g}", f"{axis.velocity:.6g}"
         said = [status.get(key, "") for key in _STATUS_COLUMNS.values()]
         rows.writerow([f"{now:.3f}", axis.state, *moves, *said, " ".join(_limits_met(axis))])
         sys.stdout.flush()
 
 
-def zero_of(axis: AxisClient) -> float:
-    """Return the position (m) from which commands count, which ``zero`` sets."""
-    return float(axis.status.get("zero offset (m)", "0"))
-
-
 def place_of(axis: AxisClient) -> str:
-    """Return the position as commands count it, and the joint's position if it differs."""
-    zero = zero_of(axis)
-    joint = f" from the zero, joint {format_si(axis.position, 'm', 6)}" if zero else ""
-    return f"{format_si(axis.position - zero, 'm', 6)}{joint}"
+    """Return the position as the sensor reads it and commands count it."""
+    x = axis.position
+    return "a position that no sensor reads" if math.isnan(x) else format_si(x, "m", 6)
 
 
 def _show(axis: AxisClient, args: argparse.Namespace) -> None:

@@ -181,8 +181,11 @@ def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
     there.
     """
     positions = [c for c in table.columns if c.unit == "m" and c.name.endswith("/position")]
-    # Commands may name the same joints: the topic that has most messages shows the motion.
-    positions.sort(key=lambda column: (column.length or 0, -column.number))
+    # Commands may name the same joints: the topic that has most messages shows the motion. What no
+    # sensor reads is no measurement.
+    positions.sort(
+        key=lambda one: ("/truth/" not in one.name, one.length or 0, -one.number),
+    )
     joints = {column.name.split("/")[-2]: column.name for column in positions}
     if joint is not None and joint not in joints:
         listed = ", ".join(sorted(joints)) or "none"

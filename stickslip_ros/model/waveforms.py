@@ -56,8 +56,9 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     d = p.drive
     limits = {"max_voltage": p.actuator.max_voltage, "max_frequency": d.max_frequency}
     for (limit, high), name in zip(limits.items(), ("amplitude", "frequency"), strict=True):
-        row = replace(parameter(name), high=high, reason=f"lower it, or raise {limit}")
-        row.check(getattr(d, name))
+        value = getattr(d, name)
+        cure = f"lower it, or raise {limit}" if value > high else "raise it"
+        replace(parameter(name), high=high, reason=cure).check(value)
     actuator, shape = Actuator.of(p.actuator), shape_of(d)
     if has_dynamics(p.actuator):
         return settled(

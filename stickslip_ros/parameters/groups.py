@@ -414,6 +414,9 @@ class NodeParameters:
         mutable=False,
         reason="Linux has 99")
     publish_clock: bool = switch(False, "publish the simulated time on /clock", mutable=False)
+    joint_state_source: str = text(
+        "sensor", "what joint_states says: readings of the sensor, as a driver would, or the truth",
+        pattern="sensor|truth")
     data_directory: str | None = text(
         None, "folder of the files that parameters may name while the node runs; empty: none",
         mutable=False)

@@ -11,13 +11,14 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.events import Event, NotRepeatable, event_texts, is_set_point
+from stickslip_ros.axis.events import START, Event, NotRepeatable, event_texts, is_set_point
+from stickslip_ros.axis.joints import SOURCE, TRUTH, JointReport
 from stickslip_ros.axis.resimulation import Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
 from stickslip_ros.model.arithmetic import arithmetic
@@ -84,8 +85,10 @@ class Resimulated:
     commands: int  #: carried out again
     left_out: list[str]  #: commands that were refused because of the changes, each with the reason
     states: int = 0  #: compared
+    #: velocities that were not compared: the report that they count from is not in the bag
+    unknown_velocities: int = 0
     duration: float = 0.0  #: s of simulation
-    #: by joint and field, such as ``axis_slider position``
+    #: by joint and field, such as ``axis_slider position``; that of ~/truth is ``true ...``
     differences: dict[str, Difference] = field(default_factory=dict)
 
     @property
@@ -159,22 +162,31 @@ def _resimulate_run(
     on_state: Callable[[], object],
 ) -> Resimulated:
     rerun = Rerun(run.events, changes)
+    if lost := run.missing_events:
+        raise NotRepeatable(
+            f"events of {run.node} are missing in {bag.path}, number {lost}: what they did to the "
+            "axis is not known; record again, on a machine with less load, "
+            f"or from {run.node}/events alone"
+        )
     applied = sum(event.outcome == "applied" for event in run.events)
     _, version, digest = start_of(run.events)
     model = model_changes(run.events)
     found = Resimulated(run.node, version, digest, *model, applied - 1, rerun.left_out)
+    said = _Said(run)
     for sample in recorded_states(bag, run):
         axis = rerun.advance(sample.time_ns * 1e-9)
-        values = _values(axis, sample, run)
+        values = said.values(axis, sample)
+        found.unknown_velocities = said.unknown
         for name, index, again in values:
             recorded = getattr(sample.message, name)[index]
-            difference = found.differences.setdefault(
-                f"{sample.message.name[index]} {name}", Difference()
-            )
+            true = "true " if sample.topic == run.truth_topic else ""
+            what = f"{true}{sample.message.name[index]} {name}"
+            difference = found.differences.setdefault(what, Difference())
             difference.note(recorded, again, sample.time_ns)
         events = axis.take_events()
         if copy:
-            copy.state(sample, values)
+            if values:  # with other faults, a sensor may give no reading
+                copy.state(sample, values)
             for event in events:
                 copy.event(run, event)
         found.states += 1
@@ -186,16 +198,36 @@ def _resimulate_run(
     return found
 
 
-def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
-    """Return field, index and value for all that a message says of the axis."""
-    names = list(sample.message.name)
-    return [
-        (name, names.index(joint), value)
-        for end, *values in run.state_topics[sample.topic][1](axis)
-        if (joint := f"{run.axis_name}{end}") in names
-        for name, value in zip(_UNITS, values, strict=True)
-        if value is not None and len(getattr(sample.message, name))
-    ]
+class _Said:
+    """What the messages about an axis say, computed again."""
+
+    def __init__(self, run: RecordedRun) -> None:
+        self.unknown = 0  # velocities that count from a report which is not in the bag
+        self._run = run
+        self._topics = run.state_topics
+        self._report = JointReport()
+        self._number: int | None = None  # of the last report
+
+    def values(self, axis: Axis, sample: Sample) -> _Values:
+        """Return field, index and value for all that a message says of the axis."""
+        names, fields = list(sample.message.name), list(_UNITS)
+        joints = self._topics[sample.topic][1](axis)
+        if self._run.reports_readings and sample.topic == self._run.joint_topic:
+            number, self._number = self._number, sample.sequence
+            follows = number is not None and sample.sequence in (0, number + 1)  # 0: not numbered
+            if not follows:
+                self._report = JointReport()
+                if axis.parameters.node.joint_state_source != TRUTH:
+                    self.unknown += 1
+                    fields.remove("velocity")
+            joints = self._report.take(axis)
+        return [
+            (name, names.index(joint), value)
+            for end, *values in joints
+            if (joint := f"{self._run.axis_name}{end}") in names
+            for name, value in zip(_UNITS, values, strict=True)
+            if name in fields and value is not None and len(getattr(sample.message, name))
+        ]
 
 
 class _Copy:
@@ -214,6 +246,9 @@ class _Copy:
 
     def event(self, run: RecordedRun, event: Event) -> None:
         """Write an event as the node of the axis publishes it; set points have their own topic."""
+        if event.name == START and not run.reports_readings:  # what the states are, stays said
+            kept = {name: one for name, one in event.details.items() if name != SOURCE}
+            event = replace(event, details=kept)
         ns = run.start_ns + round(event.time * 1e9)
         node = run.node.lstrip("/")
         status = SimpleNamespace(

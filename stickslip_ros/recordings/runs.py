@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stickslip_ros.axis.events import (
     KEYS,
+    NUMBER,
     START,
     Event,
     NotRepeatable,
     is_set_point,
     unpack_set_points,
 )
-from stickslip_ros.axis.joints import Joints, contact_joints, joints_of
+from stickslip_ros.axis.joints import SOURCE, Joints, contact_joints, joints_of
 from stickslip_ros.parameters.groups import CONTACT_SUFFIX, SLIDER
 from stickslip_ros.recordings.cdr import decode_messages, not_of_type, statuses
 from stickslip_ros.recordings.errors import BagError
@@ -55,10 +56,40 @@ class RecordedRun:
         return str(self.events[0].details.get("axis_name", "axis"))
 
     @property
+    def missing_events(self) -> str:
+        """Which events were lost and when, by their running numbers; empty: none."""
+        numbered = [event for event in self.events if event.number]
+        lost = [
+            f"{a.number + 1} to {b.number - 1} between {a.time:.6g} s and {b.time:.6g} s"
+            for a, b in pairwise(numbered)
+            if b.number > a.number + 1
+        ]
+        return "; ".join(lost)
+
+    @property
+    def reports_readings(self) -> bool:
+        """Whether its joint_states are a `JointReport`; before 2.0.0 they were the truth."""
+        return SOURCE in self.events[0].details
+
+    @property
+    def joint_topic(self) -> str:
+        """The topic with what a driver would say of it."""
+        return f"{self.node.rpartition('/')[0]}/joint_states"
+
+    @property
+    def truth_topic(self) -> str:
+        """The topic with the model's own state."""
+        return f"{self.node}/truth"
+
+    @property
     def state_topics(self) -> dict[str, tuple[str, Callable[[Axis], Joints]]]:
-        """The topics with its states: the joint that each is about, what computes all."""
+        """The topics with its states: the joint that each is about, what computes all of the truth.
+
+        That of readings takes a `JointReport`, see :attr:`reports_readings`.
+        """
         return {
-            f"{self.node.rpartition('/')[0]}/joint_states": (SLIDER, joints_of),
+            self.joint_topic: (SLIDER, joints_of),
+            self.truth_topic: (SLIDER, joints_of),
             f"{self.node}/contact": (CONTACT_SUFFIX, contact_joints),
         }
 
@@ -87,7 +118,8 @@ def recorded_axes(bag: BagReader) -> dict[str, dict[str, str]]:
     for topic in event_topics(bag):
         first = next(statuses(bag, topic), None)
         if first and first.values.get("event") == START:
-            found[topic] = {key: text for key, text in first.values.items() if key not in KEYS}
+            about = (*KEYS, NUMBER)
+            found[topic] = {key: text for key, text in first.values.items() if key not in about}
     return found
 
 

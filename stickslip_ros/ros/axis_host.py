@@ -19,6 +19,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.axis import AxisGroup
@@ -35,17 +36,20 @@ from stickslip_ros.ros.diagnostics import Diagnostics
 from stickslip_ros.ros.followed_clock import follows
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
+    fill_joints,
     message_class,
     message_of,
     parts_of,
+    publisher_of,
     read_command,
     why_not,
 )
 from stickslip_ros.ros.own_parameters import AXES, EMULATE, EMULATE_PORT, OF_PROCESS
 from stickslip_ros.ros.process import Runnable, run
 from stickslip_ros.ros.sim_loop import SimLoop
+from stickslip_ros.ros.topics import RUNNER_TOPIC
 
-TRAJECTORY = COMMANDS["trajectory"]
+TRAJECTORY, SET_POINT = COMMANDS["trajectory"], COMMANDS["joint_command"]
 #: Those that the host takes while it runs, for all axes
 _OF_TIME = ("real_time_factor", *STEPS_OF_TIME)
 #: Parameters of the process as a whole: those of the host hold for all axes.
@@ -139,10 +143,15 @@ class AxisHost(GuardedNode):
         server = self.axes[0].server(pause)
         self.create_service(message_class(pause.type), f"~/{pause.interface}", server)
         self._sim_loop = sim_loop
+        self._joints = publisher_of(self, RUNNER_TOPIC, values.node.publish_rate)
+        set_point = message_class(SET_POINT.type)
+        self.create_subscription(
+            set_point, f"~/{SET_POINT.interface}", self._on_set_points, SET_POINT.depth, raw=True
+        )
         self._together = AxisGroup([node.axis for node in self.axes])
         kind, topic = message_class(TRAJECTORY.type), f"~/{TRAJECTORY.interface}"
         self.create_subscription(kind, topic, self._follow, TRAJECTORY.depth, raw=True)
-        sim_loop.start(self.axes, self._together.end)
+        sim_loop.start(self.axes, self._together.end, self._publish_joints)
 
     @property
     def nodes(self) -> Sequence[Node]:
@@ -163,6 +172,28 @@ class AxisHost(GuardedNode):
         ]
         result = first.set_parameters_atomically(new)
         return super().set_parameters_atomically(parameter_list) if result.successful else result
+
+    def _publish_joints(self) -> None:
+        """Publish the sliders of all axes that have readings in one message."""
+        is_read = self._joints.get_subscription_count() > 0
+        for node in self.axes:  # nor do they rest
+            node.is_read = node.is_read or is_read
+        if not is_read:
+            return
+        joints = [
+            (f"{node.axis.parameters.node.axis_name}{end}", x, v, force)
+            for node in self.axes
+            if VANISH not in node.axis.config.faults
+            for end, x, v, force in node.reported[:1]
+        ]
+        if joints:
+            self._joints.publish(fill_joints(JointState(), self._sim_loop.stamp(), "", joints))
+
+    def _on_set_points(self, data: bytes) -> None:
+        """Hand set points of several joints to their axes; each refuses its own."""
+        for node in self.axes:
+            if VANISH not in node.axis.config.faults:
+                node.carry_out(SET_POINT, lambda: message_of(data, message_class(SET_POINT.type)))
 
     def _follow(self, data: bytes) -> None:
         """Carry out a trajectory of several joints, or refuse it at all that it names."""

@@ -7,6 +7,7 @@ The executable of this name runs one, ``stickslip_axis``, or one for each name i
 
 from __future__ import annotations
 
+import inspect
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,9 +20,10 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.command import Command
+from stickslip_ros.axis.command import JOINT_STATE, Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import (
+    WARNED,
     Event,
     check_place,
     is_set_point,
@@ -29,11 +31,13 @@ from stickslip_ros.axis.events import (
     shorten,
 )
 from stickslip_ros.axis.faults import LATE, VANISH
+from stickslip_ros.axis.joints import JointReport, Joints
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.reporting import format_si
 from stickslip_ros.ros import node_parameters, topics
+from stickslip_ros.ros.commanders import Commanders
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode, NoAnswer
 from stickslip_ros.ros.messages import (
@@ -53,8 +57,13 @@ from stickslip_ros.ros.topics import OUTPUTS, OutputTopic
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
+_COMMANDERS_WARN_PERIOD = 10.0  # s
 _PATIENCE = 1.0  # s, with slow results before the time begins
 _STATUS_PERIOD = 0.2  # s, of the status while the axis moves
+
+
+#: rclpy looks at this to see that a callback wants to know about its message
+_WITH_INFO = inspect.signature(lambda data, info: None)
 
 
 class AxisNode(GuardedNode):
@@ -96,6 +105,9 @@ class AxisNode(GuardedNode):
             if not topic.of_process
         }
         self._states = {topic: JointState() for topic in OUTPUTS.values() if topic.joints}
+        self._report = JointReport()
+        self.reported: Joints = ()  #: what joint_states said last; empty without a reading
+        self._commanders = Commanders()
         self._set_points: list[Event] = []  # that are not in the log yet
         self._readers = 0  # of set points
         self._nan_set_points = 0
@@ -108,6 +120,11 @@ class AxisNode(GuardedNode):
         )
         if sim_loop is None:
             self._sim_loop.start([self])
+
+    @property
+    def sim_loop(self) -> SimLoop:
+        """What advances the axis, and all others of the process."""
+        return self._sim_loop
 
     @property
     def finished(self) -> Future:
@@ -161,6 +178,10 @@ class AxisNode(GuardedNode):
         for event in events:
             if event.outcome == "fault":
                 self.get_logger().error(f"fault: {event.details['reason']}")
+            elif event.outcome == WARNED:
+                self.get_logger().warning(
+                    str(event.details["reason"]), throttle_duration_sec=_WARN_PERIOD
+                )
             elif event.outcome == "hit":
                 place = format_si(event.details["position"], "m")
                 self.get_logger().warning(
@@ -189,19 +210,31 @@ class AxisNode(GuardedNode):
 
     def publish_state(self) -> None:
         """Publish the present state to those who subscribe, and the events before it."""
+        if VANISH in self.axis.config.faults:
+            return
         # Messages for nobody cost half of a fast axis.
         read = [one for one in self._states if self._outputs[one.name].get_subscription_count()]
         self.is_read = bool(read)
         name, now = self.axis.parameters.node.axis_name, self._sim_loop.stamp()
+        self.reported = self._report.take(self.axis)  # its velocities are from instant to instant
         for topic in read:
             assert topic.joints
-            joints = topic.joints(self.axis)
-            self.publish(topic, fill_joints(self._states[topic], now, name, joints))
+            if joints := topic.joints(self.axis, self.reported):
+                self.publish(topic, fill_joints(self._states[topic], now, name, joints))
         self.publish_events()
 
     def report(self) -> None:
         """Publish the diagnostics."""
-        statuses = self._diagnostics.statuses(self.axis, self._sim_loop, self._nan_set_points)
+        several = self._commanders.look(self)
+        if several:
+            self.get_logger().warning(
+                f"{' and '.join(several)} both command this axis: the last command wins; let one "
+                "of them command it",
+                throttle_duration_sec=_COMMANDERS_WARN_PERIOD,
+            )
+        statuses = self._diagnostics.statuses(
+            self.axis, self._sim_loop, self._nan_set_points, several, self._doubles
+        )
         self._publish_statuses(topics.DIAGNOSTICS, statuses)
         readers = self._outputs[topics.SET_POINTS.name].get_subscription_count()
         if readers > self._readers:  # late subscribers get the log, and new events from now on
@@ -244,16 +277,22 @@ class AxisNode(GuardedNode):
             kind, name = message_class(command.type), f"~/{command.interface}"
             if not command.is_service:
                 # Raw: too long or broken messages are refused before they cost anything.
-                callback = self._subscriber(command, kind)
+                callback: Any = self._subscriber(command, kind)
                 self.create_subscription(kind, name, callback, command.depth, raw=True)
             elif command.arguments is not None:  # parameters have services of their own
                 self.create_service(kind, name, self.server(command))
 
-    def _subscriber(self, command: Command, kind: type[Any]) -> Callable[[bytes], None]:
-        def callback(data: bytes) -> None:
-            if VANISH not in self.axis.config.faults:
-                self._carry_out(command, lambda: message_of(data, kind))
+    def _subscriber(self, command: Command, kind: type[Any]) -> Callable[..., None]:
+        topic = self.resolve_topic_name(f"~/{command.interface}")
 
+        def callback(*taken: Any) -> None:
+            # The executor of events hands over both as one.
+            data, info = taken if len(taken) == 2 else taken[0]
+            if VANISH not in self.axis.config.faults:
+                self._commanders.note(topic, info["publication_sequence_number"])
+                self.carry_out(command, lambda: message_of(data, kind))
+
+        callback.__signature__ = _WITH_INFO  # type: ignore[attr-defined]
         return callback
 
     def server(self, command: Command) -> Callable[[Any, Any], Any]:
@@ -262,13 +301,13 @@ class AxisNode(GuardedNode):
         def callback(request: Any, response: Any) -> Any:
             if VANISH in self.axis.config.faults:
                 raise NoAnswer(f"the injected fault {VANISH} leaves {command.name} unanswered")
-            response.message = self._carry_out(command, lambda: request)
+            response.message = self.carry_out(command, lambda: request)
             response.success = not response.message
             return response
 
         return callback
 
-    def _carry_out(self, command: Command, message: Callable[[], Any]) -> str:
+    def carry_out(self, command: Command, message: Callable[[], Any]) -> str:
         """Carry out a command now; return why it was refused, empty if it was not."""
         if LATE in self.axis.config.faults:  # like a controller with one line, busy with it
             time.sleep(self.axis.config.faults.value(LATE))
@@ -283,7 +322,7 @@ class AxisNode(GuardedNode):
         try:
             now, joint = self._sim_loop.pace.stamp, self.axis.config.joint
             arguments = read_command(command, message(), now, joint)
-            if arguments is not None:
+            if arguments is not None and not self._is_echo(command, arguments):
                 self._sim_loop.check([command.name])
                 zero = self.axis.config.offset
                 self.axis.command(command.name, *arguments)
@@ -300,6 +339,12 @@ class AxisNode(GuardedNode):
             return self._report_refusal(refusal)
         except Exception as error:  # of any kind: a peer may send anything
             return self.refuse(command.name, None, why_not(error))
+
+    def _is_echo(self, command: Command, arguments: tuple[Any, ...]) -> bool:
+        """Return whether a controller sends back what it has read, and so asks for nothing."""
+        if command.type != JOINT_STATE or arguments[1] != "position":
+            return False
+        return self._report.echoes(self.axis, arguments[2])
 
     def refuse(self, name: str, value: object, reason: str) -> str:
         """Count, note and report a command that is refused before it reaches the axis."""
@@ -366,10 +411,10 @@ class AxisNode(GuardedNode):
 
 
 def _as_declared(change: Parameter) -> Parameter:
-    """Return a change with a whole number as a float where the parameter is one."""
+    """Return a change in the type of its parameter: 1 and "1e-9", which YAML takes for a text."""
     row = PARAMETERS.get(change.name)
-    if row and row.kind is float and change.type_ == Parameter.Type.INTEGER:
-        return Parameter(change.name, value=float(change.value))
+    if row and row.kind is float and change.type_ != Parameter.Type.DOUBLE:
+        return Parameter(change.name, value=row.check(change.value))
     return change
 
 

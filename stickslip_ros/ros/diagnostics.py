@@ -10,12 +10,14 @@ import contextlib
 import math
 import os
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.joints import TRUTH
 from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.motion.phases import phase_now, regime_now
@@ -31,6 +33,7 @@ from stickslip_ros.simulation.operating_points import (
 from stickslip_ros.version import __version__
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+NO_READING = "the sensor gives no reading"
 LATER, _PATIENCE = "the 0-amplitude is being computed", 0.02  # s that a report waits for it
 
 
@@ -54,9 +57,18 @@ class Diagnostics:
         self._computing.join(patience)
 
     def statuses(
-        self, axis: Axis, sim_loop: SimLoop, nan_set_points: int
+        self,
+        axis: Axis,
+        sim_loop: SimLoop,
+        nan_set_points: int,
+        commanders: Sequence[str] = (),
+        doubles: int = 0,
     ) -> list[DiagnosticStatus]:
-        """Return the statuses axis, friction and timing; nan_set_points is a count."""
+        """Return the statuses axis, friction and timing.
+
+        nan_set_points is a count, commanders are nodes that command the axis at once, doubles the
+        number of others that publish as this axis.
+        """
         status = axis.status
         refused, self._refused = status.refused - self._refused, status.refused
         hits, self._hits = status.limits_hit - self._hits, status.limits_hit
@@ -64,6 +76,8 @@ class Diagnostics:
         news += [f"limits hit {hits} times"] if hits else []
         nan, self._nan = nan_set_points - self._nan, nan_set_points
         news += [f"{nan} set points of NaN ignored"] if nan else []
+        news += [f"commanded by {' and '.join(commanders)}"] if commanders else []
+        news += [f"{doubles} others publish as this axis"] if doubles else []
         return [
             self.axis_status(axis, overload(axis, sim_loop.last_report), ", ".join(news)),
             self._friction(axis, status),
@@ -78,6 +92,9 @@ class Diagnostics:
         status = axis.status
         if status.fault:
             level, message = ERROR, f"fault: {status.fault}"
+        elif math.isnan(axis.arrived):
+            stays = axis.parameters.node.joint_state_source != TRUTH
+            level, message = WARN, NO_READING + (": joint_states stays away" if stays else "")
         elif status.held_at:
             level, message = WARN, f"held at the {status.held_at} end of the travel"
         else:
@@ -184,9 +201,13 @@ def overload(axis: Axis, report: PaceReport) -> str:
     """Return a warning for an axis that does not keep its pace; else an empty text."""
     if not report.overload:
         return ""
+    wanted = axis.parameters.node.real_time_factor
+    how = f"real-time factor {report.factor:.3g} of {wanted:g}"
+    if report.behind:
+        how = f"{report.behind:.2g} s behind /clock"
     return (
-        f"real-time factor {report.factor:.2g} of {axis.parameters.node.real_time_factor:g}: a "
-        f"second of motion takes {report.cost:.2g} s of processor, by {costly_settings(axis)}"
+        f"{how}: a second of motion takes {report.cost:.2g} s of processor, by "
+        f"{costly_settings(axis)}"
     )
 
 

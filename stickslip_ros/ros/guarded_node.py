@@ -15,7 +15,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_service import ParameterService
-from rclpy.qos import qos_profile_parameters, qos_profile_services_default
+from rclpy.qos import QoSProfile, qos_profile_parameters
 
 from stickslip_ros.ros.followed_clock import (
     CLOCK_TOPIC,
@@ -25,6 +25,8 @@ from stickslip_ros.ros.followed_clock import (
 )
 
 _WARN_PERIOD = 1.0  # s, between errors in the log
+#: Of services: so many requests may wait
+_SERVICES = QoSProfile(depth=250)
 #: Parameters that one request may set; more are refused together.
 MOST_PARAMETERS = 200
 
@@ -66,7 +68,8 @@ class GuardedNode(Node):
     ) -> Any:
         """As rclpy does; an exception in it is counted, and the answer reports the failure.
 
-        Of requests about parameters, as many may wait as of others: rclpy lets a thousand wait.
+        Requests of a hundred clients at once may wait, and of parameters no more: of those that
+        rclpy has no room for, nobody hears again.
         """
         guarded = self._guarded(callback, name)
 
@@ -76,8 +79,8 @@ class GuardedNode(Node):
                 response.message = f"{name} failed; the log of the node says why"
             return done or response
 
-        if k.get("qos_profile") is qos_profile_parameters:
-            k["qos_profile"] = qos_profile_services_default
+        if not a and k.get("qos_profile") in (None, qos_profile_parameters):
+            k["qos_profile"] = _SERVICES
         return super().create_service(kind, name, answer, *a, **k)
 
     def create_timer(  # type: ignore[override]
@@ -156,11 +159,25 @@ class _Parameters(ParameterService):
         """Set parameters, all or none; refuse them if there is a reason already."""
         if not reason:
             try:
+                node = self._get_node()
                 wanted = [Parameter.from_parameter_msg(message) for message in messages]
-                return self._get_node().set_parameters_atomically(wanted)
+                # A dump that is loaded again names those of the start too, as they are.
+                news = [one for one in wanted if not _stays(node, one)]
+                if wanted and not news:
+                    return SetParametersResult(successful=True)
+                return node.set_parameters_atomically(news)
             except Exception as error:
                 reason = _short(error)
         return SetParametersResult(successful=False, reason=reason)
+
+
+def _stays(node: Node, wanted: Parameter) -> bool:
+    """Return whether a parameter that only the start sets has the wanted value already."""
+    if not node.has_parameter(wanted.name):
+        return False
+    now, fixed = node.get_parameter(wanted.name), node.describe_parameter(wanted.name).read_only
+    same = now.type_ == wanted.type_ and now.value == wanted.value
+    return same and (fixed or wanted.name == USE_SIM_TIME)
 
 
 def _too_many(count: int) -> str:

@@ -17,11 +17,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from stickslip_ros.errors import UsageError
+from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_files import nodes_in, values_in
 from stickslip_ros.parameters.row import file_names
 from stickslip_ros.ros.own_parameters import OF_PROCESS, OwnParameter
 from stickslip_ros.ros.process import Runnable, given_parameters, run
+from stickslip_ros.waveforms import WAVEFORMS
 
 _OF_PROCESS = [row.name for row in OF_PROCESS]
 
@@ -108,11 +110,20 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
         description=f"{row.description} ({row.unit})" if row.unit else row.description,
         read_only=not row.mutable,
     )
+    if choices := _choices(row):
+        message.additional_constraints = f"one of: {', '.join(choices)}"
     if row.kind is float:
         message.floating_point_range = [FloatingPointRange(from_value=row.low, to_value=row.high)]
     elif row.kind is int:
         message.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
     return message
+
+
+def _choices(row: Parameter) -> list[str]:
+    """Return the texts that a parameter takes, none for a number or any text."""
+    registered = {"model": LAWS, "waveform": WAVEFORMS}.get(row.name)
+    found = list(registered or row.pattern.split("|"))
+    return found if len(found) > 1 else []
 
 
 # -- nodes without an axis: read once, at the start

@@ -39,6 +39,7 @@ DONE, FAILED, BAD_USE = 0, 1, 2
 _ROUND = 0.1  # s, the longest that the executor waits for something to do
 _LATE = 50_000_000  # ns by which a timer is late where messages have to wait for it
 _WARN_PERIOD = 1.0  # s, between errors in the log
+_LONGEST_WORK = 60.0  # s
 _POLL = 0.05  # s, between checks whether a signal asks to end while something is prepared
 
 N = TypeVar("N", bound=Node)
@@ -326,6 +327,9 @@ class SpinThread:
         self.executor = SingleThreadedExecutor(context=self.context)
         self._nodes: list[Node] = []
         self._ending = False
+        self._settling = False  # what waits is done until nothing does
+        self._settled = threading.Event()
+        self._done = 0  # callbacks while settling
         self._thread = threading.Thread(target=self._spin, name=name, daemon=True)
         self._thread.start()
         # A program that ends without closing would be aborted in the middle of a wait.
@@ -336,6 +340,29 @@ class SpinThread:
         self._nodes.append(node)
         self.executor.add_node(node)
         return node
+
+    def settle(self, timeout: float = 5.0) -> int:
+        """Return when no callback waits any more, or after timeout (s): how many were executed."""
+        self._settled.clear()
+        self._done, self._settling = 0, True
+        self.executor.create_task(lambda: None)  # ends the present wait
+        self._settled.wait(timeout)
+        self._settling = False
+        return self._done
+
+    def run(self, work: Callable[[], None]) -> None:
+        """Run something in the thread that spins; return when it is done. Raises what it raises."""
+        done = self.executor.create_task(work)
+        ended = threading.Event()
+        done.add_done_callback(lambda _: ended.set())
+        if not ended.wait(_LONGEST_WORK):
+            raise TimeoutError(f"nodes are busy for {_LONGEST_WORK:g} s: a callback does not end")
+        done.result()
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes that are spun."""
+        return tuple(self._nodes)
 
     def close(self) -> None:
         """End all of it; twice does no harm."""
@@ -350,11 +377,26 @@ class SpinThread:
             node.destroy_node()
         self.context.try_shutdown()
 
+    def _take_what_waits(self) -> None:
+        entity: object
+        try:
+            handler, entity, _ = self.executor.wait_for_ready_callbacks(0.0)
+        except TimeoutException:
+            self._settling = False
+            self._settled.set()
+            return
+        handler()
+        handler.result()  # raises what it raised
+        self._done += entity is not None  # tasks have none
+
     def _spin(self) -> None:
         # Shut down in the middle of `spin`, the executor falls over what it waits for.
         while not self._ending:
             try:
-                self.executor.spin_once(timeout_sec=1.0)
+                if self._settling:
+                    self._take_what_waits()
+                else:
+                    self.executor.spin_once(timeout_sec=1.0)
             except ExternalShutdownException:
                 return
             except InvalidHandle:

@@ -47,7 +47,7 @@ PARAMETERS = (
     OwnParameter("output", "", "folder of the new bag; empty: stickslip_<date>-<time> right here"),
     OwnParameter("topics", [""], "topics to record; none: all topics of the axes"),
     OwnParameter("regex", "", "record every topic whose full name matches, too"),
-    OwnParameter("axis", f"/{AXIS_NODE}", "full name of the axis node"),
+    OwnParameter("axis", "", "full name of the axis node; empty: every axis that is found"),
     OwnParameter("axes", [""], "full names, where there are several axes"),
     OwnParameter("compression", "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
     OwnParameter("max_size", 0.0, "MB after which a new file begins; 0: never"),
@@ -119,11 +119,13 @@ class RecorderNode(GuardedNode):
             raise UsageError(
                 f"parameter regex: {given['regex']!r} is not a regular expression: {error}"
             ) from None
-        axes = [name for name in given["axes"] if name] or [given["axis"]]
+        axes = [name for name in (*given["axes"], given["axis"]) if name]
         return Choice(
             frozenset(full_name(self, "topics", name) for name in given["topics"] if name),
             pattern,
-            tuple(full_name(self, "axis", name) for name in axes),
+            # The usual one is expected from the start, so that nothing of it is missed.
+            tuple(full_name(self, "axis", name) for name in axes or [f"/{AXIS_NODE}"]),
+            every=not axes,
         )
 
     def _check(self) -> None:

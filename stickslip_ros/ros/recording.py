@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rclpy.clock import Clock
 from rclpy.node import Node
@@ -16,7 +16,7 @@ from stickslip_ros.files import reason_and_cure
 from stickslip_ros.recordings import BagError, BagWriter
 from stickslip_ros.ros.messages import UnknownTypeError
 from stickslip_ros.ros.recorded_topic import RecordedTopic, Taken
-from stickslip_ros.ros.topics import OUTPUTS
+from stickslip_ros.ros.topics import OUTPUTS, SET_POINT_LOG
 
 _STEP = 1_000_000_000  # ns by which a clock that is set differs at least from one that is trimmed
 
@@ -35,6 +35,14 @@ def axis_topics(axis: str) -> dict[str, str]:
     return topics
 
 
+def axes_in(node: Node) -> list[str]:
+    """Return the full names of the axes whose topics a node sees."""
+    ending = SET_POINT_LOG.full_name("")
+    topics = [name for name, _ in node.get_topic_names_and_types()]
+    found = (name for name in topics if name.endswith(ending))
+    return sorted(n.removesuffix(ending) for n in found if node.count_publishers(n))
+
+
 @dataclass(frozen=True)
 class Choice:
     """Which topics to record: those named, those that match, or all of some axes."""
@@ -42,6 +50,12 @@ class Choice:
     names: frozenset[str]
     pattern: re.Pattern[str] | None
     axes: tuple[str, ...]
+    every: bool = False  #: every axis that is found, too
+
+    def with_axes(self, found: Iterable[str]) -> Choice:
+        """Return the choice with axes that were found, where it takes every axis."""
+        new = [axis for axis in found if axis not in self.axes] if self.every else []
+        return replace(self, axes=(*self.axes, *new)) if new else self
 
     def known(self) -> dict[str, str]:
         """Return topics and their types that can be subscribed before anybody publishes."""
@@ -106,7 +120,7 @@ class Recording:
         """Subscribe to the topics that are known; from here on, this object closes the bag."""
         self.bag = bag
         self._node = node
-        self._choice = choice
+        self._choice = choice = choice.with_axes(axes_in(node))
         self._topics: dict[str, RecordedTopic] = {}
         self._refused: set[str] = set()
         self._clock = UnsetClock()
@@ -137,7 +151,12 @@ class Recording:
                 yield name, topic.losses.lost
 
     def follow_graph(self) -> None:
-        """Look for new topics and for publishers that want another QoS."""
+        """Look for new axes and topics, and for publishers that want another QoS."""
+        choice = self._choice.with_axes(axes_in(self._node))
+        if choice is not self._choice:
+            new = ", ".join(choice.axes[len(self._choice.axes) :])
+            self._node.get_logger().info(f"found {new}, and records all topics of it")
+            self._choice = choice
         for topic in self._topics.values():
             topic.follow_publishers()
         for name in self._add_new_topics():

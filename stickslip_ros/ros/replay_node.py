@@ -5,6 +5,9 @@ A thread keeps the time; the node itself answers to parameters and signals meanw
 absolute on the steady clock, so single delays do not add up, and late messages do not come in
 bursts. After a stop of the whole process (a debugger, SIGSTOP, a suspended laptop), the rest is
 played later by the duration of the stop. With ``use_sim_time`` the topic /clock keeps the time.
+
+What is kept for late subscribers, such as the model of a robot, is sent first where playing starts
+after it.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
@@ -74,7 +78,8 @@ class ReplayNode(GuardedNode):
         self._bag = open_bag(self._given["bag"])
         if not self._bag.message_count:
             raise UsageError(f"{self._given['bag']} has no messages; name another bag")
-        self._first = self._bag.start_ns + round(self._given["start"] * 1e9)
+        self._begin = self._bag.start_ns or self._first_time()
+        self._first = self._begin + round(self._given["start"] * 1e9)
         self._past = self._end()
         self._outlets = self._make_publishers()
         self._clock_out = (
@@ -117,7 +122,7 @@ class ReplayNode(GuardedNode):
 
     def _end(self) -> int:
         """Return the first time (ns) not to play."""
-        length = (self._bag.end_ns - self._bag.start_ns) * 1e-9
+        length = (self._bag.end_ns - self._begin) * 1e-9
         if self._given["start"] > length:
             raise UsageError(
                 f"parameter start is {self._given['start']:g} s, "
@@ -125,6 +130,10 @@ class ReplayNode(GuardedNode):
             )
         duration = self._given["duration"]
         return self._first + round(duration * 1e9) if duration else self._bag.end_ns + 1
+
+    def _first_time(self) -> int:
+        """Return the first time (ns) that is not zero, which stands for none; 0: there is none."""
+        return next((one.log_ns for one in self._bag.messages() if one.log_ns), 0)
 
     def _make_publishers(self) -> dict[str, Publisher]:
         wanted = [full_name(self, "topics", name) for name in self._given["topics"] if name]
@@ -154,6 +163,8 @@ class ReplayNode(GuardedNode):
             self._wait_for_listeners()
             while self._followed and self._followed.missing() and not self._ended.wait(_SLEEP):
                 pass
+            if self._given["start"]:
+                self._send_kept()
             while self._play_once() and self._given["loop"] and not self._ended.is_set():
                 pass
             for publisher in self._outlets.values():
@@ -179,6 +190,22 @@ class ReplayNode(GuardedNode):
             f"{len(self._outlets)} topics"
         )
 
+    def _send_kept(self) -> None:
+        """Publish what late subscribers would have got at the start: messages from before it."""
+        offers = {name: self._bag.topics[name].offered_qos for name in self._outlets}
+        kept = {
+            name: deque[bytes](maxlen=max(offer.depth for offer in offered) or _DEPTH)
+            for name, offered in offers.items()
+            if is_kept(offered)
+        }
+        if kept:
+            for message in self._bag.messages(set(kept), 0, self._first):
+                kept[message.topic].append(message.data)
+        for name, messages in kept.items():
+            for data in messages:
+                self._outlets[name].publish(data)
+                self.played += 1
+
     def _play_once(self) -> bool:
         """Play from start to end; return whether there was anything."""
         timetable = Timetable(self._given["rate"])
@@ -188,8 +215,10 @@ class ReplayNode(GuardedNode):
         played = self.played
         clock = self._given["clock"]
         period = max(1, round(1e9 * self._given["rate"] / clock)) if clock else 0
-        messages = self._bag.messages(set(self._outlets), self._first, self._past)
-        for time_ns, message in with_ticks(((one.log_ns, one) for one in messages), period):
+        begin = self._first if self._given["start"] else 0  # what has no time comes first
+        messages = self._bag.messages(set(self._outlets), begin, self._past)
+        timed = ((max(one.log_ns, self._first), one) for one in messages)
+        for time_ns, message in with_ticks(timed, period):
             if not timetable.wait((time_ns - self._first) * 1e-9, self._ended.is_set):
                 break
             if message is None:
@@ -262,14 +291,20 @@ def with_ticks(
         yield time_ns, message
 
 
+def is_kept(offers: Sequence[OfferedQos]) -> bool:
+    """Return whether late subscribers get the messages of a topic."""
+    return bool(offers) and all(offer.durability == "transient_local" for offer in offers)
+
+
 def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
     """Return the QoS of a publisher that replaces all recorded ones."""
     reliable = all(offer.reliability != "best_effort" for offer in offers)
-    latched = bool(offers) and all(offer.durability == "transient_local" for offer in offers)
     return QoSProfile(
         depth=_DEPTH,
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL
+        if is_kept(offers)
+        else DurabilityPolicy.VOLATILE,
     )
 
 

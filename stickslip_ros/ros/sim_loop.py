@@ -45,6 +45,7 @@ from stickslip_ros.ros.messages import publisher_of, stamp
 from stickslip_ros.ros.topics import CLOCK, READY
 
 _DIAGNOSTICS_PERIOD = 1.0  # s
+_STARTS = 1.0  # s in which other nodes are found, so that deadlines missed are no news
 _APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between checks for commands
 _LONGEST_BLOCK = 0.025  # s between blocks, also where states are published more seldom: see `Pace`
@@ -99,6 +100,7 @@ class SimLoop:
         self._axes: Sequence[AxisOfLoop] = ()
         self._to_report: list[AxisOfLoop] = []  # that have their turn in this period
         self._in_step: Callable[[], None] = lambda: None
+        self._published: Callable[[], None] = lambda: None
         self._followed_up = 0.0  # s, when a state was published out of turn
         self._asked_for_priority = False
         self._is_due = False  # the state, since a deadline at which not all axes were there
@@ -106,6 +108,8 @@ class SimLoop:
         self._block_ns = round(1e9 / values.publish_rate)
         self._factor = values.real_time_factor
         self.paused = values.start_paused  #: True while the time stands still, except for steps
+        self._held, self._report_at = False, 0  # ns, when the next reports are due
+        self._first = 0  # of the axes that publishes first
         self._until = 0  # ns that the present step of a paused time goes to
         self._stepping: AxisOfLoop | None = None  # who asked for it
         self._followed = FollowedClock(node) if follows(node) else None
@@ -115,18 +119,26 @@ class SimLoop:
         self._ready = publisher_of(node, READY)
         self._ready_readers = 0  # subscribers when "active" was sent last
 
-    def start(self, axes: Sequence[AxisOfLoop], in_step: Callable[[], None] = lambda: None) -> None:
-        """Let the time of these axes begin, at 0; in_step is called when all have one time."""
-        self._axes, self._in_step = axes, in_step
+    def start(
+        self,
+        axes: Sequence[AxisOfLoop],
+        in_step: Callable[[], None] = lambda: None,
+        published: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Let the time of these axes begin, at 0.
+
+        in_step is called when all have one time, published when all have published their state.
+        """
+        self._axes, self._in_step, self._published = axes, in_step, published
         self._start = monotonic_ns()
         timer, steady = self._node.create_timer, Clock(clock_type=ClockType.STEADY_TIME)
         period = self.pacer.period
-        self.pacer = Pacer(period, self.elapsed())
+        self.pacer = Pacer(period, self.elapsed(), excused=_STARTS)
         self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
         self._tick_ns = self._tick.timer_period_ns
         # The executor checks a timer in every round, so its period is not a pause.
         self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
-        timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
+        self._reporter = timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
         self._choose_timer()
         self._begin()
 
@@ -189,6 +201,8 @@ class SimLoop:
         hurries = self._until > 0 if self.paused else self._factor == 0.0
         if self.begun:
             self.pace.change(monotonic_ns(), 0.0 if self.paused else self._factor)
+        if self._held:
+            return
         if hurries:
             self._tick.cancel()
             self._hurry.reset()
@@ -285,10 +299,29 @@ class SimLoop:
             if done:
                 self._publish()
 
+    def hold(self) -> None:
+        """Leave a paused time to `go_on` alone, reports included."""
+        self._held, self._report_at = True, self.pace.ns
+        for timer in (self._tick, self._reporter):
+            timer.cancel()
+
+    def go_on(self, ns: int) -> None:
+        """Let a held time go on by a time (ns) at once; publish the state, and reports if due."""
+        while not self.pace.leap(ns, _SLICE):
+            pass
+        self._publish()
+        if self.pace.ns >= self._report_at:
+            self._report_at += round(1e9 * _DIAGNOSTICS_PERIOD)
+            for _ in self._axes:
+                self._report()
+
     def _publish(self) -> None:
         self._in_step()
-        for axis in self._axes:
+        # In turns: of a queue that is full, one reader would always take the same axis.
+        self._first = (self._first + 1) % len(self._axes)
+        for axis in (*self._axes[self._first :], *self._axes[: self._first]):
             axis.publish_state()
+        self._published()
         if self._clock:
             self._clock.publish(ClockMessage(clock=self.stamp()))
 

@@ -29,7 +29,9 @@ class OutputTopic:
     content: str  #: for docs/node.md
     kept: int = 0  #: messages that those get who come late; 0: none
     of_process: bool = False  #: published once, whatever the number of axes
-    joints: Callable[[Axis], Joints] | None = None  #: of a JointState published with every state
+    #: The axis and its report -> what a JointState holds that is published with every state; none:
+    #: it stays away
+    joints: Callable[[Axis, Joints], Joints] | None = None
 
     def full_name(self, node: str) -> str:
         """Return the name for a node of this full name."""
@@ -61,24 +63,31 @@ DESCRIPTION = OutputTopic(
 JOINTS = OutputTopic(
     "joint_states",
     JOINT_STATE,
-    "`<axis_name>_slider`: position, velocity, friction force; `<axis_name>_piezo`; this and the "
-    "next two only while somebody subscribes",
-    joints=joints_of,
+    "`<axis_name>_slider`: position as the sensor reads it, from the zero that was set, mean "
+    "velocity since the last instant with a reading, friction force; `<axis_name>_piezo`: "
+    "commanded deflection; this and the next three only while somebody subscribes, and this and "
+    "the next only while the sensor gives readings",
+    joints=lambda _, reported: reported,
 )
 RUNNER_TOPIC = OutputTopic(
     "~/joint_states",
     JOINT_STATE,
-    "`<axis_name>_slider` alone, relative to the zero that was set",
-    joints=lambda axis: [
-        (end, x - axis.config.offset, v, force) for end, x, v, force in joints_of(axis)[:1]
-    ],
+    "`<axis_name>_slider` alone",
+    joints=lambda _, reported: reported[:1],
+)
+TRUTH_TOPIC = OutputTopic(
+    "~/truth",
+    JOINT_STATE,
+    "the model's own `<axis_name>_slider` and `<axis_name>_piezo`: position from the model's "
+    "origin, velocity at that instant, friction force",
+    joints=lambda axis, _: joints_of(axis),
 )
 CONTACT_TOPIC = OutputTopic(
     "~/contact",
     JOINT_STATE,
     "`<axis_name>_contact`: asperity deflection, differential velocity, friction force; of several "
     "contacts that is the mean, and `<axis_name>_contact_1` .. have the deflection of each",
-    joints=contact_joints,
+    joints=lambda axis, _: contact_joints(axis),
 )
 DIAGNOSTICS = OutputTopic("/diagnostics", STATUSES, "once a second: `axis`, `friction`, `timing`")
 CLOCK = OutputTopic(

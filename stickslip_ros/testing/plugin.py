@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,11 +18,12 @@ import pytest
 from stickslip_ros.errors import StickslipError
 
 if TYPE_CHECKING:
-    from stickslip_ros.axis import Axis
     from stickslip_ros.ros.client import AxisClient
     from stickslip_ros.ros.in_process import InProcess
+    from stickslip_ros.testing.offline import OfflineAxis
 
 _MARKER = "stickslip"
+_compiled = False  # by a test of this process
 _DOMAINS = 100  # 1 to 100: those that Fast DDS has ports for on every system
 
 # Fast DDS announces a new participant five times, 100 ms apart, and one that was missed costs
@@ -60,8 +61,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Describe the marker."""
     config.addinivalue_line(
         "markers",
-        f"{_MARKER}(axes=[...], emulate='anc300', x={{...}}, **parameters): parameters of the "
-        "simulated axes of a test; those of one axis under its name",
+        f"{_MARKER}(axes=[...], emulate='anc300', own_time=True, x={{...}}, **parameters): "
+        "parameters of the simulated axes of a test; those of one axis under its name",
     )
 
 
@@ -76,36 +77,40 @@ def stickslip_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterato
 def stickslip_world(
     request: pytest.FixtureRequest, stickslip_domain: int, tmp_path: Path
 ) -> Iterator[InProcess]:
-    """Give axes in this process: ``clients["x"]``, ``port`` of the emulator, ``node("mine")``."""
-    yield from _world(request, tmp_path)
+    """Give the world of the test: axes in this process, faults of theirs, time.
+
+    ``clients["x"]``, ``axis``, ``fault("sensor_freeze", "x")``, ``advance(1.0)``, ``wait_until``,
+    ``add(MyNode(context=world.context))``, ``port`` of the emulator.
+    """
+    with _marker_of(request):
+        world = _world_of(_parameters(request), tmp_path, request)
+    yield world
+    world.close()
 
 
 @pytest.fixture
-def stickslip_axis(
-    request: pytest.FixtureRequest, stickslip_domain: int, tmp_path: Path
-) -> Iterator[AxisClient]:
-    """Give the client of one axis, which runs in this process as `/stickslip_axis`."""
-    for world in _world(request, tmp_path):
-        yield world.clients["stickslip_axis"]
+def stickslip_axis(stickslip_world: InProcess) -> AxisClient:
+    """Give the client of the only axis of the world, or of its first one."""
+    return stickslip_world.axis
 
 
 @pytest.fixture
-def stickslip_fault(stickslip_axis: AxisClient) -> Callable[..., AbstractContextManager[Any]]:
+def stickslip_fault(stickslip_world: InProcess) -> Callable[..., AbstractContextManager[Any]]:
     """Give a function that injects faults: ``with stickslip_fault("sensor_freeze"): ...``.
 
-    They act on the axis of `stickslip_axis`, with ``axis=`` on that of another client. The axes of
-    the test allow it. docs/faults.md lists the faults.
+    They act on the first axis of the world, with ``axis=`` on that of a name or a client.
+    docs/faults.md lists the faults.
     """
-    return lambda faults, axis=stickslip_axis: axis.fault(faults)
+    return stickslip_world.fault
 
 
 @pytest.fixture
-def offline_axis(request: pytest.FixtureRequest) -> Axis:
-    """Give an axis without ROS, whose time is an argument: ``advance(t)``."""
-    from stickslip_ros.axis import Axis
+def offline_axis(request: pytest.FixtureRequest) -> OfflineAxis:
+    """Give an axis without ROS: ``advance(seconds)`` lets time pass, at once."""
+    from stickslip_ros.testing.offline import OfflineAxis
 
     with _marker_of(request):
-        return Axis(_parameters(request))
+        return OfflineAxis(_parameters(request))
 
 
 def _parameters(request: pytest.FixtureRequest) -> dict[str, Any]:
@@ -114,9 +119,7 @@ def _parameters(request: pytest.FixtureRequest) -> dict[str, Any]:
     for marker in markers:
         if marker.args:
             raise StickslipError("it takes names only, as preload=1.0")
-    allowed = {"allow_faults": True} if "stickslip_fault" in request.fixturenames else {}
-    given = {name: value for marker in reversed(markers) for name, value in marker.kwargs.items()}
-    return {**allowed, **given}
+    return {name: value for marker in reversed(markers) for name, value in marker.kwargs.items()}
 
 
 @contextmanager
@@ -129,20 +132,20 @@ def _marker_of(request: pytest.FixtureRequest) -> Iterator[None]:
         pytest.fail(text, pytrace=False)
 
 
-def _world(request: pytest.FixtureRequest, folder: Path) -> Iterator[InProcess]:
-    with _marker_of(request):
-        world = _world_of(_parameters(request), folder)
-    yield world
-    world.close()
-
-
-def _world_of(given: dict[str, Any], folder: Path) -> InProcess:
+def _world_of(given: dict[str, Any], folder: Path, request: pytest.FixtureRequest) -> InProcess:
+    from stickslip_ros.ros.axis_host import compile_axis
     from stickslip_ros.ros.in_process import InProcess
 
-    names = list(given.pop("axes", []))
+    names, own_time = list(given.pop("axes", [])), bool(given.pop("own_time", False))
     of_axes: dict[str, Mapping[str, Any]] = {name: given.pop(name, {}) for name in names}
-    given.setdefault("emulate_port", 0)
-    return InProcess(folder, given, of_axes)
+    given = {"allow_faults": True, "emulate_port": 0, **given}
+    global _compiled
+    if not _compiled:  # where nothing of it is in the cache, the user sees what takes so long
+        capture = request.config.pluginmanager.getplugin("capturemanager")
+        with capture.global_and_fixture_disabled() if capture else nullcontext():
+            compile_axis()
+        _compiled = True
+    return InProcess(folder, given, of_axes, own_time)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 """Trajectories and set points: refused as a whole, followed within two steps, held at the end."""
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.axis import AxisGroup
 from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import Rerun
+from stickslip_ros.axis.trajectory import Trajectory
 from stickslip_ros.parameters import ParameterError
 
 JOINT = "axis_slider"
@@ -371,3 +373,49 @@ def test_what_an_axis_takes_can_be_repeated_however_large(value: float) -> None:
     events = [Event.of(event_texts(event)) for event in axis.take_events()]
     again = Rerun([event for event in events if event]).advance(0.5)
     assert again.state == axis.state
+
+
+def test_a_trajectory_that_is_too_fast_is_warned_of_when_it_comes() -> None:
+    """It had lagged in silence; what was said is what the steps reach under the load."""
+    for load in (0.0, 0.05):
+        axis = Axis({**TABLE_1, "frequency": 1000.0})
+        axis.set_load(load)
+        axis.command_jog(-1000.0)
+        axis.advance(0.2)
+        begin = axis.state.x
+        axis.advance(1.2)
+        down = begin - axis.state.x
+        axis.stop()
+        axis.advance(1.5)
+        axis.take_events()
+        x = axis.status.position
+        axis.command_trajectory(["axis_slider"], [(1.0, x - 0.9 * down), (1.5, x - 0.9 * down)])
+        assert [event.outcome for event in axis.take_events()] == ["applied"]
+        axis.command_trajectory(["axis_slider"], [(1.0, x - 1.5 * down), (2.0, x - 1.5 * down)])
+        _, warning = axis.take_events()
+        assert warning.outcome == "warned" and warning.level == 1
+        found = re.search(
+            r"at -(\S+) um/s, (\S+) um/s .* stay (\S+) um behind", warning.details["reason"]
+        )
+        assert found
+        wanted, reached, lag = map(float, found.groups())
+        assert wanted == pytest.approx(1.5e6 * down, rel=1e-3)
+        assert reached == pytest.approx(1e6 * down, rel=0.02)
+        assert lag == pytest.approx(wanted - reached, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("points", "fastest", "lag"),
+    [
+        ([(1.0, 1.0), (2.0, -1.0)], 0.0, 0.0),
+        ([(1.0, 3.0), (2.0, 3.0)], 3.0, 1.0),  # 2 m/s upwards
+        ([(1.0, -5.0)], -5.0, 3.0),  # and 2 m/s downwards
+        ([(1.0, 3.0), (2.0, 6.0)], 3.0, 2.0),  # it adds up
+        ([(1.0, 3.0), (3.0, 3.0), (4.0, 6.0)], 3.0, 1.0),  # or is made up for
+        ([(0.0, 9.0), (1.0, 9.0)], 0.0, 0.0),  # a target, for which there is no time
+    ],
+)
+def test_what_cannot_be_followed(
+    points: list[tuple[float, float]], fastest: float, lag: float
+) -> None:
+    assert Trajectory(0.0, 0.0, points).too_fast(2.0, 2.0) == (fastest, lag)

@@ -72,6 +72,7 @@ ROWS = [
     ("identify-actuator", "actuator_loop.csv --out none/own.yaml", ["cannot write none/own.yaml"]),
     ("identify-actuator", "actuator_loop.csv --out a --operators 0", ["--operators is 0"]),
     ("identify-actuator", "actuator_loop.csv --out a --set max_voltage=0", ["max_voltage is 0 V"]),
+    ("identify", "steps_100hz.csv", ["--config FILE.yaml and its MEASUREMENT go together"]),
     ("identify", "--prior sigma_0=3", ["--prior is 'sigma_0=3'; write it as NAME=MEAN:SD"]),
     ("identify", "--prior sigma_0=9N/um:0N/um", ["deviation of 0; it has to be above 0"]),
     ("identify", "--bounds sigma_0=a:b", ["write it as NAME=LOW:HIGH"]),

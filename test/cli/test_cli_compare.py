@@ -70,6 +70,24 @@ def test_the_model_is_compared_with_a_measurement(
     assert STEPS - 1 <= simulated["steps"] <= STEPS  # the record ends at the last slip
 
 
+def test_the_file_of_the_drive_is_named_as_everywhere(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By --config; by position still works."""
+    results = []
+    for words in ([str(CONFIG), str(folder / "axis.csv")],
+                  ["--config", str(CONFIG), str(folder / "axis.csv")]):  # fmt: skip
+        assert main(["compare", *words, "--json"]) == 0
+        results.append(capsys.readouterr().out)
+    assert results[0] == results[1]
+    for words, complaint in (
+        (["--config", str(CONFIG), "a.csv", "b.csv"], "is the run already: leave out a.csv"),
+        (["a.csv"], "a.csv with what? give RUN and MEASUREMENT, or --config"),
+    ):
+        assert main(["compare", *words]) == 2
+        assert complaint in capsys.readouterr().err
+
+
 def test_assignments_change_the_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Our own parameter files go by their names, too."""
     run = ["compare", "table1_typical", str(folder / "axis.csv"), "--json"]

@@ -9,6 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Event
+from stickslip_ros.axis.joints import JointReport, joints_of
 from stickslip_ros.axis.resimulation import Rerun
 
 
@@ -29,6 +30,7 @@ class Heard:
         """Join; late, like a recorder, as the events wait for it."""
         self.ros, self.axis, self.node = ros, axis, ros.node(name)
         self.joints: list[JointState] = []
+        self.truth: list[JointState] = []
         self.contact: list[JointState] = []
         self.events: list[tuple[int, dict[str, str]]] = []  # stamp of the message; values
         self.reports: list[DiagnosticStatus] = []
@@ -37,9 +39,12 @@ class Heard:
         hear = self.node.create_subscription
         hear(DiagnosticArray, f"{axis}/events", self._on_events, latched)
         hear(JointState, joints, self.joints.append, 1000)
+        hear(JointState, f"{axis}/truth", self.truth.append, 1000)
         hear(JointState, f"{axis}/contact", self.contact.append, 1000)
         hear(DiagnosticArray, "/diagnostics", self._on_report, 1000)
-        ros.wait_until(lambda: self.events and self.joints and self.contact, "events and states")
+        ros.wait_until(
+            lambda: self.events and self.joints and self.truth and self.contact, "events and states"
+        )
 
     def _on_events(self, message: DiagnosticArray) -> None:
         self.events += [(stamp(message), values(status)) for status in message.status]
@@ -72,12 +77,21 @@ class Heard:
     def compare_with_rerun(self) -> int:
         """Run the events once more without ROS; assert the same states, return how many.
 
-        The last states may be later than the events heard, so those after the last event stay out.
+        Both those that the sensor reads and the true ones. The last may be later than the events
+        heard, so those after the last event stay out.
         """
-        events, states = list(self.events), sorted(self.joints, key=stamp)
+        events, report, first = list(self.events), JointReport(), True
         rerun = Rerun([event for _, one in events if (event := Event.of(one))])
-        known = [state for state in states if stamp(state) <= events[-1][0]]
-        for state in known:
-            again = rerun.advance((stamp(state) - events[0][0]) * 1e-9).state
-            assert (again.x, again.v) == (state.position[0], state.velocity[0]), again.t
+        both = [(stamp(one), 0, one) for one in self.truth]
+        both += [(stamp(one), 1, one) for one in self.joints]
+        known = [one for one in sorted(both, key=lambda one: one[:2]) if one[0] <= events[-1][0]]
+        for ns, is_read, message in known:
+            axis = rerun.advance((ns - events[0][0]) * 1e-9)
+            joints = report.take(axis) if is_read else joints_of(axis)
+            _, positions, velocities, efforts = (list(c) for c in zip(*joints, strict=True))
+            assert positions == list(message.position), ns
+            assert efforts == list(message.effort), ns
+            if not (is_read and first):  # what it counts from was not heard
+                assert velocities == list(message.velocity), ns
+            first = first and not is_read
         return len(known)

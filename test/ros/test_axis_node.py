@@ -10,16 +10,18 @@ from typing import Any
 
 import pytest
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from heard import Heard, stamp, values
 from live import MakeAxis, Ros
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Int32
 from table_1 import table_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.joints import contact_joints
+from stickslip_ros.laws import LAWS
 from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros import diagnostics
@@ -42,9 +44,11 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
     make_axis(axis_name="lens", publish_rate=200.0)
     client, heard = connect(ros)
     client.step(30).wait()
-    ros.wait_until(lambda: min(len(heard.joints), len(heard.contact)) > 50, "states of both")
-    joints, contact = list(heard.joints), {stamp(m): m for m in list(heard.contact)}
-    for message in joints:
+    ros.wait_until(
+        lambda: min(len(heard.joints), len(heard.truth), len(heard.contact)) > 50, "states of all"
+    )
+    joints, contact = list(heard.truth), {stamp(m): m for m in list(heard.contact)}
+    for message in [*joints, *list(heard.joints)]:
         assert message.name == ["lens_slider", "lens_piezo"]
         lengths = len(message.position), len(message.velocity), len(message.effort)
         assert lengths == (2, 2, 2)
@@ -58,6 +62,10 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
         assert touch.effort[0] == joint.effort[1]
         assert touch.velocity[0] == joint.velocity[0] - joint.velocity[1]
     assert max(m.position[0] for m in joints) > 3e-6
+    for before, now in pairwise(list(heard.joints)):  # the mean since the last
+        assert stamp(before) < stamp(now)
+        way, dt = now.position[0] - before.position[0], 1e-9 * (stamp(now) - stamp(before))
+        assert now.velocity[0] == pytest.approx(way / dt, rel=1e-6, abs=1e-12)
 
 
 def test_each_of_several_contacts_has_its_deflection() -> None:
@@ -182,7 +190,7 @@ def test_axes_in_one_context_are_told_apart_by_their_namespaces(
     seen = len(left.joints)
     ros.wait_until(lambda: len(left.joints) > seen + 2)
     assert {name for m in left.joints for name in m.name} == {"left_slider", "left_piezo"}
-    assert {m.position[0] for m in left.joints} == {0.0}
+    assert {m.position[0] for m in left.truth} == {0.0}
     assert [event["event"] for _, event in left.events] == ["start"]
     assert right.joints[-1].position[0] > 1e-6
     found = left.next_report()
@@ -239,8 +247,77 @@ def test_the_descriptors_are_the_table(make_axis: MakeAxis) -> None:
         if isinstance(row.default, float):
             (limits,) = descriptor.floating_point_range
             assert (limits.from_value, limits.to_value) == (row.low, row.high)
+    assert node.describe_parameter("model").additional_constraints == f"one of: {', '.join(LAWS)}"
+    source = node.describe_parameter("joint_state_source")
+    assert source.additional_constraints == "one of: sensor, truth"
     assert node.get_parameter("preload").value == 0.7
     assert node.get_parameter("mu").value == PARAMETERS["mu"].default
+
+
+def test_a_dump_can_be_loaded_again(ros: Ros, make_axis: MakeAxis) -> None:
+    """As `ros2 param load` does; every value of the start was refused and counted."""
+    node, user = make_axis(), ros.node("user")
+    names = [*PARAMETERS, "use_sim_time"]
+    for first in range(0, len(names), 50):
+        dump = [node.get_parameter(name).to_parameter_msg() for name in names[first : first + 50]]
+        answer = ros.call(
+            user,
+            SetParameters,
+            "/stickslip_axis/set_parameters",
+            SetParameters.Request(parameters=dump),
+        )
+        assert [one.reason for one in answer.results if not one.successful] == []
+    assert node.axis.status.refused == 0
+    other = Parameter("publish_rate", value=50.0).to_parameter_msg()
+    answer = ros.call(
+        user,
+        SetParameters,
+        "/stickslip_axis/set_parameters",
+        SetParameters.Request(parameters=[other]),
+    )
+    assert "publish_rate can be set at the start only" in answer.results[0].reason
+
+
+def test_numbers_that_yaml_takes_for_texts_are_numbers(make_axis: MakeAxis) -> None:
+    """YAML 1.1 knows 1.0e-9 and takes 1e-9 for a text."""
+    node = make_axis()
+    set_now = node.set_parameters_atomically  # as the services do
+    assert set_now([Parameter("sensor_noise", value="3e-9")]).successful
+    assert node.axis.parameters.sensor.sensor_noise == 3e-9
+    result = set_now([Parameter("sensor_noise", value="much")])
+    assert "sensor_noise is 'much'; it has to be a number" in result.reason
+    result = set_now([Parameter("sensor_seed", value=1.5)])
+    assert "sensor_seed is 1.5; it has to be a whole number" in result.reason
+
+
+def test_two_who_command_one_axis_are_named(ros: Ros, make_axis: MakeAxis) -> None:
+    make_axis(frequency=1000.0)
+    heard = Heard(ros)
+    topic, out = "/stickslip_axis/command/steps", {}
+    for name in ("left_hand", "right_hand"):
+        out[name] = ros.publisher(ros.node(name), Int32, topic)
+    for k in range(3):
+        ros.send(out["left_hand"], Int32(data=k))
+    assert "commanded by" not in heard.next_report()["axis"].message, "one of them only listens"
+
+    def said() -> str:
+        for one in out.values():
+            ros.send(one, Int32(data=3))
+        return heard.next_report()["axis"].message
+
+    ros.wait_until(lambda: "commanded by /left_hand and /right_hand" in said(), "both names")
+
+
+def test_two_axes_of_one_name_say_so(ros: Ros, make_axis: MakeAxis) -> None:
+    make_axis()
+    make_axis()
+    reports = ros.hear(DiagnosticArray, "/diagnostics")
+
+    def told() -> int:
+        texts = [status.message for message in list(reports) for status in message.status]
+        return sum("1 others publish as this axis" in text for text in texts)
+
+    ros.wait_until(lambda: told() >= 2, "both")
 
 
 @pytest.mark.usefixtures("ros_domain")

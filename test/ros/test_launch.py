@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
+from xml.etree import ElementTree
 
 import pytest
+import yaml
 from child import run
 from lifecycle_msgs.msg import TransitionEvent
 from live import Ros, Start
@@ -22,6 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 # The launch system is not among the ROS wheels.
 LAUNCH = ("", ".actions", ".substitutions", ".event_handlers", ".parameter_descriptions")
 MODULES = [f"{root}{part}" for root in ("launch", "launch_ros") for part in LAUNCH]
+POSITION_JOINT = "{http://www.ros.org/wiki/xacro}position_joint"
 ARGUMENTS = {
     **dict.fromkeys(("axes", "namespace", "config"), ""),
     **dict.fromkeys(("record", "ros2_control", "rviz", "square", "use_sim_time"), "false"),
@@ -89,6 +92,47 @@ def test_controllers_start_when_the_axis_is_ready(launched: Launched) -> None:
     assert launched()[1] == []
 
 
+def test_two_robots_share_neither_frames_nor_names(launched: Launched) -> None:
+    nodes, _ = launched(ros2_control="true", rviz="true", namespace="/left")
+    (described,) = nodes["robot_state_publisher"]["parameters"]
+    assert described["frame_prefix"] == "left/"
+    assert nodes["rviz2"]["arguments"][-2:] == ["-f", "left/base"]
+    (described,) = launched(ros2_control="true")[0]["robot_state_publisher"]["parameters"]
+    assert "frame_prefix" not in described
+    nodes, _ = launched(axes="x,y,z", square="true", namespace="/left")
+    assert nodes["square"]["namespace"] == "left"
+
+
+@pytest.mark.parametrize("name", ["controllers.yaml", "nanorobot_controllers.yaml"])
+def test_controllers_find_their_parameters_in_any_namespace(name: str) -> None:
+    content = yaml.safe_load((ROOT / "examples" / "ros2_control" / name).read_text())
+    nodes = ("controller_manager", "axis_controller", "joint_state_broadcaster")
+    assert set(content) == {f"/**/{one}" for one in nodes}
+    kinds = content["/**/controller_manager"]["ros__parameters"]
+    assert kinds["axis_controller"]["type"].endswith("/JointTrajectoryController")
+
+
+def test_one_controller_drives_the_axes_of_the_nanorobot(launched: Launched) -> None:
+    """By one component, of which the host of the axes is the hardware."""
+    nodes, waiting = launched(ros2_control="true", axes="x,y,z")
+    assert waiting == ["spawner"]
+    words = sys.modules["launch.substitutions"].Command.call_args.args[0]
+    assert words[1].endswith("nanorobot.urdf.xacro") and "/stickslip_axis" in words
+    (control,) = nodes["ros2_control_node"]["parameters"]
+    about = yaml.safe_load(Path(control).read_text())["/**/axis_controller"]["ros__parameters"]
+    joints = about["joints"]
+    assert joints == ["x_slider", "y_slider", "z_slider"] and {*joints} < {*about["constraints"]}
+    model = ElementTree.parse(words[1]).getroot()
+    topics = {one.get("name"): one.text for one in model.iter("param")}
+    assert topics["joint_states_topic"] == "$(arg node)/joint_states"
+    assert [one.get("name") for one in model.iter(POSITION_JOINT)] == joints
+
+
+def test_the_model_of_one_axis_can_be_seen() -> None:
+    model = ElementTree.parse(ROOT / "examples" / "ros2_control" / "axis.urdf.xacro").getroot()
+    assert [link.find("visual") is not None for link in model.findall("link")] == [True, True]
+
+
 def test_all_nodes_follow_the_clock_where_one_is_wanted(launched: Launched) -> None:
     for more in ({"ros2_control": "true"}, {"axes": "x,y,z", "rviz": "true"}):
         nodes, _ = launched(record="true", use_sim_time="true", **more)
@@ -144,7 +188,7 @@ def test_what_cannot_be_brought_up_is_said_before_anything_starts(launched: Laun
     """launch itself passes over a missing file, and the axis would start with the defaults."""
     for arguments, complaint in (
         ({"config": "nope.yaml"}, r"there is no file .*config/nope.yaml"),
-        ({"ros2_control": "true", "axes": "x"}, "leave out axes"),
+        ({"ros2_control": "true", "axes": "x"}, "needs axes:=x,y,z, or one axis"),
         ({"square": "true", "axes": "x"}, "square:=true needs axes:=x,y,z"),
         ({"rviz": "true", "axes": "left"}, "rviz:=true needs axes:=x,y,z"),
     ):

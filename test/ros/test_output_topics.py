@@ -22,7 +22,7 @@ from stickslip_ros.ros.recorder_node import RecorderNode
 from stickslip_ros.ros.topics import EVENTS, OUTPUTS, OutputTopic
 
 Record = Callable[[Callable[[], Any]], BagReader]
-HEAT = OutputTopic("~/heat", JOINT_STATE, "heat", joints=lambda _: [("_contact", 1e-9, 0.0, 0.0)])
+HEAT = OutputTopic("~/heat", JOINT_STATE, "heat", joints=lambda *_: [("_contact", 1e-9, 0.0, 0.0)])
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from heard import values
-from live import Ros, Start
+from live import MakeAxis, Ros, Start
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
@@ -29,6 +29,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
+from stickslip_ros.recordings import open_bag, recorded_runs
 from stickslip_ros.ros.recorded_topic import LossCount, RecordedTopic, request_qos
 from stickslip_ros.ros.recorder_node import SERVICE_QOS, main
 from stickslip_ros.ros.recording import axis_topics
@@ -275,3 +276,20 @@ def test_gaps_in_the_numbers_of_one_publisher_are_losses() -> None:
         count.note(number, lambda: one | two)
     count.note(None, lambda: one)
     assert (count.lost, count.before_joining) == (2, 2)
+
+
+def test_without_a_name_it_records_every_axis_that_it_finds(
+    ros: Ros, start_node: Start, make_axis: MakeAxis, tmp_path: Path
+) -> None:
+    """Before it starts and later; it had recorded /stickslip_axis alone, in silence."""
+    make_axis("/left")
+    recorder = start_node("recorder_node", output="run")
+    recorder.wait_for("/left/stickslip_axis")
+    make_axis("/right")
+    recorder.wait_for("found /right/stickslip_axis, and records all topics of it")
+    recorder.wait_for("first message of /right/joint_states")
+    recorder.wait_for("first message of /left/joint_states")
+    assert recorder.interrupt() == 0
+    with open_bag(tmp_path / "run") as bag:
+        runs = {run.node: run for run in recorded_runs(bag)}
+    assert set(runs) == {"/left/stickslip_axis", "/right/stickslip_axis"}

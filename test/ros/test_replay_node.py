@@ -93,6 +93,38 @@ def test_a_loop_goes_on_until_told_to_end(ros: Ros, start_node: Start, bag: Path
     assert positions[: 2 * COUNT] == [*once, *once]
 
 
+def test_what_is_kept_for_late_subscribers_comes_first_and_no_time_is_no_wait(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    """The model of a robot stands at the begin of a bag, or has no stamp at all."""
+    kept = OfferedQos(durability="transient_local", depth=1)
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, qos in (("/model", kept), ("/numbers", OfferedQos())):
+            schema = schema_text("std_msgs/msg/Int32", message_definition)
+            about = TopicDescription(name, "std_msgs/msg/Int32", schema, offered_qos=(qos,))
+            writer.add_topic(about)
+        for name, value, ns in (
+            ("/model", 1, 0),
+            ("/numbers", 2, 0),
+            ("/model", 3, START_NS),
+            ("/numbers", 4, START_NS),
+            ("/numbers", 5, START_NS + 10**9),
+        ):
+            data = serialize_message(Int32(data=value))
+            writer.write(name, data, log_ns=ns, publish_ns=ns)
+    heard = Heard(ros, model=Int32, numbers=Int32)
+    whole = start_node("replay_node", bag="bag")
+    assert whole.wait() == 0
+    ros.wait_until(lambda: len(heard.all) == 5, "all of it")
+    assert [one.data for one in heard.of("model")] == [1, 3]
+    assert [one.data for one in heard.of("numbers")] == [2, 4, 5]
+    heard.all.clear()
+    part = start_node("replay_node", bag="bag", start=0.5)
+    assert part.wait() == 0
+    ros.wait_until(lambda: len(heard.all) == 2, "the rest, and the model before it")
+    assert [(topic, one.data) for topic, one in heard.all] == [("model", 3), ("numbers", 5)]
+
+
 @pytest.mark.usefixtures("ros_domain")
 @pytest.mark.parametrize(
     ("parameters", "complaint"),

@@ -39,7 +39,6 @@ from stickslip_ros.ros.process import SpinThread
 from stickslip_ros.ros.topics import SET_POINT_LOG
 
 _LAST_WORDS = 1.0  # s
-_KNOWN_WITHIN = 2.0  # s after which an axis that is there has been discovered
 
 
 class AxisFault(StickslipError, RuntimeError):
@@ -94,23 +93,13 @@ class AxisClient(AxisListener):
             for name, command in COMMANDS.items()
             if command.is_service
         }
-        known_by = time.monotonic() + min(timeout, _KNOWN_WITHIN)
         try:
             with announce_if_slow(f"waiting for {self.axis}, {timeout:g} s at most"):
                 self._wait(
-                    lambda: (
-                        self.connected(listeners)
-                        # There are axes, but not this one.
-                        or (
-                            time.monotonic() > known_by
-                            and self.axis not in (self._axes() or [self.axis])
-                        )
-                    ),
+                    lambda: self.connected(listeners),
                     timeout,
                     lambda: self._why_absent(listeners),
                 )
-            if not self.connected(listeners):
-                raise TimeoutError(self._why_absent(listeners))
         except BaseException:
             self.close()
             raise
@@ -168,7 +157,7 @@ class AxisClient(AxisListener):
     def _missing(self, listeners: int) -> list[str]:
         """Name the interfaces of the axis that are still missing."""
         missing = [] if self._status else ["its status"]
-        if self._state_stamp < 0:
+        if self._state_stamp < 0 and self._is_read:
             missing.append("its joint state")
         for publisher in self._publishers.values():
             if publisher.get_subscription_count() < listeners:
@@ -340,7 +329,7 @@ class AxisClient(AxisListener):
 
         def there() -> bool:
             ends = [a.stamp for a in self._answers if a.values["event"] == STEP_OF_TIME]
-            return bool(ends) and self._state_stamp >= ends[-1]
+            return bool(ends) and (self._state_stamp >= ends[-1] or not self._is_read)
 
         self._wait(there, timeout, lambda: f"{self.axis} has not come to the end of the step")
         return self
@@ -360,14 +349,16 @@ class AxisClient(AxisListener):
             if self._jogs and self.state == "jogging":
                 raise ValueError("a jog does not end: call stop() or jog(0) before waiting")
             at_rest = not self.moving and self.state != "targeting"
-            return at_rest and self._state_stamp >= self._status_stamp
+            return at_rest and self._shows_rest
 
-        self._wait(ended, timeout, lambda: f"{self.axis} is still {self.summary}; it goes on")
+        self._wait_for_motion(
+            ended, timeout, lambda: f"{self.axis} is still {self.summary}; it goes on"
+        )
         if self._moves:
             # The event of the end has a topic of its own; a closed loop that comes back to its
             # target has none.
             with suppress(TimeoutError):
-                self._wait(self._heard_of_end, _LAST_WORDS, str)
+                self._wait_for_motion(self._heard_of_end, _LAST_WORDS, str)
             self._moves = False
         return self
 
@@ -397,7 +388,7 @@ class AxisClient(AxisListener):
 
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
         """Wait until the axis is in that state; TimeoutError after timeout (s)."""
-        self._wait(
+        self._wait_for_motion(
             lambda: self.state == state,
             timeout,
             lambda: f"{self.axis} is {self.state}, not {state}",
@@ -410,7 +401,7 @@ class AxisClient(AxisListener):
         The report is later than the last answer or end of a move received here.
         """
         since = self._status_stamp
-        self._wait(
+        self._wait_for_motion(
             lambda: self._report_stamp > since,
             timeout,
             lambda: f"{self.axis} does not report on /diagnostics",

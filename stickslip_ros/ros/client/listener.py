@@ -54,19 +54,24 @@ class AxisListener:
         self._report: dict[str, dict[str, str]] = {}
         self._description: dict[str, DiagnosticStatus] = {}
         self._joint = ""
+        self._reading_age = 0  # ns, at most, of a reading when a joint state shows it
+        #: For waits on motion: the clock of their time-outs (s), and what lets time pass; None: it
+        #: passes by itself
+        self.clock: Callable[[], float] = time.monotonic
+        self.pass_time: Callable[[], None] | None = None
         self._subscriptions = self._listen()
 
     # -- state, as heard last
 
     @property
     def position(self) -> float:
-        """Position of the runner, m, from joint_states."""
-        return self._position
+        """Position of the runner, m, as its sensor reads it; nan while there is no reading."""
+        return self._position if self._is_read else math.nan
 
     @property
     def velocity(self) -> float:
-        """Velocity of the runner, m/s, from joint_states."""
-        return self._velocity
+        """Velocity of the runner, m/s: the mean between the last two readings published."""
+        return self._velocity if self._is_read else math.nan
 
     @property
     def friction_force(self) -> float:
@@ -138,6 +143,19 @@ class AxisListener:
 
     # -- inside
 
+    @property
+    def _is_read(self) -> bool:
+        """Whether the sensor gives readings, without which joint_states stay away."""
+        return self._status.get("measured position (m)") != "nan"
+
+    @property
+    def _shows_rest(self) -> bool:
+        """Whether the joint state was read after the status was made, if it can be."""
+        if not self._is_read:
+            return True
+        paused = self._status.get("paused") == "True" and self.pass_time is None
+        return self._state_stamp >= self._status_stamp + (0 if paused else self._reading_age)
+
     def _listen(self) -> list[Any]:
         # The queue is shared by all who publish: of one message, a stranger's could be left.
         latched = QoSProfile(depth=_MOST_ANSWERS, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -191,6 +209,9 @@ class AxisListener:
             _values(status, ("value",) if ": parameter " in name else ())
         self._description = found
         self._joint = f"{about['axis_name']}{SLIDER}"
+        p = self.parameters
+        age = float(p.get("sensor_latency", 0.0)) + 2.0 / float(p.get("sensor_rate", math.inf))
+        self._reading_age = round(1e9 * age)  # the latency is rounded up to readings
 
     def _on_report(self, message: DiagnosticArray, stamp: int) -> None:
         mine = [status for status in message.status if status.hardware_id == self.axis[1:]]
@@ -214,6 +235,22 @@ class AxisListener:
                 if time.monotonic() > deadline:
                     raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
                 self._changed.wait(_POLL)
+
+    def _wait_for_motion(
+        self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]
+    ) -> None:
+        """Wait as `_wait`, where time has to pass; timeout (s) is by :attr:`clock`."""
+        if self.pass_time is None:
+            self._wait(condition, timeout, failure)
+            return
+        deadline = self.clock() + timeout
+        while True:
+            with self._changed:
+                if condition():
+                    return
+            if self.clock() > deadline:
+                raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
+            self.pass_time()
 
     def _others(self) -> str:
         """Return a warning if several nodes publish as this axis, else an empty text."""
