@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,17 +75,26 @@ def reading_of(args: argparse.Namespace) -> Reading:
     )
 
 
-def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None = None) -> Motion:
+def measurement_of(
+    args: argparse.Namespace,
+    path: Path,
+    origin_ns: int | None = None,
+    read: Callable[[Path, Reading, str | None], Motion] | None = None,
+) -> Motion:
     """Return the motion measured in a file, cut as the options say; print its notes on stderr.
 
     origin_ns is the time (ns) that the stamps of a bag count from (default: its first message).
-    Raises UsageError and BagError.
+    read takes the file, how it is read and the joint, in place of `load_motion`. Raises UsageError
+    and BagError.
     """
     from stickslip_ros.measurement.load_motion import load_motion
 
-    measurement = load_motion(
-        sample_file(path), how=reading_of(args), joint=args.joint, origin_ns=origin_ns
-    ).motion
+    how, file = reading_of(args), sample_file(path)
+    measurement = (
+        read(file, how, args.joint)
+        if read
+        else load_motion(file, how=how, joint=args.joint, origin_ns=origin_ns).motion
+    )
     for note in measurement.notes:
         print(f"{path.name}: {note}", file=sys.stderr)
     start = -math.inf if args.first is None else args.first
