@@ -10,7 +10,7 @@ showing is named: the values hold only with what the parameters say of it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,8 +29,6 @@ from stickslip_ros.solver import SolverError
 
 #: Chance of a misfit where there is none, over all effects.
 CHANCE = 1e-3
-#: Part of an input that is told to matter where it would not show.
-_TENTH = 0.1
 #: Lowest bins of a spectrum that are left out: wander and hum are known from few others.
 SLOWEST = 2.5
 #: Part of an effect's column below which the parameters take it up whole.
@@ -48,7 +46,8 @@ class Effect:
     change: Callable[[Parameters, float], Parameters | None] | None
     size: Callable[[float], str]  #: how large it is, in words
     only_more: bool = False  #: whether there is no less of it than none
-    given: str = ""  #: a tenth of it, in words, of what the parameters state
+    given: str = ""  #: what is told to matter where it would not show, in words
+    amount: float = 0.1  #: how much that is
     cure: str = ""
 
 
@@ -91,12 +90,13 @@ EFFECTS = (
         given="10 % more slewrate"),
     Effect(
         LAG, "a lag of the amplifier ({})", 0.3, _lagging,
-        lambda size: format_si(1e-6 * size, "s", 2), only_more=True,
-        cure="identify again with --fit-lag"),
+        lambda size: format_si(1e-6 * size, "s", 2), only_more=True, given="a lag of 0.3 µs",
+        amount=0.3, cure="identify again with --fit-lag"),
     Effect(
         WIDTH, "a slow sensor ({})", 1.0, None,
         lambda size: f"{1.0 / (2.0 * math.pi * math.sqrt(max(size, 1e-9) * SQUARE)):.2g} Hz",
-        only_more=True, cure="set sensor_bandwidth in the parameters, or --samples mean"),
+        only_more=True, given="a sensor of 100 kHz", amount=2.5,
+        cure="set sensor_bandwidth in the parameters, or --samples mean"),
     Effect(
         "gain", "another gain of the actuator, or amplitude ({})", 1e-3,
         lambda p, part: p.replace(gain=p.actuator.gain * (1.0 + part)), _percent,
@@ -139,7 +139,7 @@ class SeenEffect:
     fall: float  #: of the deviance with as much of it as is likeliest, all else following
     amount: float  #: how much that is, in its own measure
     clear: bool  #: whether chance makes as large a fall in one of a thousand fits at most
-    given: str  #: what a tenth of it would change without showing, in words
+    given: str  #: what a usual amount of it would change without showing, in words
 
     @property
     def text(self) -> str:
@@ -148,10 +148,13 @@ class SeenEffect:
         return f"{found}: {self.effect.cure}" if self.effect.cure else found
 
 
-def effects_of(around: Surroundings) -> list[SeenEffect]:
-    """Return all effects that are not fitted, the largest fall of the deviance first."""
+def effects_of(around: Surroundings, allowed: Sequence[str] = ()) -> list[SeenEffect]:
+    """Return all effects that are not fitted, the largest fall of the deviance first.
+
+    Those that the intervals allow for are left out, too.
+    """
     problem, best = around.problem, around.best
-    fitted = {*problem.free.names, *(one.name for one in problem.nuisances)}
+    fitted = {*problem.free.names, *allowed}
     basis, triangle = np.linalg.qr(around.jacobian)
     inverse = np.linalg.pinv(triangle, rcond=1e-12)[: problem.count]
     errors = around.deviations[: problem.count]
@@ -176,8 +179,8 @@ def effects_of(around: Surroundings) -> list[SeenEffect]:
         amount = -along / power if shows else 0.0
         fall = along**2 / power if shows and not (effect.only_more and amount < 0.0) else 0.0
         given = ""
-        if effect.given and _TENTH**2 * power < least:
-            moved = (-_TENTH * (inverse @ inside)).tolist()
+        if effect.given and effect.amount**2 * power < least:
+            moved = (-effect.amount * (inverse @ inside)).tolist()
             given = ", ".join(
                 f"{name} {100.0 * by:+.2g} %"
                 for name, by, error in zip(problem.free.names, moved, errors.tolist(), strict=True)

@@ -412,7 +412,8 @@ class _Estimation:
         best = around.best if around else self.best
         problem = around.problem if around else self.problem
         assert best is not None
-        effects = effects_of(around) if around else []
+        allowed = [one.name for one in self.problem.nuisances]
+        effects = effects_of(around, allowed) if around else []
         misfit = misfit_of(around, effects) if around else None
         estimates = {}
         for k, name in enumerate(self.free.names):

@@ -335,10 +335,9 @@ def misfit(seed: int) -> dict[str, Any]:
         beyond = max(low - true, true - high, 0.0) / (high - low) if math.isfinite(high) else 0.0
         off[name] = round(beyond, 2)
     told = found.misfit.text if found.misfit else ""
-    given = {"preload": "preload", "payload": "mass", "slewrate": "slewrate", "gain": "gain"}
-    said = (
-        any(f"more {given[kind]} would" in line for line in found.given) if kind in given else False
-    )
+    given = {"preload": "preload", "payload": "mass", "slewrate": "slewrate", "gain": "gain",
+             "lag": "a lag of", "bandwidth": "a sensor of"}  # fmt: skip
+    said = any(given.get(kind, "-") in line.partition(" would not")[0] for line in found.given)
     silent = not told and not said and max(off.values()) > 0.5
     return about | {"off": off, "misfit": told, "said": said, "silent": silent}
 
