@@ -49,6 +49,8 @@ class Effect:
     given: str = ""  #: what is told to matter where it would not show, in words
     amount: float = 0.1  #: how much that is
     cure: str = ""
+    costly: bool = False  #: whether it is tried only where something else shows
+    most: float = 1.0  #: size beyond which it is no cause, whatever it explains
 
 
 def _percent(size: float) -> str:
@@ -57,6 +59,14 @@ def _percent(size: float) -> str:
 
 def _share(size: float) -> str:
     return f"{100.0 * size:.2g} %"
+
+
+def _loaded(p: Parameters, part: float) -> Parameters:
+    """Return parameters at another preload: stiffness and breakaway follow it (Eq. 13, 14)."""
+    shares = {"preload": 1.0, "sigma_0": 1.0 / 3.0, "z_ba": 0.5}
+    values = {name: p.value(name) for name in shares}
+    changed = {name: v * (1.0 + part * shares[name]) for name, v in values.items() if v}
+    return p.replace(**changed)
 
 
 def _lagging(p: Parameters, microseconds: float) -> Parameters | None:
@@ -91,11 +101,11 @@ EFFECTS = (
     Effect(
         LAG, "a lag of the amplifier ({})", 0.3, _lagging,
         lambda size: format_si(1e-6 * size, "s", 2), only_more=True, given="a lag of 0.3 µs",
-        amount=0.3, cure="identify again with --fit-lag"),
+        amount=0.3, most=20.0, cure="identify again with --fit-lag"),
     Effect(
         WIDTH, "a slow sensor ({})", 1.0, None,
         lambda size: f"{1.0 / (2.0 * math.pi * math.sqrt(max(size, 1e-9) * SQUARE)):.2g} Hz",
-        only_more=True, given="a sensor of 100 kHz", amount=2.5,
+        only_more=True, given="a sensor of 100 kHz", amount=2.5, most=1e3,
         cure="set sensor_bandwidth in the parameters, or --samples mean"),
     Effect(
         "gain", "another gain of the actuator, or amplitude ({})", 1e-3,
@@ -106,8 +116,6 @@ EFFECTS = (
            only_more=True, cure="set creep in the parameters"),
     Effect("hysteresis", "hysteresis of the actuator ({})", 0.01, _with_hysteresis, _share,
            only_more=True, cure="set actuator: hysteresis in the parameters"),
-    Effect("contacts", "a second contact (distances spread by {})", 0.05, _with_contacts, _share,
-           only_more=True),
     Effect("drift", "a preload that changes during the run ({})", 0.01, None, _percent),
     Effect(
         "sigma_2", "viscous friction (sigma_2; {} of sigma_1)", 0.01,
@@ -128,6 +136,8 @@ EFFECTS = (
         "z_ss", "another z_ss ({})", 0.01,
         lambda p, part: p.replace(z_ss=contact_of(p.friction).z_ss * (1.0 + part)), _percent,
         given="10 % more z_ss"),
+    Effect("contacts", "a second contact (distances spread by {})", 0.05, _with_contacts, _share,
+           only_more=True, costly=True),
 )  # fmt: skip
 
 
@@ -140,6 +150,11 @@ class SeenEffect:
     amount: float  #: how much that is, in its own measure
     clear: bool  #: whether chance makes as large a fall in one of a thousand fits at most
     given: str  #: what a usual amount of it would change without showing, in words
+
+    @property
+    def is_cause(self) -> bool:
+        """Whether it shows, and is no larger than it can be."""
+        return self.clear and abs(self.amount) <= self.effect.most
 
     @property
     def text(self) -> str:
@@ -167,8 +182,10 @@ def effects_of(around: Surroundings, allowed: Sequence[str] = ()) -> list[SeenEf
             slow = np.tile(f < SLOWEST * f[0], 2)
             heard[row : row + len(slow)][slow] = 0.0
         row += fit.size
-    found = []
+    found: list[SeenEffect] = []
     for effect in EFFECTS:
+        if effect.costly and not any(one.clear for one in found):
+            continue
         slope = None if effect.name in fitted else _slope(problem, around, effect)
         if slope is None:
             continue
@@ -244,10 +261,7 @@ def _of_run(
         return None if trace.parameters.sensor.sensor_bandwidth else trace.width_derivative(seen)
     if effect.name == "tilt":
         return seen.x
-    column = _difference(
-        problem, unknowns, k, lambda p, part: p.replace(preload=p.friction.preload * (1.0 + part)),
-        effect.unit,
-    )  # fmt: skip
+    column = _difference(problem, unknowns, k, _loaded, effect.unit)
     if column is None:
         return None
     place = np.clip((trace.blocks.t - trace.starts[0]) / _duration(trace), 0.0, 1.0)

@@ -164,16 +164,9 @@ def _inputs(known: Sequence[Known], uncertain: Mapping[str, float]) -> list[Nuis
     """Return the uncertain inputs, each alike in all runs, with its largest relative deviation."""
     parts: dict[str, float] = {}
     for one in known:
-        own = Known.of({**one.parameters.flat(), **_texts(one, uncertain)}) if uncertain else one
-        for name, part in {**one.parts(), **own.parts()}.items():
+        for name, part in one.parts(uncertain).items():
             parts[name] = max(part, parts.get(name, 0.0))
     return [uncertain_input(name, part) for name, part in parts.items()]
-
-
-def _texts(known: Known, uncertain: Mapping[str, float]) -> dict[str, str]:
-    """Return the values of uncertain inputs with their deviations, as a file has them."""
-    flat = known.parameters.flat()
-    return {name: f"{flat.get(name, 1.0)!r} +- {value!r}" for name, value in uncertain.items()}
 
 
 def _check_tables(tables: Sequence[CurveFit], free: FreeParameters, measured: bool) -> None:

@@ -72,29 +72,36 @@ class Known:
             where = "" if isinstance(drive, Mapping) else f"{drive}: "
             raise ParameterError(f"{where}{error}") from None
 
-    def parts(self) -> dict[str, float]:
-        """Return the deviations as parts of the values."""
-        return {
-            name: deviation / abs(self.parameters.value(name))
-            for name, deviation in self.deviations.items()
-            if self.parameters.value(name)
-        }
+    def parts(self, more: Mapping[str, float]) -> dict[str, float]:
+        """Return these and more standard deviations as parts of the values. IdentificationError."""
+        found = {}
+        for name, deviation in {**self.deviations, **more}.items():
+            value = self.parameters.value(_uncertain(name))
+            if not deviation > 0.0 or not value:
+                raise IdentificationError(
+                    f"{name} is {value or 0.0:g} with a standard deviation of {deviation:g}; both "
+                    "have to be above 0"
+                )
+            found[name] = deviation / abs(value)
+        return found
+
+
+def _uncertain(name: str) -> str:
+    """Return the name of an input that may be uncertain. IdentificationError for any other."""
+    if parameter(name).name not in UNCERTAIN:
+        raise IdentificationError(
+            f"{name} cannot be uncertain; those that can are {', '.join(UNCERTAIN)}"
+        )
+    return name
 
 
 def deviation_of(name: str, text: str) -> float:
     """Return a standard deviation in the unit of a parameter. IdentificationError."""
-    row = parameter(name)
-    if row.name not in UNCERTAIN:
-        raise IdentificationError(
-            f"{name} cannot be uncertain; those that can are {', '.join(UNCERTAIN)}"
-        )
+    unit = parameter(_uncertain(name)).unit
     try:
-        found = read_quantity(text, row.unit)
+        return read_quantity(text, unit)
     except ValueError as error:
         raise IdentificationError(f"{name}: the standard deviation {error}") from None
-    if not 0.0 < found < np.inf:
-        raise IdentificationError(f"{name}: its standard deviation {text} has to be above 0")
-    return found
 
 
 def known_runs(runs: Iterable[Any]) -> list[tuple[Known, Motion]]:

@@ -62,16 +62,20 @@ def misfit_of(around: Surroundings, effects: Sequence[SeenEffect]) -> Misfit | N
     probability = min(1.0, lowest.chance * len(found)) if lowest else 1.0
     if not (probability < CHANCE or clear):
         return None
-    sources = ", ".join(trace.experiment.motion.source for _, trace in problem.traces)
-    text = f"{sources}: the residuals are as small as noise, but one effect explains a part of them"
+    sources = ", ".join(
+        fit.experiment.motion.source if isinstance(fit, Trace) else fit.curve.source
+        for fit in problem.fits
+    )
+    text = f"{sources}: the residuals are small, but more than noise"
     if lowest and probability < CHANCE:
         text = lowest.text
-    if not clear:
+    causes = [one for one in clear if one.is_cause]
+    if not causes:
         return Misfit(f"{text}; no single effect of the model takes it up", probability)
-    names = clear[0].text
-    if len(clear) > 1 and clear[1].fall > _SECOND * clear[0].fall:
-        names += f", or {clear[1].text}"
-    size = clear[0].fall / around.scale
+    names = causes[0].text
+    if len(causes) > 1 and causes[1].fall > _SECOND * causes[0].fall:
+        names += f", or {causes[1].text}"
+    size = causes[0].fall / around.scale
     own = float(scipy.stats.chi2.sf(size, 1))
     return Misfit(f"{text}; the deviance falls by {size:.0f} with {names}", min(probability, own))
 

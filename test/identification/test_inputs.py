@@ -30,8 +30,11 @@ def test_an_input_with_a_deviation_is_read_from_files_and_mappings(drive: Path) 
     known = Known.of(drive)
     assert known.parameters.friction.preload == 0.4
     assert known.deviations == {"preload": 0.02, "mass": pytest.approx(8e-5)}
-    assert known.parts() == {"preload": pytest.approx(0.05), "mass": pytest.approx(0.02)}
-    assert Known.of({"preload": "400mN +/- 5 mN"}).parts() == {"preload": pytest.approx(0.0125)}
+    assert known.parts({}) == {"preload": pytest.approx(0.05), "mass": pytest.approx(0.02)}
+    half = Known.of({"preload": "400mN +/- 5 mN"}).parts({"mass": 2e-4})
+    assert half == {"preload": pytest.approx(0.0125), "mass": pytest.approx(0.05)}
+    with pytest.raises(IdentificationError, match="spring is 0 with a standard deviation of 1; bo"):
+        known.parts({"spring": 1.0})
     assert Parameters.of(drive).friction.preload == 0.4  # every other command reads it, too
     with pytest.raises(IdentificationError, match="frequency cannot be uncertain; those that can"):
         Known.of({"frequency": "100 +- 1"})
