@@ -52,6 +52,8 @@ SAMPLES_A_SWING, FEW_STEPS, _NOISE_FACTOR = 4.0, 4, 3.0
 #: Largest and smallest step, as parts of the stroke of the actuator; largest stroke (m) of any
 #: actuator of a stick-slip drive.
 _LONGEST_STEP, _SHORTEST_STEP, _LONGEST_STROKE = 1.1, 1e-3, 1e-4
+#: Periods without samples in which the begin or the end of a run is not seen.
+_SEEN = 0.5
 #: Looks of a slow sensor in a swing of the ringing, and in a period of its bandwidth.
 _LOOKS, _LOOKS_OF_SENSOR = 60.0, 12.0
 #: Ratio of ringing and bandwidth up to which delay and width describe the low-pass of a sensor.
@@ -105,6 +107,7 @@ class Experiment:
             )
         real = [one for one in found if not _is_phantom(one, frequency)] or found
         motion, kept = determined_part(motion, real)
+        motion = _without_far_side(motion, kept, _SEEN / frequency)
         left_out = [
             f"{motion.source}: the {one.steps} steps from {one.span} are left out: {why}"
             for one, why in zip(found, why_left_out(found, kept), strict=True)
@@ -256,6 +259,18 @@ def _runs_in(p: Parameters, motion: Motion) -> list[Run]:
     whole = len(motion.t) // each * each
     t, x = (one[:whole].reshape(-1, each).mean(axis=1) for one in (motion.t, motion.x))
     return find_runs(t, x, p.drive.frequency)
+
+
+def _without_far_side(motion: Motion, runs: Sequence[Run], longest: float) -> Motion:
+    """Return a motion without what lies beyond gaps, longer than a time (s), in which runs end."""
+    begins = np.flatnonzero(np.diff(motion.t) > longest)
+    first, last = -math.inf, math.inf
+    for begin, end in zip(motion.t[begins].tolist(), motion.t[begins + 1].tolist(), strict=True):
+        if begin < runs[0].start < end:
+            first = end
+        elif begin < runs[-1].end < end:
+            last = begin
+    return motion.between(first, last)
 
 
 def _refuse_impossible(p: Parameters, motion: Motion) -> None:

@@ -210,8 +210,10 @@ class Surroundings:
         """Return the least rise at values of parameter k, over the ridge."""
         if len(self._looks) < 3:
             return np.asarray((at - float(self.best.unknowns[k])) ** 2 / self.covariance[k, k])
-        _, rises, middle = self._fine(k)
-        across = max(self._across(k), 1e-12)
+        places, rises, middle = self._fine(k)
+        if k == self._ridge:
+            return np.interp(at, places, rises, math.inf, math.inf)
+        across = max(self._across(k), float(np.abs(np.diff(middle)).max()) ** 2)
         return np.asarray(np.min(rises + (at[:, None] - middle) ** 2 / across, axis=1))
 
 
