@@ -47,7 +47,7 @@ class Effect:
     size: Callable[[float], str]  #: how large it is, in words
     only_more: bool = False  #: whether there is no less of it than none
     given: str = ""  #: what is told to matter where it would not show, in words
-    amount: float = 0.1  #: how much that is
+    amount: float = 0.1  #: how much that is, at most where {} stands for it
     cure: str = ""
     costly: bool = False  #: whether it is tried only where something else shows
     most: float = 1.0  #: size beyond which it is no cause, whatever it explains
@@ -100,12 +100,12 @@ EFFECTS = (
         given="10 % more slewrate"),
     Effect(
         LAG, "a lag of the amplifier ({})", 0.3, _lagging,
-        lambda size: format_si(1e-6 * size, "s", 2), only_more=True, given="a lag of 0.3 µs",
-        amount=0.3, most=20.0, cure="identify again with --fit-lag"),
+        lambda size: format_si(1e-6 * size, "s", 2), only_more=True, given="a lag of {}",
+        amount=1.0, most=20.0, cure="identify again with --fit-lag"),
     Effect(
         WIDTH, "a slow sensor ({})", 1.0, None,
         lambda size: f"{1.0 / (2.0 * math.pi * math.sqrt(max(size, 1e-9) * SQUARE)):.2g} Hz",
-        only_more=True, given="a sensor of 100 kHz", amount=2.5, most=1e3,
+        only_more=True, given="a sensor of {}", amount=16.0, most=1e3,
         cure="set sensor_bandwidth in the parameters, or --samples mean"),
     Effect(
         "gain", "another gain of the actuator, or amplitude ({})", 1e-3,
@@ -195,15 +195,21 @@ def effects_of(around: Surroundings, allowed: Sequence[str] = ()) -> list[SeenEf
         shows = power > _TAKEN_UP * float(slope @ slope)
         amount = -along / power if shows else 0.0
         fall = along**2 / power if shows and not (effect.only_more and amount < 0.0) else 0.0
-        given = ""
-        if effect.given and effect.amount**2 * power < least:
-            moved = (-effect.amount * (inverse @ inside)).tolist()
+        given, tried = "", effect.amount
+        if "{}" in effect.given and power > 0.0:  # as much as just does not show
+            tried = min(tried, 0.99 * math.sqrt(least / power))
+        if effect.given and tried**2 * power < least:
+            moved = (-tried * (inverse @ inside)).tolist()
             given = ", ".join(
                 f"{name} {100.0 * by:+.2g} %"
                 for name, by, error in zip(problem.free.names, moved, errors.tolist(), strict=True)
                 if abs(by) > math.sqrt(RISE) * error
             )
-            given = f"{effect.given} would not show: {given}" if given else ""
+            given = (
+                f"{effect.given.format(effect.size(tried))} would not show: {given}"
+                if given
+                else ""
+            )
         found.append(SeenEffect(effect, fall, amount, fall > least, given))
     return sorted(found, key=lambda one: -one.fall)
 
