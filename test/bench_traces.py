@@ -203,6 +203,25 @@ def _behind_amplifier(
     return edges, means, steps
 
 
+def integrate_pieces(
+    axis: Axis,
+    kinks: list[float],
+    rates: list[float],
+    longest: list[float],
+    lag: float,
+    times: Array,
+) -> Array:
+    """Return x (m) at times (s) for an actuator that moves in straight pieces.
+
+    kinks (s) bound the pieces, whose rates are in m/s and steps at most so long (s); the amplifier
+    may lag (s).
+    """
+    if lag:
+        kinks, rates, longest = _behind_amplifier(kinks, rates, longest, lag)
+    pieces = np.array(kinks), np.array(rates), np.array(longest)
+    return np.asarray(_integrated(*pieces, times, axis.constants)[0])
+
+
 @lru_cache(maxsize=64)
 def _motion(
     axis: Axis, drives: tuple[Drive, ...], rest: float, rate: float, jitter: float, seed: int

@@ -22,7 +22,7 @@ from stickslip_ros.cli.options import (
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.files import write_text
-from stickslip_ros.parameters import PARAMETERS, Parameters, parameter, yaml_text
+from stickslip_ros.parameters import PARAMETERS, parameter, yaml_text
 from stickslip_ros.parameters.bounded_files import read_values
 from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting import format_si
@@ -55,8 +55,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--fit", "A,B", "free parameters (default: those of the friction law)")
     text = "what is known of a free parameter beforehand"
     repeated(parser, "--prior", "NAME=MEAN:SD", text)
-    text = "where a free parameter may lie (default: 10 times about its start)"
+    text = "where a free parameter may lie (default: what ringing and stroke leave)"
     repeated(parser, "--bounds", "NAME=LOW:HIGH", text)
+    text = (
+        "standard deviation of an input, such as preload=20mN; or `preload: 0.4 +- 0.02` in a file"
+    )
+    repeated(parser, "--uncertain", "NAME=SD", text)
+    parser.add_argument(
+        "--samples", choices=["point", "mean"],
+        help="whether a sample is of an instant, or a mean over the time from one to the next "
+        "(default: not known, which intervals allow for)",
+    )  # fmt: skip
     parser.add_argument(
         "--fit-lag", action=argparse.BooleanOptionalAction, default=None,
         help="whether the amplifier may lag, so that intervals allow for it (default: if no "
@@ -64,7 +73,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     text = "look for the run that would narrow the widest interval most"
     flag(parser, "--next", text, dest="suggest_next")
-    text = "rank friction laws, all or those named, by how well they predict what was not fitted"
+    text = "rank friction laws, all or those named, by recordings left out, or by the deviance"
     option(parser, "--laws", "A,B", text, nargs="?", const="")
     text = "write the parameters of the first run with the values found"
     option(parser, "--out", "FILE.yaml", text, Path)
@@ -77,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.identification import RANKED_LAWS, Prior, identify, read_curve
+    from stickslip_ros.identification.inputs import Known, deviation_of, read_motion
     from stickslip_ros.measurement.load_motion import is_parameter_file
     from stickslip_ros.pages.fitted import fit_page
 
@@ -101,18 +111,22 @@ def run(args: argparse.Namespace) -> int:
             raise UsageError(
                 f"{path} is a parameter file; give it first, then the measurement: {path} {drive}"
             )
-    runs = [(Parameters.of(drive), measurement_of(args, path)) for drive, path in args.runs]
-    curves = [(Parameters.of(drive), read_curve(path, args.decimal)) for drive, path in args.curves]
+    pairs = (one.partition("=") for one in args.uncertain)
+    uncertain = {parameter(name.strip()).name: deviation_of(name.strip(), text)
+                 for name, _, text in pairs}  # fmt: skip
+    runs = [(drive, measurement_of(args, path, read=read_motion)) for drive, path in args.runs]
+    curves = [(drive, read_curve(path, args.decimal)) for drive, path in args.curves]
     if not runs and not curves:
         raise UsageError("nothing is measured; give --run or --curve")
-    for known, _ in runs:
-        report_left_out("identify", left_out(known, OF_A_FIT))
-    for known, _ in curves:
-        report_left_out("identify", left_out(known))
+    for drive, _ in runs:
+        report_left_out("identify", left_out(Known.of(drive).parameters, OF_A_FIT))
+    for drive, _ in curves:
+        report_left_out("identify", left_out(Known.of(drive).parameters))
     with report_compilation(), progress_bar(_PARTS, "identifying") as bar:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=laws,
-            fit_lag=args.fit_lag, suggest_next=args.suggest_next, progress=partial(_show, bar),
+            uncertain=uncertain, samples=args.samples, fit_lag=args.fit_lag,
+            suggest_next=args.suggest_next, progress=partial(_show, bar),
             say=lambda note: print(note, file=sys.stderr),
         )  # fmt: skip
     if args.out:
@@ -135,12 +149,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:
     """Read NAME=A:B. Raises UsageError and ParameterError."""
-    from stickslip_ros.identification.free import LAG, unit_of
+    from stickslip_ros.identification.free import unit_of
 
     found = {}
     for text in texts:
         name, _, values = text.partition("=")
-        known = name.strip() if name.strip() == LAG else parameter(name.strip()).name
+        known = parameter(name.strip()).name
         try:
             first, second = (read_quantity(part, unit_of(known)) for part in values.split(":"))
         except ValueError:

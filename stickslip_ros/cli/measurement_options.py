@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,23 +76,31 @@ def reading_of(args: argparse.Namespace) -> Reading:
 
 
 def measurement_of(
-    args: argparse.Namespace, path: Path, origin_ns: int | None = None, finer: bool = False
+    args: argparse.Namespace,
+    path: Path,
+    origin_ns: int | None = None,
+    finer: bool = False,
+    read: Callable[[Path, Reading, str | None], Motion] | None = None,
 ) -> Motion:
     """Return the motion measured in a file, cut as the options say; print its notes on stderr.
 
     origin_ns is the time (ns) that the stamps of a bag count from (default: its first message);
-    with finer, a bag of an axis of ours is simulated again where its samples do not suffice.
-    Raises UsageError and BagError.
+    with finer, a bag of an axis of ours is simulated again where its samples do not suffice. read
+    takes the file, how it is read and the joint, in place of `load_motion`. Raises UsageError and
+    BagError.
     """
     from stickslip_ros.measurement.load_motion import load_motion
 
-    path = sample_file(path)
-    loaded = load_motion(path, how=reading_of(args), joint=args.joint, origin_ns=origin_ns)
-    measurement = loaded.motion
-    if finer and loaded.parameters is not None:
-        from stickslip_ros.measurement.finer import finest_motion  # it needs the solver
+    how, file = reading_of(args), sample_file(path)
+    if read is not None:
+        measurement = read(file, how, args.joint)
+    else:
+        loaded = load_motion(file, how=how, joint=args.joint, origin_ns=origin_ns)
+        measurement = loaded.motion
+        if finer and loaded.parameters is not None:
+            from stickslip_ros.measurement.finer import finest_motion  # it needs the solver
 
-        measurement = finest_motion(path, loaded)
+            measurement = finest_motion(file, loaded)
     for note in measurement.notes:
         print(f"{path.name}: {note}", file=sys.stderr)
     start = -math.inf if args.first is None else args.first

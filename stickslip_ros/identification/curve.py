@@ -13,8 +13,7 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
-from stickslip_ros.identification.settings import DESCENT
-from stickslip_ros.identification.trace_fit import BinnedModel
+from stickslip_ros.identification.trace import Seen
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.reading.motion import open_table
 from stickslip_ros.measurement.reading.table import Column, Unit
@@ -28,6 +27,9 @@ RINGING = "ringing_frequency"
 UNITS = {**{name: metric.unit for name, metric in METRICS.items()}, RINGING: "Hz"}
 #: Endings of the column that holds the standard deviation of a metric.
 _DEVIATIONS = ("_sd", "_error", "_uncertainty")
+#: Standard deviation of a metric where the table states none: part of its median to begin with, of
+#: its largest value at least where residuals tell it. Deviations of a point without a value.
+_USUAL, _LEAST, _NO_VALUE = 0.02, 1e-4, 100.0
 #: Other names of metrics and parameters.
 _OTHER_NAMES = {
     "0_amplitude": "zero_amplitude",
@@ -114,7 +116,7 @@ class CurveFit:
 
     clocks = 0
     clock_weight = 0.0
-    step = DESCENT.curve_difference
+    step = 3e-3  # of differences by logarithms: searches for a 0-amplitude are not smooth
 
     def __init__(self, parameters: Parameters, curve: Curve) -> None:
         """Take the measured numbers in one row, metric by metric. IdentificationError."""
@@ -126,7 +128,7 @@ class CurveFit:
         sizes, stated = [], []
         for name, values in curve.metrics.items():
             own = curve.deviations.get(name)
-            usual = max(DESCENT.curve_deviation * abs(float(np.nanmedian(values))), 1e-12)
+            usual = max(_USUAL * abs(float(np.nanmedian(values))), 1e-12)
             sizes.append(np.full(self._points, usual) if own is None else own)
             stated.append(np.full(self._points, own is not None))
         self.deviation = np.concatenate(sizes)[self._known]
@@ -151,9 +153,9 @@ class CurveFit:
             for k in range(self._points)
         ]
 
-    def model(self, parameters: Parameters, clock: Array) -> BinnedModel:
+    def model(self, p: Parameters, clock: Array, width: float = 0.0) -> Seen:
         """Return the metrics of the model, nan at points without one. ParameterError."""
-        columns = parameters.replace(**self.curve.varied)
+        columns = p.replace(**self.curve.varied)
         points = Points(columns, self._points, None)
         found = []
         for name in self.curve.metrics:
@@ -165,33 +167,34 @@ class CurveFit:
         x = np.concatenate(found)[self._known]
         if not np.isfinite(x).any():
             raise ParameterError("no point of the curve is possible")
-        return BinnedModel(x, np.zeros_like(x))
+        return Seen(x, np.zeros_like(x), np.zeros_like(x))
 
-    def residuals(self, seen: BinnedModel) -> tuple[Array, Array]:
-        """Return residuals (size,) in standard deviations, and an empty basis."""
-        left = (self.measured - seen.x) / self.deviation
-        return np.nan_to_num(left, nan=DESCENT.no_value), np.zeros((self.size, 0))
+    def residuals(self, seen: Seen) -> Array:
+        """Return the residuals in standard deviations, (size,)."""
+        return np.nan_to_num((self.measured - seen.x) / self.deviation, nan=_NO_VALUE)
 
-    def projected(self, change: Array, basis: Array) -> Array:
+    def changed(self, change: Array) -> Array:
         """Return the change of the residuals for a change of the model, (size,) or (size, n)."""
         return np.asarray((np.nan_to_num(-change).T / self.deviation).T)
 
-    def clock_derivatives(self, seen: BinnedModel, clock: Array) -> Array:
+    def clock_derivatives(self, seen: Seen, clock: Array) -> Array:
         """Return no derivatives, (size, 0)."""
         return np.zeros((self.size, 0))
 
-    def learn_noise(self, seen: BinnedModel) -> None:
+    def width_derivative(self, seen: Seen) -> Array:
+        """Return 0: a metric has no width."""
+        return np.zeros(self.size)
+
+    def learn(self, seen: Seen) -> None:
         """Estimate deviations that the table does not state from the residuals of a good fit."""
         left = self.measured - seen.x
         for k in range(len(self.curve.metrics)):
             own = (self._metric == k) & ~self._stated & np.isfinite(left)
             if np.count_nonzero(own) > 2:
                 usual = math.sqrt(float(np.mean(left[own] ** 2)))
-                self.deviation[own] = max(
-                    usual, DESCENT.least_deviation * float(np.abs(self.measured[own]).max())
-                )
+                self.deviation[own] = max(usual, _LEAST * float(np.abs(self.measured[own]).max()))
 
-    def fitted(self, seen: BinnedModel) -> FittedCurve:
+    def fitted(self, seen: Seen) -> FittedCurve:
         """Return the table and the values of the model."""
 
         def spread(values: Array) -> dict[str, Array]:

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.identification.free import LAG, unit_of
+from stickslip_ros.identification.free import LAG, WIDTH, unit_of
 from stickslip_ros.identification.posterior import Posterior
-from stickslip_ros.identification.settings import SEARCH
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
@@ -21,6 +20,10 @@ from stickslip_ros.reporting.tables import frame
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
+
+
+#: Largest ratio of the ends of an interval that is determined.
+DETERMINED = 4.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Estimate:
             self.low is not None
             and self.high is not None
             and not self.doubt
-            and self.high <= SEARCH.determined * self.low
+            and self.high <= DETERMINED * self.low
         )
 
     @property
@@ -58,9 +61,11 @@ class Estimate:
         """Value, low and high with their unit; a dash for a missing end."""
         ends = [abs(end - self.value) for end in (self.low, self.high) if end is not None]
         narrow = min((end for end in ends if end > 0.0), default=abs(self.value))
-        digits = max(4, 1 + math.ceil(math.log10(abs(self.value) / narrow))) if narrow else 4
+        digits = 4
+        if narrow and self.value:
+            digits = max(4, 1 + math.ceil(math.log10(abs(self.value) / narrow)))
         value, low, high = (
-            "–" if number is None else format_si(number, self.unit, digits, like=self.value)
+            "–" if number is None else format_si(number, self.unit, digits, like=self.value or None)
             for number in (self.value, self.low, self.high)
         )
         return value, low, high
@@ -75,10 +80,10 @@ class FittedRun:
     steps: int  #: sign: direction
     clock_drift: float  #: how much longer times of the measurement are, s/s
     noise: float  #: standard deviation of one sample, m
-    residual: float  #: root mean square of the residuals of the bins, m
-    mains: tuple[float, ...]  #: frequencies of hum that were taken out, Hz
-    cycle: Array  #: how many cycles each bin is after its run began; nan outside of the runs
-    t: Array  #: times of the bins, s
+    residual: float  #: root mean square of the residuals of the blocks, m
+    mains: tuple[float, ...]  #: frequencies of hum that stands out, Hz
+    cycle: Array  #: how many cycles each block is after its run began; nan outside of the runs
+    t: Array  #: times of the blocks of samples, s
     measured: Array  #: their means, m
     left: Array  #: their residuals, m
 
@@ -153,12 +158,12 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class RankedLaw:
-    """A friction law, judged by data that was left out of its fit."""
+    """A friction law, judged by recordings that were left out, or by its deviance."""
 
     law: str
     parameters: Mapping[str, float]  #: its constants, fitted to everything, SI units
-    score: float  #: deviance of the left-out data, minus that of the best law
-    residual: float  #: root mean square (m) of the residuals of the left-out bins
+    score: float  #: deviance, 4 more for each constant, minus that of the best law
+    residual: float  #: root mean square (m) of the residuals of the blocks
     likely: bool  #: whether it may be the law: it predicts as well as the best, but for chance
 
 
@@ -192,7 +197,7 @@ class Fit:
 
     @property
     def residual(self) -> float | None:
-        """Root mean square (m) of the residuals of the bins, None without runs."""
+        """Root mean square (m) of the residuals of the blocks, None without runs."""
         return _mean_square([run.residual for run in self.runs])
 
     def without_intervals(self) -> Fit:
@@ -215,16 +220,16 @@ class Fit:
     def posterior(self) -> Posterior | None:
         """The values with their uncertainty, as a twin takes them; None after an interruption.
 
-        A missing end of an interval counts as a factor of `SEARCH.determined`.
+        A missing end of an interval counts as a factor of `DETERMINED`.
         """
         if not self.complete or not self.correlations:
             return None
-        found = [one for one in self.parameters.values() if one.name != LAG]
+        found = [one for one in self.parameters.values() if one.name not in (LAG, WIDTH)]
         return Posterior(
             tuple(one.name for one in found),
             tuple(one.value for one in found),
-            tuple(one.low or one.value / SEARCH.determined for one in found),
-            tuple(one.high or one.value * SEARCH.determined for one in found),
+            tuple(one.low or one.value / DETERMINED for one in found),
+            tuple(one.high or one.value * DETERMINED for one in found),
             tuple(tuple(self.correlations[a.name][b.name] for b in found) for a in found),
         )
 

@@ -1,30 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The free parameters with their bounds and priors.
+"""The free parameters with their bounds and priors, and what is unknown beside them.
 
-All are positive and known to a factor at best, so the search works with their logarithms.
+All parameters are positive and known to a factor at best, so the fit works with their logarithms.
+Where a motion was measured, the bounds of the contact's constants follow from its ringing and from
+the stroke of the actuator, alike for all friction laws.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.identification.experiment import IdentificationError
-from stickslip_ros.identification.settings import SEARCH
+from stickslip_ros.identification.experiment import Experiment, IdentificationError
 from stickslip_ros.laws import LAWS
+from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import constants_in_force
-from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.parameters import ParameterError, Parameters, parameter
 
-#: The lag of the amplifier (s), which is free as a time constant.
-LAG = "amplifier_lag"
+#: The lag of the amplifier (s), and the width (s) of the time over which the instrument averages.
+LAG, WIDTH = "amplifier_lag", "sensor_width"
 #: Free parameters by default of a law that names none.
 _OF_ANY_LAW = ("sigma_0", "sigma_1")
 #: Parameters of the axis, besides those of the friction, that can be free.
 _OTHERS = ("mass", "payload", "spring", "gain", "slewrate")
+#: Factor about its starting value within which a parameter is looked for, where no motion tells.
+BOUNDS_FACTOR = 10.0
+#: Bounds of the stiffness about that of the ringing, as a factor, and where none is seen; of the
+#: damping, as parts of sqrt(stiffness mass).
+_ABOUT_RINGING, _WITHOUT_RINGING, _DAMPING = 3.0, 10.0, (1e-3, 3.0)
+#: Least deflection (m) of the contact, and the largest in terms of the longest stroke.
+_SHORTEST, _LONGEST = 1e-9, 3.0
+#: Largest coefficient of friction.
+_ROUGHEST = 30.0
 
 
 @dataclass(frozen=True)
@@ -47,41 +58,29 @@ class FreeParameters:
 
     def values(self, theta: Array) -> dict[str, float]:
         """Return the values of the logarithms theta by name."""
-        return {name: value_at(name, at) for name, at in zip(self.names, theta, strict=True)}
+        return {name: math.exp(at) for name, at in zip(self.names, theta, strict=False)}
 
     def applied(self, base: Parameters, theta: Array) -> Parameters:
-        """Return base with the values of theta. ParameterError if the law cannot use them."""
+        """Return base with the values of theta. ParameterError if the law cannot use them.
+
+        Where mu_k is free, its ratio to mu_s stays.
+        """
         values = self.values(theta)
-        lag = values.pop(LAG, None)
-        if lag is not None:
-            values["amplifier_bandwidth"] = 1.0 / (2.0 * math.pi * lag)
+        if "mu_k" in values and "mu_s" not in values:
+            values["mu_s"] = values["mu_k"] * base.friction.mu_s / base.friction.mu_k
         return base.replace(**values)
 
-    def with_lag(self, start: float = SEARCH.lag_start) -> FreeParameters:
-        """Return these parameters and, as the last, the lag of the amplifier."""
-        begin, low, high = np.log(
-            np.array([start, SEARCH.lag_low, SEARCH.lag_high]) + SEARCH.lag_knee
-        )
-        return FreeParameters(
-            (*self.names, LAG), np.append(self.start, begin), np.append(self.low, low),
-            np.append(self.high, high), {**self.priors, LAG: Prior(0.0, SEARCH.lag_deviation)},
-        )  # fmt: skip
-
-    def without_lag(self) -> FreeParameters:
-        """Return these parameters without the lag of the amplifier."""
-        if LAG not in self.names:
-            return self
-        priors = {name: one for name, one in self.priors.items() if name != LAG}
-        return FreeParameters(
-            self.names[:-1], self.start[:-1], self.low[:-1], self.high[:-1], priors
-        )
+    def applied_or_none(self, base: Parameters, theta: Array) -> Parameters | None:
+        """Return `applied`, None if the law cannot use the values."""
+        try:
+            return self.applied(base, theta)
+        except ParameterError:
+            return None
 
     def prior_residuals(self, theta: Array) -> Array:
         """Return the differences of the values from their priors, in standard deviations."""
         values = self.values(theta)
-        return np.array(
-            [(values[name] - one.mean) / one.deviation for name, one in self.priors.items()]
-        )
+        return np.array([(values[name] - p.mean) / p.deviation for name, p in self.priors.items()])
 
     def prior_jacobian(self, theta: Array) -> Array:
         """Return the derivatives of `prior_residuals` by theta."""
@@ -92,15 +91,59 @@ class FreeParameters:
         return jacobian
 
 
-def value_at(name: str, theta: float) -> float:
-    """Return the value of a free parameter, given the number that the search uses for it."""
-    value = math.exp(theta)
-    return max(value - SEARCH.lag_knee, 0.0) if name == LAG else value
+@dataclass(frozen=True)
+class Nuisance:
+    """An unknown beside the parameters, with a prior about 0 in its own unit."""
+
+    name: str
+    unit: float  #: of the unknown, SI
+    deviation: float  #: of the prior, in that unit
+    low: float  #: bounds, in that unit
+    high: float
+    #: Parameters with a value of it, in that unit; None: it is of the instrument.
+    change: Callable[[Parameters, float], Parameters] | None = None
+
+
+def lag_of_amplifier() -> Nuisance:
+    """Return the lag of an amplifier: 2 us is ordinary, so its root mean square is 1.15 us."""
+
+    def lagging(p: Parameters, lag: float) -> Parameters:
+        seconds = 1e-6 * lag
+        if seconds < _NO_LAG:
+            return p
+        return p.replace(amplifier_bandwidth=1.0 / (2.0 * math.pi * seconds))
+
+    return Nuisance(LAG, 1e-6, 1.15, 0.0, 20.0, lagging)
+
+
+#: Lag (s) that moves nothing.
+_NO_LAG = 1e-9
+#: Bandwidth (Hz) of a slow sensor, whose time constant is the root mean square of widths.
+_SLOW_SENSOR = 2e4
+
+
+def width_of_sensor(spacing: float) -> Nuisance:
+    """Return the squared width of the time (us) over which an instrument averages.
+
+    Means over the spacing of the samples (s) have a twelfth of its square, a sensor of first order
+    the square of its time constant.
+    """
+    usual = 1e12 * ((2.0 * math.pi * _SLOW_SENSOR) ** -2 + spacing**2 / 12.0)
+    return Nuisance(WIDTH, 1e-12, usual, 0.0, 30.0 * usual)
+
+
+def uncertain_input(name: str, part: float) -> Nuisance:
+    """Return the error of an input that is known to a part of it, alike in all runs."""
+
+    def changed(p: Parameters, deviations: float) -> Parameters:
+        return p.replace(**{name: p.value(name) * math.exp(part * deviations)})
+
+    return Nuisance(name, part, 1.0, -6.0, 6.0, changed)
 
 
 def unit_of(name: str) -> str:
     """Return the unit of a free parameter."""
-    return "s" if name == LAG else parameter(name).unit
+    return "s" if name in (LAG, WIDTH) else parameter(name).unit
 
 
 def default_names(sets: Sequence[Parameters]) -> tuple[str, ...]:
@@ -117,10 +160,12 @@ def free_parameters(
     names: Sequence[str] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, Prior] | None = None,
+    experiments: Sequence[Experiment] = (),
 ) -> FreeParameters:
     """Return the free parameters of sets, one set an experiment.
 
-    Raises IdentificationError and ParameterError.
+    Bounds that are not given follow from measured experiments. Raises IdentificationError and
+    ParameterError.
     """
     bounds, priors = bounds or {}, priors or {}
     chosen = tuple(names) if names else default_names(sets)
@@ -146,11 +191,13 @@ def free_parameters(
                 raise IdentificationError(
                     f"{name} has {what} but is not free; free are {', '.join(chosen)}"
                 )
+    measured = _bounds_of(experiments) if experiments else {}
     low, start, high = (np.empty(len(chosen)) for _ in range(3))
     for k, name in enumerate(chosen):
         row = parameter(name)
         value = starting_value(sets[0], name)
-        least, most = bounds.get(name, (value / SEARCH.bounds_factor, value * SEARCH.bounds_factor))
+        usual = measured.get(name, (value / BOUNDS_FACTOR, value * BOUNDS_FACTOR))
+        least, most = bounds.get(name, usual)
         if not (0.0 < least < most < math.inf):
             raise IdentificationError(
                 f"the bounds of {name} are {least:g} and {most:g} {row.unit}; "
@@ -173,6 +220,46 @@ def starting_value(p: Parameters, name: str) -> float:
     if value is None or not value > 0.0:
         raise IdentificationError(
             f"{name} has no starting value above 0; set one in the parameters, to within a factor "
-            f"of {SEARCH.bounds_factor:g}"
+            f"of {BOUNDS_FACTOR:g}"
         )
     return float(value)
+
+
+def stiffness_of(experiments: Sequence[Experiment]) -> tuple[float, bool]:
+    """Return the stiffness of the contact (N/m), and whether ringing shows it.
+
+    Without ringing it is that of Eq. 14 with the constants of the paper.
+    """
+    for one in experiments:
+        if one.ringing is not None:
+            mass, ringing = Plant.of(one.parameters).mass, one.ringing
+            square = (2.0 * math.pi * ringing.frequency) ** 2 + ringing.decay**2
+            found = mass * square - (one.parameters.runner.spring or 0.0)
+            if found > 0.0:
+                return found, True
+    return 5e6 * experiments[0].parameters.friction.preload + 7e6, False
+
+
+def _bounds_of(experiments: Sequence[Experiment]) -> dict[str, tuple[float, float]]:
+    """Return the bounds of constants of the contact that measured motions leave."""
+    first = experiments[0].parameters
+    stiff, rings = stiffness_of(experiments)
+    mass, preload = Plant.of(first).mass, first.friction.preload * first.friction.preload_ratio
+    longest = _LONGEST * max(
+        one.parameters.drive.amplitude * one.parameters.actuator.gain_in_force
+        for one in experiments
+    )
+    factor = _ABOUT_RINGING if rings else _WITHOUT_RINGING
+    damping = math.sqrt(stiff * mass)
+    mu = 1.0 if first.friction.model == "ceim_without_mu" else first.friction.mu
+    return {
+        "sigma_0": (stiff / factor, stiff * factor),
+        "sigma_1": (_DAMPING[0] * damping, _DAMPING[1] * damping),
+        "z_ba": (_SHORTEST, longest),
+        "z_ss": (_SHORTEST, longest),
+        "sigma_0ss": (preload * mu / longest, preload * mu / _SHORTEST),
+        "mu_k": (
+            max(1e-3, _SHORTEST * stiff / preload),
+            min(_ROUGHEST, longest * stiff / preload),
+        ),
+    }

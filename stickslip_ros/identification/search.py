@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where to begin: when each run began, and differential evolution on a few hundred samples.
+"""Where to begin: when each run began, and which constants are worth a descent.
 
-The sum of squares of a trace has many local minima, so a descent from a guess ends in a wrong one.
-The clock need not be known: a column of the velocity takes up small errors of it.
-
-When each run of a measurement began: models laid over it at many shifts.
-
-Weak damping and hum shift the start found from the steps alone by a part of a period, far more
-than the period of ringing that least squares can correct. Stiffness and damping of the contact are
-roughly known from the ringing; of the other constants it is enough if some of the random draws fit.
+The deviance of a trace has many local minima, so a descent from a guess ends in a wrong one. Some
+models are laid over the record at many shifts, which tells when its runs began. Then points of a
+Sobol sequence about what ringing and stroke ask for are compared on a few hundred blocks, a small
+shift of the clock taken up by a column of the velocity, and the best of them descend a little.
 """
 
 from __future__ import annotations
@@ -23,13 +19,118 @@ import scipy  # its parts load when they are used, which takes half a second
 from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.experiment import Stepping
-from stickslip_ros.identification.free import FreeParameters
-from stickslip_ros.identification.settings import SEARCH
-from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
+from stickslip_ros.identification.free import FreeParameters, stiffness_of
+from stickslip_ros.identification.problem import Problem
+from stickslip_ros.identification.trace import Look, Trace, sensor_basis
 from stickslip_ros.model import Plant
-from stickslip_ros.model.derivations import sigma_0_of_ringing, sigma_1_of_decay
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
+
+#: Points of the design, those that are laid over records, and those that descend.
+_POINTS, _LAID, _DESCENTS = 256, 24, 8
+#: Rounds of a descent here, and ends that are handed on.
+_ROUNDS, _HANDED_ON = 12, 3
+#: Blocks and cycles that points are compared on, and that they descend on.
+_COMPARED, _DESCENDED = (360, 8.5), (700, 10.0)
+#: Deviation (logarithm) of the points about a start; that of the stiffness about the ringing, and
+#: of the damping about its decay.
+_NARROW, _STIFFNESS, _DAMPING = math.log(3.5), 0.05, 0.7
+#: Blocks and samples of a model laid over a record; shifts in a swing; shifts at most.
+_LAID_BLOCKS, _LAID_SAMPLES, _A_SWING, _SHIFTS = 500, 30_000, 14.0, 1500
+#: How far a start may be off: swings, parts of a period, at most; periods where cycles are unclear.
+_SWINGS, _PERIODS, _WITHIN, _FAR = 2.0, 0.06, 0.45, 1.3
+#: Part of the squares that another number of steps has to leave.
+_CLEARLY = 0.9
+#: Differences (logarithm) by which ends are two; deviance above the best beyond which none is kept.
+_APART, _WORSE = {"sigma_0": 0.004, "z_ba": 0.3}, (4.0, 40.0)
+_APART_OTHERS = 0.8
+
+
+def search(
+    traces: Sequence[Trace],
+    tables: Sequence[CurveFit],
+    free: FreeParameters,
+    seed: int,
+    progress: Callable[[float, Array], None] = lambda part, best: None,
+) -> list[Array]:
+    """Return logarithms of parameters to descend from, the best first.
+
+    The starts of the runs are moved, and their numbers of steps corrected, unless there are no
+    traces. progress is called with the part that is done and the best logarithms so far.
+    """
+    points = design(traces, free, seed)
+    for trace in traces:
+        if not trace.placed:
+            place_runs(trace, [free.applied_or_none(trace.parameters, y) for y in points[:_LAID]])
+    looks = [Look(trace, *_COMPARED) for trace in traces]
+    coarse = Problem([*looks, *tables], free)
+    costs = np.array([_cost(coarse, y) for y in points])
+    order = np.argsort(costs)
+    progress(0.5, points[order[0]])
+    fine = Problem([*(Look(trace, *_DESCENDED) for trace in traces), *tables], free)
+    ends: list[tuple[float, Array]] = []
+    for done, k in enumerate(order[:_DESCENTS], 1):
+        begun = fine.point(fine.begin(points[k])) if np.isfinite(costs[k]) else None
+        if begun is not None:
+            end = fine.descend(begun, _ROUNDS)
+            ends.append((end.deviance, end.unknowns[: fine.count]))
+            ends.sort(key=lambda one: one[0])
+            progress(0.5 + 0.5 * done / _DESCENTS, ends[0][1])
+    kept: list[Array] = []
+    apart = np.array([_APART.get(name, _APART_OTHERS) for name in free.names])
+    for cost, theta in ends:
+        near = cost < _WORSE[0] * ends[0][0] + _WORSE[1]
+        if near and all((np.abs(theta - other) > apart).any() for other in kept):
+            kept.append(theta)
+    return kept[:_HANDED_ON]
+
+
+def design(traces: Sequence[Trace], free: FreeParameters, seed: int) -> Array:
+    """Return logarithms of parameters to compare, (points, parameters).
+
+    Three of four lie about the starting values, all others anywhere between the bounds; stiffness
+    and damping of most are such as the ringing asks for.
+    """
+    count = len(free.names)
+    u = scipy.stats.qmc.Sobol(count, seed=seed).random(_POINTS)
+    anywhere = free.low + u * (free.high - free.low)
+    about = np.clip(free.start + (2.0 * u - 1.0) * _NARROW, free.low, free.high)
+    some = np.arange(_POINTS) % 4 == 3
+    points = np.where(some[:, None], anywhere, about)
+    points[0] = free.start
+    seen = next((one.experiment for one in traces if one.experiment.ringing), None)
+    if seen is not None and seen.ringing is not None:
+        mass = Plant.of(seen.parameters).mass
+        stiff, _ = stiffness_of([seen])
+        for name, value, width in (
+            ("sigma_0", stiff, _STIFFNESS),
+            ("sigma_1", 2.0 * mass * seen.ringing.decay, _DAMPING),
+        ):
+            if name in free.names and value > 0.0:
+                k = free.names.index(name)
+                near = math.log(value) + (2.0 * u[:, k] - 1.0) * width
+                points[:, k] = np.where(some & (name == "sigma_0"), points[:, k], near)
+    if {"z_ba", "z_ss"} <= {*free.names}:  # it breaks away before it slides
+        first, last = free.names.index("z_ba"), free.names.index("z_ss")
+        points[:, last] = points[:, first] + 0.1 + 1.5 * u[:, last]
+    return np.asarray(np.clip(points, free.low + 1e-6, free.high - 1e-6))
+
+
+def _cost(problem: Problem, theta: Array) -> float:
+    """Return the deviance of a point, with the best small shift of each clock; infinite if none."""
+    at = problem.point(problem.begin(theta))
+    if at is None:
+        return math.inf
+    cost, row = at.deviance, 0
+    for fit, seen in zip(problem.fits, at.seen, strict=True):
+        if fit.clocks:
+            speed, own = fit.changed(seen.v), at.residuals[row : row + fit.size]
+            cost -= float(speed @ own) ** 2 / max(float(speed @ speed), 1e-30)
+        row += fit.size
+    return cost
+
+
+# -- when runs began
 
 
 @dataclass(frozen=True)
@@ -42,222 +143,84 @@ class Placed:
 
 
 class Window:
-    """The bins about one run, with a basis of the errors of the sensor."""
+    """The blocks about one run, with a basis of the errors of the sensor."""
 
-    def __init__(self, fit: TraceFit, k: int) -> None:
-        """Take the bins between the middles of the rests about run k."""
-        self._experiment = fit.experiment
-        self.run: Stepping = fit.experiment.runs[k]
-        starts, runs = fit.starts, fit.experiment.runs
+    def __init__(self, trace: Trace, k: int) -> None:
+        """Take the blocks between the middles of the rests about run k."""
+        self._experiment, self.run = trace.experiment, trace.experiment.runs[k]
+        starts, runs = trace.starts, trace.experiment.runs
         ends = [s + abs(run.steps) / run.frequency for s, run in zip(starts, runs, strict=True)]
         begin = 0.5 * (ends[k - 1] + starts[k]) if k > 0 else -math.inf
         end = 0.5 * (ends[k] + starts[k + 1]) if k + 1 < len(runs) else math.inf
-        sure = fit.experiment.unsure
-        begin, end = max(begin, sure[0]), min(end, sure[1])
-        bins = fit.bins
-        some = bins.some((bins.t >= begin) & (bins.t <= end), SEARCH.laid_bins)
-        self.t, self._x, self._basis = some.t, some.x, some.of_sensor()
+        sure, blocks = trace.experiment.unsure, trace.blocks
+        inside = (blocks.t >= max(begin, sure[0])) & (blocks.t <= min(end, sure[1]))
+        which = np.flatnonzero(inside & blocks.full)
+        number = min(_LAID_BLOCKS, len(which))
+        which = which[np.linspace(0, len(which) - 1, number).astype(np.int64)]
+        self.t, self._x = blocks.t[which], blocks.x[which]
+        self._basis = sensor_basis(self.t)
 
-    def placed(self, p: Parameters, start: float, reach: float, steps: int) -> Placed:
-        """Return the best place within reach (s) of a start (s). ParameterError, SolverError."""
-        ringing = max(Plant.of(p).ringing_frequency, SEARCH.least_ringing * self.run.frequency)
-        only = replace(
-            self._experiment, runs=(Stepping(0.0, steps, self.run.frequency),), beyond=False
-        )
-        first, last = float(self.t[0]) - start - reach, float(self.t[-1]) - start + reach
-        count = int(min((last - first) * SEARCH.density * ringing, SEARCH.most_samples))
-        grid = np.linspace(first, last, max(count, 2))
-        x, _ = only.simulate(p, np.zeros(1), grid)
-        number = int(min(2.0 * reach * SEARCH.shifts * ringing, SEARCH.most_shifts)) // 2 * 2 + 1
+    def placed(self, p: Parameters, begun: Placed, far: float) -> Placed:
+        """Return the best place of a model near a start, far periods off at most.
+
+        It is the start itself if the model makes no contact.
+        """
+        frequency, steps = self.run.frequency, begun.steps
+        try:
+            ringing = Plant.of(p).ringing_frequency
+            swings = max(_SWINGS / max(ringing, frequency), _PERIODS / frequency)
+            reach = max(min(swings, _WITHIN / frequency), far / frequency)
+            ringing = max(ringing, 10.0 * frequency)
+            only = replace(self._experiment, runs=(Stepping(0.0, steps, frequency),), beyond=False)
+            first, last = self.t[0] - begun.start - reach, self.t[-1] - begun.start + reach
+            count = int(min((last - first) * _A_SWING * ringing, _LAID_SAMPLES))
+            grid = np.linspace(first, last, max(count, 2))
+            x, _ = only.simulate(p, np.zeros(1), grid)
+        except (ParameterError, SolverError):
+            return begun
+        number = int(min(2.0 * reach * _A_SWING * ringing, _SHIFTS)) // 2 * 2 + 1
         shifts = np.linspace(-reach, reach, number)
-        best = Placed(math.inf, start, steps)
-        for some in np.array_split(shifts, max(1, number // SEARCH.at_once)):
-            seen = np.interp(self.t[:, None] - start - some, grid, x)
-            left = self._x[:, None] - seen
-            left -= self._basis @ (self._basis.T @ left)
-            sums = np.sum(left * left, axis=0)
-            k = int(np.argmin(sums))
-            if sums[k] < best.left:
-                best = Placed(float(sums[k]), start + float(some[k]), steps)
-        return best
+        left = self._x[:, None] - np.interp(self.t[:, None] - begun.start - shifts, grid, x)
+        left -= self._basis @ (self._basis.T @ left)
+        sums = np.sum(left * left, axis=0)
+        k = int(np.argmin(sums))
+        found = Placed(float(sums[k]), begun.start + float(shifts[k]), steps)
+        return min([begun, found], key=lambda one: one.left)
 
 
-def place_runs(fit: TraceFit, sets: Sequence[Parameters]) -> None:
+def place_runs(trace: Trace, sets: Sequence[Parameters | None]) -> None:
     """Move the starts of an experiment's runs to where one of some models fits best.
 
     Hum may have made a step more or less; the numbers of steps are corrected, too.
     """
-    runs = list(fit.experiment.runs)
-    far = SEARCH.far if fit.experiment.doubtful else 0.0
-    for k, run in enumerate(fit.experiment.runs):
-        window, begun = Window(fit, k), Placed(math.inf, float(fit.starts[k]), run.steps)
-        places = [(_best(window, [begun], p, far), p) for p in sets]
-        best, p = min(
-            places, key=lambda one: one[0].left, default=(begun, fit.experiment.parameters)
-        )
+    runs = list(trace.experiment.runs)
+    far = _FAR if trace.experiment.doubtful else 0.0
+    for k, run in enumerate(trace.experiment.runs):
+        window, begun = Window(trace, k), Placed(math.inf, float(trace.starts[k]), run.steps)
+        places = [(window.placed(p, begun, far), p) for p in sets if p is not None]
+        best, p = min(places, key=lambda one: one[0].left, default=(begun, trace.parameters))
         if not math.isfinite(best.left):
             continue
         # Other runs that may look the same: a step more or less, at the start or the end.
         sign, period = 1 if best.steps > 0 else -1, 1.0 / run.frequency
-        begun_otherwise = [
-            Placed(math.inf, best.start + shift * period, best.steps + sign * more)
+        others = [
+            window.placed(p, Placed(math.inf, best.start + shift * period, steps), 0.0)
             for shift, more in ((0, 1), (0, -1), (-1, 1), (1, -1), (-1, 0), (1, 0))
-            if abs(best.steps) + more > 0
+            if (steps := best.steps + sign * more) * sign > 0
         ]
-        others = _best(window, begun_otherwise, p, 0.0)
-        if others.left < SEARCH.clearly_better * best.left:
-            best = others
-        fit.starts[k] = best.start
+        other = min(others, key=lambda one: one.left)
+        if other.left < _CLEARLY * best.left:
+            best = other
+        trace.starts[k] = best.start
         runs[k] = replace(run, start=best.start, steps=best.steps)
-    fit.take(replace(fit.experiment, runs=tuple(runs), doubtful=False))
+    trace.experiment = replace(trace.experiment, runs=tuple(runs), doubtful=False)
+    trace.placed = True
 
 
-def clock_of(fit: TraceFit, p: Parameters) -> Array:
-    """Return the clock that aligns a model best with the runs, in the form of `TraceFit`."""
-    clock = np.zeros(fit.clocks)
-    for k, run in enumerate(fit.experiment.runs):
-        begun = Placed(math.inf, float(fit.starts[k]), run.steps)
-        best = _best(Window(fit, k), [begun], p, 0.0)
-        clock[k] = (best.start - begun.start) / CLOCK
+def clock_of(trace: Trace, p: Parameters) -> Array:
+    """Return the clock that aligns a model best with the runs, in the form of `Trace`."""
+    clock = np.zeros(trace.clocks)
+    for k, run in enumerate(trace.experiment.runs):
+        begun = Placed(math.inf, float(trace.starts[k]), run.steps)
+        clock[k] = (Window(trace, k).placed(p, begun, 0.0).start - begun.start) / 1e-6
     return clock
-
-
-def _best(window: Window, begun: Sequence[Placed], p: Parameters, far: float) -> Placed:
-    """Return the best shift of a model near given starts, within far periods of the drive.
-
-    It is the first start if the model makes no contact.
-    """
-    period = 1.0 / window.run.frequency
-    try:
-        ringing = Plant.of(p).ringing_frequency
-        near = max(SEARCH.swings / max(ringing, window.run.frequency), SEARCH.periods * period)
-        reach = max(min(near, SEARCH.within * period), far * period)
-        found = [window.placed(p, one.start, reach, one.steps) for one in begun]
-    except (ParameterError, SolverError):
-        return begun[0]
-    return min([begun[0], *found], key=lambda one: one.left)
-
-
-_NONE = np.zeros(0)
-
-
-class CoarseFit:
-    """One experiment, evaluated in a few bins."""
-
-    def __init__(self, fit: TraceFit) -> None:
-        """Choose bins outside of slips, within the first cycles of the first run."""
-        # The low-pass of a sensor takes longer than the axis, and hardly moves an optimum.
-        known = fit.parameters.replace(sensor_bandwidth=None)
-        self.experiment = replace(fit.experiment, parameters=known)
-        self._starts = fit.starts
-        run, (begin, end), bins = fit.experiment.runs[0], fit.experiment.unsure, fit.bins
-        begin = max(begin, run.start - 1.0 / run.frequency)
-        end = min(end, run.start + SEARCH.cycles / run.frequency)
-        slip, slip_end = fit.experiment.slip
-        since = np.mod(bins.t - run.start - slip_end, 1.0 / run.frequency)
-        until = 1.0 / run.frequency - (slip_end - slip) - since
-        outside = (since > SEARCH.guard) & (until > SEARCH.guard)
-        self._bins = bins.some((bins.t >= begin) & (bins.t <= end) & outside, SEARCH.bins)
-        self._basis = self._bins.of_sensor()
-
-    def cost(self, p: Parameters) -> float:
-        """Return the sum of squares that a model leaves. ParameterError, SolverError."""
-        # The middle of a bin is near enough to its mean here, at half the cost.
-        x, speed = self.experiment.simulate(p, self._starts, self._bins.t)
-        left, speed = (
-            one - self._basis @ (self._basis.T @ one) for one in (self._bins.x - x, speed)
-        )
-        shift = float(left @ speed) / max(float(speed @ speed), 1e-30)
-        rest = left - shift * speed
-        cost, ringing = float(rest @ rest) / SEARCH.noise**2, self.experiment.ringing
-        if ringing is not None:
-            plant = Plant.of(p)
-            decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
-            frequency = max(plant.ringing_frequency, 1e-3 * ringing.frequency)
-            cost += (math.log(frequency / ringing.frequency) / SEARCH.frequency) ** 2
-            cost += (math.log(max(decay, 1e-9) / ringing.decay) / SEARCH.decay) ** 2
-        return cost
-
-
-def search(
-    fits: Sequence[TraceFit],
-    curves: Sequence[CurveFit],
-    free: FreeParameters,
-    seed: int,
-    progress: Callable[[int, int, Array], None] = lambda done, of, best: None,
-) -> list[Array]:
-    """Return logarithms of parameters to descend from, the best ones first.
-
-    progress is called with generations done, of how many, and the best logarithms so far.
-    """
-    random = np.random.default_rng(seed)
-    members = _population(fits, free, random)
-    for fit in fits:
-        some = members[: len(members) // 2]
-        place_runs(fit, [free.applied(fit.experiment.parameters, one) for one in some])
-    looks = [CoarseFit(fit) for fit in fits]
-
-    def cost(theta: Array) -> float:
-        total = float(np.sum(free.prior_residuals(theta) ** 2))
-        try:
-            for curve in curves:
-                left, _ = curve.residuals(curve.model(free.applied(curve.parameters, theta), _NONE))
-                total += float(left @ left)
-            return total + sum(
-                look.cost(free.applied(look.experiment.parameters, theta)) for look in looks
-            )
-        except (ParameterError, SolverError):
-            return SEARCH.impossible
-
-    done = 0
-
-    def after(best: Array, convergence: float) -> None:
-        nonlocal done
-        done += 1
-        progress(done, SEARCH.generations, best)
-
-    found = scipy.optimize.differential_evolution(
-        cost,
-        list(zip(free.low, free.high, strict=True)),
-        init=members,
-        maxiter=SEARCH.generations,
-        tol=SEARCH.tolerance,
-        atol=SEARCH.agree,
-        polish=False,
-        seed=random,
-        callback=after,
-    )
-    handed: list[Array] = []
-    for k in np.argsort(found.population_energies, kind="stable"):
-        member = np.asarray(found.population[k])
-        if all(np.abs(member - other).max() > SEARCH.distinct for other in handed):
-            handed.append(member)
-        if len(handed) == SEARCH.handed_on:
-            break
-    return handed
-
-
-def _population(
-    fits: Sequence[TraceFit], free: FreeParameters, random: np.random.Generator
-) -> Array:
-    """Return random members, half of them such as the ringing asks for."""
-    count = SEARCH.members * len(free.names)
-    members = random.uniform(free.low, free.high, (count, len(free.names)))
-    members[0] = free.start
-    seen = next((fit.experiment for fit in fits if fit.experiment.ringing), None)
-    if seen is None or seen.ringing is None:
-        return members
-    mass = Plant.of(free.applied(seen.parameters, free.start)).mass
-    spring = seen.parameters.runner.spring or 0.0
-    sigma_0 = sigma_0_of_ringing(seen.ringing.frequency, mass, seen.ringing.decay) - spring
-    wanted = {
-        "sigma_0": (sigma_0, 2.0 * SEARCH.frequency),
-        "sigma_1": (sigma_1_of_decay(seen.ringing.decay, mass), SEARCH.decay),
-    }
-    half = slice(1, count // 2)
-    for name, (value, width) in wanted.items():
-        if name in free.names and value > 0.0:
-            k = free.names.index(name)
-            near = np.log(value) + width * random.standard_normal(count // 2 - 1)
-            members[half, k] = np.clip(near, free.low[k], free.high[k])
-    return members

@@ -17,15 +17,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
+from stickslip_ros.identification.experiment import (
+    FEW_STEPS,
+    Experiment,
+    IdentificationError,
+    Stepping,
+)
 from stickslip_ros.identification.fit import Estimate, Suggestion
-from stickslip_ros.identification.free import LAG, FreeParameters
-from stickslip_ros.identification.least_squares import Problem
-from stickslip_ros.identification.noise import Noise
-from stickslip_ros.identification.profile import Profiler, deviations_of
+from stickslip_ros.identification.free import LAG, WIDTH, FreeParameters
+from stickslip_ros.identification.intervals import Surroundings, deviations_of, information_of
+from stickslip_ros.identification.problem import Problem
 from stickslip_ros.identification.search import place_runs
-from stickslip_ros.identification.settings import NEXT, RECORD
-from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.identification.trace import Trace
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.model import Plant
 from stickslip_ros.motion.motion import Motion
@@ -33,6 +36,17 @@ from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
 from stickslip_ros.reporting import CONFIDENCE, format_si
 from stickslip_ros.solver import SolverError
 
+#: Candidates: parts of the largest amplitude; of the ringing's frequency, since a drive about as
+#: fast slips most of the time and shows its sliding; of preload, mass, sigma_0 and slewrate (more
+#: may be beyond the amplifier); of the highest sampling rate so far.
+_AMPLITUDES = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
+_FREQUENCIES = (0.02, 0.04, 0.08, 0.12, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.1)
+_PRELOADS, _PAYLOADS, _SPRINGS = (0.4, 0.7, 1.5, 2.5), (3.0,), (0.1,)
+_SLEWRATES, _RATES = (0.2, 0.02), (0.5, 0.25)
+#: Samples of a period at least; steps at most; rest before and after, as part of the record and in
+#: periods; part of a period by which the start of a run may be found wrong; factor that drives
+#: differ by; part of the width that another load or rate has to leave.
+_DENSEST, _MOST, _REST, _LEAST_REST, _NEAR, _ALIKE, _CLEARLY = 24.0, 200, 0.06, 1.0, 0.25, 1.7, 0.8
 #: Constants that hold for all preloads (Eq. 13, 14); others hold for one preload.
 _OVER_PRELOAD = {"sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset"}
 
@@ -46,17 +60,17 @@ class CandidateSensor:
     noise: float  #: standard deviation of a sample, m
 
     @classmethod
-    def of(cls, traces: Sequence[TraceFit], noises: Sequence[float]) -> CandidateSensor:
+    def of(cls, traces: Sequence[Trace], noises: Sequence[float]) -> CandidateSensor:
         """Return the sensor of measured traces with their noise (m)."""
         if not traces:
-            return cls(NEXT.rate, NEXT.samples, NEXT.noise)
+            return cls(5e5, 10_000, 1e-9)
         counts = [len(fit.experiment.motion.t) for fit in traces]
         rates = [(len(m.t) - 1) / m.duration for m in (fit.experiment.motion for fit in traces)]
         return cls(max(rates), max(counts), float(np.median(noises)))
 
 
 def suggest(
-    profiler: Profiler,
+    around: Surroundings,
     base: Parameters,
     estimates: Mapping[str, Estimate],
     sensor: CandidateSensor,
@@ -67,43 +81,42 @@ def suggest(
     ``base`` are the parameters of the first experiment; its drive's limits are kept. progress is
     called with the part of the candidates that were simulated.
     """
-    free = profiler.problem.free
-    known = profiler.information()
-    theta = profiler.best.unknowns[: len(free.names)]
-    # How much an amplifier lags is no aim of a measurement.
-    wanted = [one for one in estimates.values() if one.name != LAG]
+    problem, known = around.problem, around.shared_information()
+    free, theta = problem.free, around.best.unknowns[: problem.count]
+    # How much amplifier and sensor lag is no aim of a measurement.
+    wanted = [one for one in estimates.values() if one.name not in (LAG, WIDTH)]
     k = _widest(known, wanted)
 
     drives = [(p, sensor.rate) for p in _drives(base, free, theta)]
     heavier = [base.replace(payload=base.runner.payload + part * base.runner.mass)
-               for part in NEXT.payloads]  # fmt: skip
+               for part in _PAYLOADS]  # fmt: skip
     carrying = [(p, sensor.rate) for one in heavier
-                for p in _drives(one, free, theta, NEXT.amplitudes[::2])]  # fmt: skip
+                for p in _drives(one, free, theta, _AMPLITUDES[::2])]  # fmt: skip
     looked = itertools.count(1)
 
     def best(candidates: Iterable[tuple[Parameters, float]]) -> _Candidate | None:
         found = []
         for p, rate in candidates:
             progress(min(next(looked) / len(drives + carrying), 1.0))
-            one = candidate_of(p, free, theta, sensor, rate)
+            one = candidate_of(p, around, sensor, rate)
             if one is not None:
                 deviations = deviations_of(known + one.information)[: len(wanted)]
                 found.append(replace(one, deviation=deviations[k], widest=float(deviations.max())))
         return _first_seen(sorted(found, key=lambda one: one.widest), free, theta)
 
     chosen, loaded = best(drives), best(carrying)
-    if chosen is None or (loaded and loaded.widest < NEXT.clearly * chosen.widest):
+    if chosen is None or (loaded and loaded.widest < _CLEARLY * chosen.widest):
         chosen = loaded
     if chosen is None:
         return None
     for others in (
         ((p, sensor.rate) for p in _loads(chosen.parameters, free, theta)),
         ((chosen.parameters.replace(slewrate=part * base.drive.slewrate), chosen.rate)
-         for part in NEXT.slewrates),
-        ((chosen.parameters, part * sensor.rate) for part in NEXT.rates),
+         for part in _SLEWRATES),
+        ((chosen.parameters, part * sensor.rate) for part in _RATES),
     ):  # fmt: skip
         other = best(others)
-        if other is not None and other.widest < NEXT.clearly * chosen.widest:
+        if other is not None and other.widest < _CLEARLY * chosen.widest:
             chosen = other
     return _describe(wanted[k], chosen, base.drive)
 
@@ -127,13 +140,13 @@ class _Candidate:
         As in a search, models laid over it may correct its start and the number of its steps.
         """
         try:
-            fit = TraceFit(Experiment.of(self.parameters, self.motion))
+            fit = Trace(Experiment.of(self.parameters, self.motion))
             place_runs(fit, [own])
         except (IdentificationError, ParameterError, SolverError):
             return False
         runs = fit.experiment.runs
         late = abs(runs[0].start - self.rest) * self.parameters.drive.frequency
-        return [run.steps for run in runs] == [self.steps] and late < NEXT.near
+        return [run.steps for run in runs] == [self.steps] and late < _NEAR
 
 
 def _first_seen(
@@ -148,8 +161,7 @@ def _first_seen(
     for one in candidates:
         drive = one.parameters.drive
         if any(
-            f.frequency <= drive.frequency < NEXT.alike * f.frequency
-            and drive.amplitude <= f.amplitude
+            f.frequency <= drive.frequency < _ALIKE * f.frequency and drive.amplitude <= f.amplitude
             for f in failed
         ):
             continue
@@ -176,38 +188,39 @@ def _drives(
     base: Parameters,
     free: FreeParameters,
     theta: Array,
-    amplitudes: Sequence[float] = NEXT.amplitudes,
+    amplitudes: Sequence[float] = _AMPLITUDES,
 ) -> Iterator[Parameters]:
     ringing = Plant.of(free.applied(base, theta)).ringing_frequency
     for part in amplitudes:
-        for share in NEXT.frequencies:
+        for share in _FREQUENCIES:
             frequency = min(share * ringing, base.drive.max_frequency)
             yield base.replace(amplitude=part * base.actuator.max_voltage, frequency=frequency)
 
 
 def _loads(p: Parameters, free: FreeParameters, theta: Array) -> Iterator[Parameters]:
     if _OVER_PRELOAD & set(free.names):
-        for part in NEXT.preloads:
+        for part in _PRELOADS:
             yield p.replace(preload=part * p.friction.preload)
     # Few benches have a spring; without the mass, nothing else determines it.
     stiffness = Plant.of(free.applied(p, theta)).contact.sigma_0
-    for part in NEXT.springs if "mass" in free.names or p.runner.spring else ():
+    for part in _SPRINGS if "mass" in free.names or p.runner.spring else ():
         yield p.replace(spring=float(f"{part * stiffness:.1g}"))
 
 
 def candidate_of(
-    p: Parameters, free: FreeParameters, theta: Array, sensor: CandidateSensor, rate: float
+    p: Parameters, around: Surroundings, sensor: CandidateSensor, rate: float
 ) -> _Candidate | None:
     """Return a run with its information; None if it cannot be run or sampled."""
-    frequency = p.drive.frequency
-    record = sensor.samples / rate
-    rest = max(NEXT.rest * record, NEXT.least_rest / frequency)
-    steps = min(int((record - 2.0 * rest) * frequency), NEXT.most)
-    if rate < NEXT.densest * frequency or steps < RECORD.few_steps:
+    frequency, record = p.drive.frequency, sensor.samples / rate
+    rest = max(_REST * record, _LEAST_REST / frequency)
+    steps = min(int((record - 2.0 * rest) * frequency), _MOST)
+    if rate < _DENSEST * frequency or steps < FEW_STEPS:
         return None
     t = np.arange(0.0, steps / frequency + 2.0 * rest, 1.0 / rate)
+    shared = around.best.unknowns[: around.problem.shared]
+    free, nuisances = around.problem.free, around.problem.nuisances
     try:
-        own = free.applied(p, theta)
+        own = around.problem.applied(p, shared)
         plant = Plant.of(own)
         decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
         ringing = Ringing(plant.ringing_frequency, decay) if plant.ringing_frequency else None
@@ -216,15 +229,18 @@ def candidate_of(
         x, _ = experiment.simulate(own, np.array([rest]), t)
         noise = sensor.noise * np.random.default_rng(1).standard_normal(len(t))
         motion = Motion("candidate", t, x + noise)
-        fit = TraceFit(replace(experiment, motion=motion))
+        trace = Trace(replace(experiment, motion=motion))
     except (ParameterError, SolverError):
         return None
-    fit.noise = Noise(sensor.noise, np.ones(1))
-    problem = Problem([fit], replace(free, priors={}))
-    point = problem.point(problem.begin(theta))
+    trace.set_noise(np.array([sensor.noise**2 / trace.blocks.count, 0.0, 0.0]))
+    problem = Problem([trace], replace(free, priors={}), nuisances)
+    point = problem.point(problem.begin(shared))
     if point is None:
         return None
-    return _Candidate(p, rate, steps, rest, motion, Profiler(problem, point).information())
+    information = information_of(problem, problem.jacobian(point))
+    for k, one in enumerate(nuisances, problem.count):  # its prior is known already
+        information[k, k] -= one.deviation**-2
+    return _Candidate(p, rate, steps, rest, motion, information)
 
 
 def _describe(one: Estimate, chosen: _Candidate, usual: DriveParameters) -> Suggestion:

@@ -11,7 +11,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.identification.curve import UNITS
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
-from stickslip_ros.identification.profile import listed
+from stickslip_ros.identification.intervals import listed
 from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
@@ -71,7 +71,7 @@ def _plots(found: Fit) -> list[PlotPlace]:
             heading = f"{run.source}: residuals over the drive cycle"
             plots.append(PlotPlace(f"folded-{k}", heading, _FOLDED, _folded(run)))
     for k, curve in enumerate(found.curves):
-        metrics, varied = (listed(one.replace("_", " ") for one in names)
+        metrics, varied = (listed([one.replace("_", " ") for one in names])
                            for names in (curve.measured, curve.varied))  # fmt: skip
         text = (
             f"{curve.points} points of {metrics} over {varied}, with their standard deviations, "

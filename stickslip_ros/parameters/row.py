@@ -144,6 +144,8 @@ class Parameter:
         if self.kind is str:
             return text
         text = text.replace("\u2212", "-")  # as papers and our own tables print it
+        if self.kind is float:  # a standard deviation is for those who fit, see `identification`
+            text = _DEVIATION.split(text, maxsplit=1)[0].strip()
         try:
             if self.kind is bool:
                 return {"true": True, "false": False}[text.lower()]
@@ -200,6 +202,8 @@ def _as_float(value: int) -> float:
 #: A number as people and instruments write it, as a regular expression.
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _NUMBER = re.compile(rf"({NUMBER}|[+-]?inf|nan)\s*(.*)")
+#: What stands between a number and its standard deviation, ``0.4 +- 0.02``.
+_DEVIATION = re.compile(r"\+/?-|±")
 #: SI prefixes; micro is u here, whichever letter is typed.
 PREFIXES = {
     "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9,

@@ -21,6 +21,7 @@ from stickslip_ros.model.actuator_chain import (
     CAPACITY,
     COMMAND,
     DEFLECTION,
+    PLAYS,
     STILL,
     Chain,
     adapt_state,
@@ -52,13 +53,21 @@ _NO_SLIP = (math.inf, math.inf)
 
 
 def simulation_of(
-    p: Parameters, plant: Plant, replay: bool = True, budget: int = PER_CYCLE
+    p: Parameters,
+    plant: Plant,
+    replay: bool = True,
+    budget: int = PER_CYCLE,
+    settled: bool = False,
 ) -> Simulation:
-    """Return the simulation of an axis; start it with cycles from `model.waveforms.command_of`."""
+    """Return the simulation of an axis; start it with cycles from `model.waveforms.command_of`.
+
+    settled: the hysteresis of the actuator begins each move on the loop that the cycles settle to,
+    as an axis does that has run them before; otherwise an actuator that never moved begins.
+    """
     surface = Surface.of(p.friction)
     if has_chain(p.actuator) or surface:
         chain = Chain.of(p)
-        return DrivenSimulation(plant, p.solver.tolerance, chain, surface, replay, budget)
+        return DrivenSimulation(plant, p.solver.tolerance, chain, surface, replay, budget, settled)
     return Simulation(plant, p.solver.tolerance, replay, budget)
 
 
@@ -76,11 +85,13 @@ class DrivenSimulation(Simulation):
         surface: Surface | None = None,
         replay: bool = True,
         budget: int = PER_CYCLE,
+        settled: bool = False,
     ) -> None:
         """Start as a `Simulation` does, with an actuator that never moved.
 
-        On a surface, each cycle has its own contact.
+        On a surface, each cycle has its own contact. settled is as in `simulation_of`.
         """
+        self._settled = settled
         self._chain = self._given = chain  # the lines are laid with the first, see `_check_speed`
         self._surface = surface
         self._moment = CycleStart(0.0, 0)  # start of the cycle: time and position, for its contact
@@ -135,6 +146,8 @@ class DrivenSimulation(Simulation):
         """
         check_closed(drive_cycle, count)
         self._after, self._until = self._state_at(self._t), self._t
+        if self._settled:
+            self._settle(drive_cycle)
         self.drive_cycle, self._period = drive_cycle, drive_cycle.period
         self._command = np.stack([drive_cycle.durations, drive_cycle.rates])
         self._slip_times = self._rests_since(self._t), math.inf, math.inf
@@ -148,6 +161,19 @@ class DrivenSimulation(Simulation):
         self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
         self._rest_span = _FIRST_REST
         self._next()
+
+    def _settle(self, command: DriveCycle) -> None:
+        """Put the plays where slow cycles of a command leave them, without a jump of the output."""
+        chain, state = self._chain, self._after
+        plays = state[PLAYS : PLAYS + len(chain.thresholds)]
+        before = static_deflection(chain, state)
+        for level in (state[COMMAND] + np.cumsum(command.strokes)).tolist():
+            np.clip(plays, level - chain.thresholds, level + chain.thresholds, out=plays)
+        jump = static_deflection(chain, state) - before
+        state[PLAYS + len(plays) :] += jump  # creep follows the plays, which have long been there
+        jump *= 1.0 + chain.creep_weight * len(chain.creep_times)
+        state[DEFLECTION] += jump
+        self._offset -= jump
 
     @property
     def plant(self) -> Plant:

@@ -105,6 +105,18 @@ def test_a_trace_that_begins_and_ends_while_the_axis_steps() -> None:
         assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
 
 
+@pytest.mark.long
+def test_a_gap_in_the_middle_of_a_run_moves_no_interval() -> None:
+    """What lay before it was taken for a rest: a lag of 3.3 us was told, in silence."""
+    axis, (known, whole) = small()
+    kept = (whole.t < 7e-3) | (whole.t > 9e-3)
+    found = identify([(known, Motion("gap", whole.t[kept], whole.x[kept]))])
+    assert found.misfit is None
+    for name, true in truth_of(axis).items():
+        one = found.parameters[name]
+        assert holds(one.low, true, one.high), name
+
+
 @pytest.mark.slow
 def test_interrupted_it_gives_the_best_so_far() -> None:
     calls = 0

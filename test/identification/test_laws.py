@@ -2,11 +2,9 @@
 """Which friction law made a trace, from an integrator that shares no code with the package."""
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from bench_traces import Axis, Drive
 from experiments import small, truth_of
@@ -16,12 +14,10 @@ from stickslip_ros.identification import (
     RANKED_LAWS,
     Fit,
     IdentificationError,
-    Prior,
     identify,
     read_curve,
 )
-from stickslip_ros.identification.free import starting_value
-from stickslip_ros.identification.laws import LawScore, free_of_law, rank_laws
+from stickslip_ros.identification.fit import RankedLaw
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
 
@@ -61,27 +57,23 @@ def test_the_law_of_the_axis_is_ranked_first(
         assert told[0]["parameters"]["sigma_0"] == pytest.approx(sigma_0, rel=0.02)
 
 
-def test_one_more_constant_has_to_predict_better_beyond_chance() -> None:
-    def score(name: str, constants: int, squares: float) -> LawScore:
-        values = {f"c{k}": 1.0 for k in range(constants)}
-        parts = np.array([squares]), np.array([1000.0]), np.array([squares / 1000.0])
-        return LawScore(name, values, *parts, 1e-9)
-
-    few, more = score("few", 4, 1003.0), score("more", 5, 1000.0)
-    assert [one.law for one in rank_laws([more, few])] == ["few", "more"]
-    assert [one.score for one in rank_laws([more, few])] == pytest.approx([3.0, 0.0])
-    assert [one.likely for one in rank_laws([more, few])] == [True, True]
-    far = replace(few, squares=np.array([1011.0]))
-    assert [one.likely for one in rank_laws([more, far])] == [True, False]
+def test_laws_that_recordings_do_not_tell_apart_are_both_likely() -> None:
     found = object.__new__(Fit)
-    object.__setattr__(found, "laws", rank_laws([more, few]))
-    assert found.laws_alike.startswith("few, more: these measurements do not tell them apart")
-    object.__setattr__(found, "laws", rank_laws([more, far]))
+    few, more = (RankedLaw(name, {}, score, 1e-9, True) for name, score in (("a", 0.0), ("b", 3.0)))
+    object.__setattr__(found, "laws", (few, more))
+    assert found.laws_alike.startswith("a, b: these measurements do not tell them apart")
+    object.__setattr__(found, "laws", (few, replace(more, likely=False)))
     assert found.laws_alike == ""
-    assert [one.law for one in rank_laws([more, replace(few, squares=np.array([1010.0]))])] == [
-        "more",
-        "few",
-    ]
+
+
+@pytest.mark.long
+def test_a_law_under_another_name_scores_alike() -> None:
+    """With mu_s = mu_k, epm_fix is the CEIM with a free z_ss."""
+    known, motion = trace_of("ceim")
+    laws = identify([(known.replace(mu_s=0.2, mu_k=0.2), motion)], laws=["epm_fix", "free"]).laws
+    assert {one.law for one in laws} == {"epm_fix", "free"}
+    assert laws[1].score < 1.0
+    assert all(one.likely for one in laws)
 
 
 def test_a_law_that_is_not_known_is_refused() -> None:
@@ -95,18 +87,6 @@ def test_a_table_alone_predicts_no_run(tmp_path: Path) -> None:
     table.write_text("amplitude (V),step_size (nm)\n200,60\n250,85\n300,110\n")
     with pytest.raises(IdentificationError, match="give one \\(--run\\)"):
         identify([], ["z_ba"], curves=[(Parameters.of({}), read_curve(table))], laws=["ceim"])
-
-
-def test_bounds_and_priors_hold_for_the_constants_that_another_law_has() -> None:
-    p = Parameters.of({"model": "lugre"})
-    sigma_0, mu_k = starting_value(p, "sigma_0"), starting_value(p, "mu_k")
-    bounds = {"sigma_0": (0.9 * sigma_0, 1.2 * sigma_0), "z_ba": (1e-8, 1e-7)}
-    priors = {"mu_k": Prior(mu_k, 0.1 * mu_k), "sigma_0ss": Prior(1e7, 1e6)}
-    free = free_of_law([p], (), bounds, priors)
-    assert free.names == ("sigma_0", "sigma_1", "mu_k")
-    assert np.exp([free.low[0], free.high[0]]) == pytest.approx(bounds["sigma_0"])
-    assert free.high[1] - free.low[1] == pytest.approx(2.0 * math.log(10.0))
-    assert dict(free.priors) == {"mu_k": priors["mu_k"]}
 
 
 @pytest.mark.long

@@ -47,13 +47,6 @@ CAMPAIGNS: dict[str, Campaign] = {
         "targets of the closed loop over ranges, loads and effects: ends, times, errors",
         (f"{_STUDIES}targets", "--count", "1000"),
     ),
-    "intervals": Campaign(
-        "how often 95 % intervals hold the truth", (f"{_STUDIES}intervals", "212", "8000")
-    ),
-    "pulls": Campaign(
-        "whether the sensor pulls at the optimum",
-        (f"{_STUDIES}intervals", "--linear", "200", "1000"),
-    ),
     "comparisons": Campaign(
         "whether compare tells a wrong preload and no right one",
         (f"{_STUDIES}comparisons", "40", "7000"),
@@ -69,11 +62,10 @@ CAMPAIGNS: dict[str, Campaign] = {
     **{
         name: Campaign(text, (f"{_STUDIES}identification", name, count, first))
         for name, text, count, first in (
-            ("fits", "errors and time of identify at one preload", "6", "3"),
-            ("preloads", "the same at five preloads, for Eq. 13 and 14", "4", "2"),
-            ("laws", "which law a contact follows", "24", "8"),
-            ("next", "three runs as suggested against three at random", "5", "1"),
-            ("misfit", "misfits that are found, and those reported without reason", "40", "11"),
+            ("intervals", "how often 95 % intervals hold the truth", "200", "1001"),
+            ("laws", "which law a contact follows", "80", "1"),
+            ("next", "a run as suggested against one at random", "10", "1"),
+            ("misfit", "whether what the model does not have is told", "198", "1"),
         )
     },
     **{

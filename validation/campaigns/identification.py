@@ -1,212 +1,449 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What identify finds in random experiments, beside the coverage that `intervals` counts.
+"""How often identify is right: random experiments, from integrators that share nothing with it.
 
-    python -m validation.campaigns.identification fits|preloads|misfit|laws|next COUNT [FIRST_SEED]
+    python -m validation.campaigns.identification intervals|misfit|laws|next COUNT [FIRST] >> FILE
+    python -m validation.campaigns.identification STUDY 0 --sum FILE [FILE ...]
 
-``fits``: one trace of 12 cycles with 1 nm of noise at 0.5 MHz. ``preloads``: the same at five
-preloads, for Eq. 13 and 14. ``misfit``: a lag of the amplifier of 1.5 us, a second contact, a
-preload that steps half-way, and none of these. ``laws``: contacts of LuGre, EPM and CEIM. ``next``:
-three runs as suggested against three at random. Traces come from integrators that share nothing
-with the package.
+Each experiment prints a line of JSON; the second counts those of files. ``intervals``: a contact
+behind a sensor as they are, 60 Hz to 2 kHz, 3 to 300 steps: latency, resolution, white and pink
+noise, a walk, hum, drift, a bandwidth, samples that are points or means, a lag of the amplifier of
+up to 2 us. Half of the files say how the sensor samples. Widths are given beside those of a linear
+estimate at the truth that is told the noise (the Cramer-Rao bound). ``misfit``: what the model does
+not have, by turns; an experiment is silent if it names nothing and a value is off by more than half
+the width of its interval beyond its end. ``laws``: contacts of four laws, by turns. ``next``: a run
+as suggested against one at random.
 """
 
 from __future__ import annotations
 
+import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
+from bench_traces import GAIN, SLEWRATE, Array, Axis, Drive, Sensor, integrate_pieces, random_axis
 from experiments import experiment, truth_of
 from other_axes import Other, other_trace
 
-from stickslip_ros.identification import RANKED_LAWS, Fit, identify
+from stickslip_ros.identification import Experiment, Fit, IdentificationError, identify
+from stickslip_ros.identification.experiment import Stepping
+from stickslip_ros.identification.free import free_parameters, lag_of_amplifier, width_of_sensor
+from stickslip_ros.identification.intervals import deviations_of, information_of
+from stickslip_ros.identification.problem import Problem
+from stickslip_ros.identification.trace import Trace
+from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import CONFIDENCE
 from validation.campaigns.arguments import arguments
 
-#: What is measured each time for `next_runs`, s.
-RECORD = 0.02
-#: What is known of a drive, and its trace.
-Run = tuple[Parameters, Motion]
-OTHERS = {
-    "none": Other(),
-    "lag": Other(lag=1.5e-6),
-    "second contact": Other(second=0.15),
-    "preload": Other(jump=0.2),
-}
+#: What a sample is averaged over, in looks; most samples of a record.
+OVER, MOST = 10, 100_000
 
 
 @dataclass(frozen=True)
-class FreeAxis(Axis):
-    """An axis whose Eq. 13 and 14 have slopes and offsets of their own."""
+class ScaledAxis(Axis):
+    """An axis whose breakaway distance is another than that of Eq. 13."""
 
-    sigma_0_slope: float = 5e6  #: 1/m
-    z_ba_slope: float = 2e-8  #: m/N
-    z_ba_offset: float = 1e-8  #: m
+    scale: float = 1.0
 
     @property
     def constants(self) -> tuple[float, float, float, float, float, float]:
         """Mass, sigma_0, sigma_1, z_ba, z_ss, limit of z."""
-        z_ba = self.z_ba_slope * self.preload + self.z_ba_offset
-        sigma_0 = self.sigma_0_slope * self.preload + self.sigma_0_offset
-        return (
-            self.mass, sigma_0, self.sigma_1, z_ba, 2.0 * z_ba, 0.2 * self.preload / self.sigma_0ss,
-        )  # fmt: skip
+        mass, sigma_0, sigma_1, z_ba, z_ss, z_limit = super().constants
+        return mass, sigma_0, sigma_1, self.scale * z_ba, self.scale * z_ss, z_limit
 
 
-def wrong(random: np.random.Generator, names: Mapping[str, float]) -> dict[str, float]:
-    """Return by which factors starting values are off, up to 3."""
-    return {name: math.exp(random.uniform(-math.log(3.0), math.log(3.0))) for name in names}
+@dataclass(frozen=True)
+class Actual:
+    """What an axis has that the model of a file may not."""
+
+    lag: float = 0.0  #: of the amplifier, s
+    slewrate: float = SLEWRATE  #: of the slip, V/s
+    creep: float = 0.0  #: of the actuator, part of the deflection a decade
+    hysteresis: float = 0.0  #: bow of a loop, part of the stroke
 
 
-def off(found: Fit, truth: Mapping[str, float]) -> str:
-    """Return by how much values are off, in per cent."""
-    return ", ".join(
-        f"{name} {100.0 * (found.parameters[name].value / true - 1.0):+.2f} %"
-        for name, true in truth.items()
-    )
+@dataclass(frozen=True)
+class Instrument:
+    """A sensor as they are."""
+
+    rate: float  #: Hz
+    bandwidth: float | None  #: Hz, first order
+    mean: bool  #: whether samples are means over the time from one to the next
+    latency: float  #: s
+    white: float  #: standard deviation of a sample, m
+    pink: float  #: m
+    walk: float  #: over the record, m
+    hum: float  #: m
+    mains: float  #: Hz
+    drift: float  #: m/s
+    resolution: float  #: m
+
+    @classmethod
+    def draw(cls, random: np.random.Generator, rate: float) -> Instrument:
+        """Return a random one."""
+
+        def sometimes(low: float, high: float) -> float:
+            return float(random.choice([0.0, random.uniform(low, high)]))
+
+        return cls(
+            rate=rate,
+            bandwidth=random.choice([None, math.exp(random.uniform(*np.log([2e4, 2e5])))]),
+            mean=bool(random.integers(2)),
+            latency=float(random.uniform(0.0, 50e-6)),
+            white=float(random.uniform(0.3e-9, 3e-9)),
+            pink=sometimes(0.3e-9, 2e-9),
+            walk=sometimes(2e-9, 2e-8),
+            hum=sometimes(2e-9, 15e-9),
+            mains=float(random.choice([50.0, 60.0])) + float(random.normal(0.0, 0.03)),
+            drift=sometimes(-2e-7, 2e-7),
+            resolution=float(random.choice([0.0, 1e-10, 1e-9])),
+        )
+
+    def looks(self, end: float) -> Array:
+        """Return the times (s) at which the motion has to be known."""
+        return np.arange(OVER * int(end * self.rate)) / (OVER * self.rate)
+
+    def read(self, t: Array, x: Array, random: np.random.Generator) -> tuple[Array, Array, Array]:
+        """Return times, readings, and readings with white and pink noise and the walk alone."""
+        if self.bandwidth:
+            share = 2.0 * math.pi * self.bandwidth / (OVER * self.rate)
+            x = low_pass(x, 1.0 - math.exp(-share))
+        parts = x.reshape(-1, OVER)
+        seen = parts.mean(axis=1) if self.mean else parts[:, 0]
+        times = t[::OVER] + self.latency
+        count = len(times)
+        noise = self.white * random.standard_normal(count)
+        spectrum = np.fft.rfft(random.standard_normal(count))
+        spectrum[1:] /= np.sqrt(np.arange(1, len(spectrum)))
+        pink = np.fft.irfft(spectrum, count)
+        noise += self.pink * pink / np.std(pink)
+        noise += self.walk * np.cumsum(random.standard_normal(count)) / math.sqrt(count)
+        quiet = seen + noise
+        read = quiet + self.drift * times
+        for order, part in ((1, 1.0), (2, 0.4), (3, 0.3)):
+            angle = 2.0 * math.pi * order * self.mains * times + random.uniform(0.0, 6.0)
+            read = read + part * self.hum * np.sin(angle)
+        if self.resolution:
+            read = self.resolution * np.round(read / self.resolution)
+        return times, read, quiet
 
 
-def fits(seed: int) -> str:
-    """One trace."""
-    random = np.random.default_rng(seed)
-    axis = random_axis(random)
-    truth = truth_of(axis)
-    run = experiment(
-        axis, Drive(12, pause=0.01), Sensor(rate=5e5, noise=1e-9), seed, wrong(random, truth), 8e-3
-    )
-    return off(identify([run]), truth)
+def low_pass(x: Array, share: float) -> Array:
+    """Return values behind a filter of first order that takes up a share of each step."""
+    from scipy.signal import lfilter
+
+    return np.asarray(lfilter([share], [1.0, share - 1.0], x))
 
 
-def preloads(seed: int) -> str:
-    """Five preloads."""
+def motion(axis: Axis, drive: Drive, actual: Actual, times: Array) -> Array:
+    """Return x (m) of an axis whose actuator may creep and have hysteresis."""
+    period, slip = 1.0 / drive.frequency, drive.amplitude / actual.slewrate
+    reach, kinks, rates, longest = GAIN * drive.amplitude, [0.0, drive.pause], [0.0], [0.5e-6]
+    bow = actual.hysteresis
+    parts = np.linspace(0.0, 1.0, 25 if bow else 2)
+    for k in range(drive.cycles):
+        begin = drive.pause + k * period
+        for length, sign, start in (
+            (period - slip, 1.0, begin),
+            (slip, -1.0, begin + period - slip),
+        ):
+            level = parts - bow * parts * (1.0 - parts)  # both branches lag behind the voltage
+            since = level if sign > 0.0 else -level
+            kinks += (start + length * parts[1:]).tolist()
+            rates += (reach * np.diff(since) / (length * np.diff(parts))).tolist()
+            longest += [0.5e-6 if sign > 0.0 else slip / 60.0] * (len(parts) - 1)
+    kinks.append(float(times[-1]) + 1e-3)
+    rates.append(0.0)
+    longest.append(0.5e-6)
+    if actual.creep:  # of the mean level, slowly
+        at = np.array(kinks)
+        slow = 0.5 * reach * actual.creep * np.log10(1.0 + np.maximum(at - drive.pause, 0.0) / 2e-3)
+        rates = (np.array(rates) + np.diff(slow) / np.diff(at)).tolist()
+    return integrate_pieces(axis, kinks, rates, longest, actual.lag, times)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A random experiment."""
+
+    axis: Axis
+    drive: Drive
+    actual: Actual
+    sensor: Instrument
+    file: Mapping[str, Any]  #: the drive file
+    said: str | None  #: how samples are taken, where it is said
+    measured: tuple[Array, Array, Array]
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """The constants that have to be found."""
+        return truth_of(self.axis)
+
+
+def draw(seed: int, actual: Actual | None = None, **changed: Any) -> Drawn:
+    """Return an experiment; changed replaces what its file says, by factors."""
     random = np.random.default_rng(seed)
     plain = random_axis(random)
-    axis = FreeAxis(
-        1.0, plain.mass, plain.sigma_1, plain.sigma_0_offset, plain.sigma_0ss,
-        *(float(random.uniform(0.6, 1.6)) * value for value in (5e6, 2e-8, 1e-8)),
+    axis = ScaledAxis(
+        plain.preload, plain.mass, plain.sigma_1, plain.sigma_0_offset,
+        plain.sigma_0ss * float(random.uniform(0.7, 1.5)), float(random.uniform(0.6, 1.8)),
     )  # fmt: skip
-    names = ("sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset", "sigma_1", "sigma_0ss")
-    truth = {name: float(getattr(axis, name)) for name in names}
-    start = {name: truth[name] * part for name, part in wrong(random, truth).items()}
-    runs = []
-    for k, preload in enumerate((0.2, 0.4, 0.6, 0.9, 1.2)):
-        drive = Drive(12, float(random.uniform(100.0, 400.0)), 300.0, 1, 0.01)
-        bench = bench_trace(
-            replace(axis, preload=preload), (drive,), Sensor(rate=5e5, noise=1e-9), 8e-3, seed + k
-        )
-        known = {"preload": preload, "mass": axis.mass, "frequency": drive.frequency}
-        p = Parameters.of({**known, "amplitude": 300.0, **start})
-        runs.append((p, Motion(f"{preload} N", bench.t, bench.x)))
-    return off(identify(runs), truth)
-
-
-def _other_run(seed: int, other: Other) -> tuple[Run, dict[str, float]]:
-    random = np.random.default_rng(seed)
-    axis = replace(random_axis(random), preload=float(random.uniform(0.3, 1.0)))
+    frequency = math.exp(random.uniform(math.log(60.0), math.log(2000.0)))
+    rate = float(random.choice([1e5, 2e5, 5e5, 1e6]))
+    most = min(300.0, 0.8 * MOST * frequency / rate)
+    steps = max(int(math.exp(random.uniform(math.log(3.0), math.log(max(most, 4.0))))), 3)
+    pause = max(float(random.uniform(0.6, 3.0)) / frequency, 2e-3)
+    drive = Drive(steps, frequency, float(random.uniform(150.0, 300.0)), 1, pause)
+    lag = float(random.choice([0.0, random.uniform(0.0, 2e-6)]))
+    actual = actual or Actual(lag=lag)
+    sensor = Instrument.draw(random, rate)
+    said = None if random.random() < 0.5 else ("mean" if sensor.mean else "point")
+    times = sensor.looks(2.0 * pause + steps / frequency)
+    measured = sensor.read(times, motion(axis, drive, actual, times), random)
     truth = truth_of(axis)
-    frequency = math.exp(random.uniform(math.log(100.0), math.log(800.0)))
-    drive = Drive(12, frequency, float(random.uniform(220.0, 300.0)), 1, 8e-3)
-    t, x = other_trace(axis, other, drive, 5e5, 1e-9, seed)
-    known = {"preload": axis.preload, "mass": axis.mass, "frequency": frequency,
-             "amplitude": drive.amplitude}  # fmt: skip
-    start = {name: truth[name] * part for name, part in wrong(random, truth).items()}
-    return (Parameters.of({**known, **start}), Motion("lab", t, x)), truth
+    wrong = np.exp(random.uniform(-np.log(3.0), np.log(3.0), len(truth)))
+    file: dict[str, Any] = {
+        "preload": axis.preload, "mass": axis.mass, "frequency": frequency,
+        "amplitude": drive.amplitude, "slewrate": 1e-6 * SLEWRATE, "gain": GAIN,
+    }  # fmt: skip
+    file |= {name: value * part for (name, value), part in zip(truth.items(), wrong, strict=True)}
+    if said and sensor.bandwidth:
+        file["sensor_bandwidth"] = sensor.bandwidth
+    file |= {name: file[name] * factor for name, factor in changed.items()}
+    return Drawn(axis, drive, actual, sensor, file, said, measured)
 
 
-def misfit(seed: int) -> str:
-    """Axes that no parameters explain, and one that they do, by turns."""
-    name = list(OTHERS)[seed % len(OTHERS)]
-    run, truth = _other_run(seed, OTHERS[name])
-    found = identify([run], fit_lag=False)
-    return f"{name}: {off(found, truth)}: {found.misfit.text if found.misfit else 'no misfit'}"
+def bound_of(drawn: Drawn) -> Array:
+    """Return the deviations of an ideal linear estimate that is told the noise.
+
+    Its unknowns are those of the fit, with the zero, drift and hum; the noise is that of a record
+    without hum and drift about the truth.
+    """
+    t, _, quiet = drawn.measured
+    truth = drawn.truth
+    p = Parameters.of({**drawn.file, **truth})
+    start = drawn.drive.pause + drawn.sensor.latency
+    ringing = Ringing(*drawn.axis.ringing)
+    stepping = Stepping(start, drawn.drive.cycles, drawn.drive.frequency)
+    measured = Experiment(p, Motion("bench", t, quiet), (stepping,), ringing, samples=drawn.said)
+    trace = Trace(measured)
+    unsaid = drawn.said is None and not p.sensor.sensor_bandwidth
+    nuisances = [lag_of_amplifier(), *([width_of_sensor(1.0 / drawn.sensor.rate)] * unsaid)]
+    problem = Problem([trace], free_parameters([p], list(truth)), nuisances)
+    unknowns = problem.begin(np.log(list(truth.values())))
+    unknowns[problem.count] = 1e6 * drawn.actual.lag
+    if unsaid:
+        width = (2.0 * math.pi * (drawn.sensor.bandwidth or 1e12)) ** -2
+        width += drawn.sensor.mean / (12.0 * drawn.sensor.rate**2)
+        unknowns[problem.count + 1] = 1e12 * width
+    trace.learn(problem.seen(unknowns)[0])
+    at = problem.point(unknowns)
+    assert at is not None
+    information = information_of(problem, problem.jacobian(at, central=True))
+    return deviations_of(information)[: problem.count]
 
 
-def laws(seed: int) -> str:
-    """Contacts of other laws, by turns."""
-    law = ("lugre", "epm_fix", "ceim", "epm_calc")[seed % 4]
-    run, _ = _other_run(seed, Other(law=law))
-    found = identify([run], laws=list(RANKED_LAWS)).laws
-    order = ", ".join(f"{one.law} {one.score:.0f}" for one in found)
-    likely = ", ".join(one.law for one in found if one.likely)
-    place = "first" if found[0].law == law else "NOT first"
-    return f"{law} is {place}: {order}; not told apart: {likely}"
+def fitted(drawn: Drawn, **how: Any) -> tuple[Fit | str, float]:
+    """Return the fit of an experiment, or why it was refused, and the seconds of processor."""
+    begun = time.process_time()
+    t, x, _ = drawn.measured
+    try:
+        found: Fit | str = identify([(drawn.file, t, x)], samples=drawn.said, **how)
+    except IdentificationError as error:
+        found = str(error)
+    return found, round(time.process_time() - begun, 1)
 
 
-def _widest(found: Fit) -> float:
-    return max(
-        math.log(one.high / one.low) if one.low and one.high else math.inf
-        for one in found.parameters.values()
-        if one.name != "amplifier_lag"
-    )
+def intervals(seed: int) -> dict[str, Any]:
+    """Return whether the intervals of an experiment hold the truth."""
+    drawn = draw(seed)
+    found, took = fitted(drawn)
+    about = {
+        "seed": seed, "seconds": took, "said": drawn.said, "steps": drawn.drive.cycles,
+        "frequency": round(drawn.drive.frequency), "samples": len(drawn.measured[0]),
+        "lag": drawn.actual.lag, "bandwidth": drawn.sensor.bandwidth, "mean": drawn.sensor.mean,
+    }  # fmt: skip
+    if isinstance(found, str):
+        return about | {"refused": found}
+    ideal = (2.0 * CONFIDENCE * bound_of(drawn)).tolist()
+    values = {}
+    for (name, true), best in zip(drawn.truth.items(), ideal, strict=True):
+        one = found.parameters[name]
+        low, high = one.low or 0.0, one.high or math.inf
+        values[name] = {
+            "part": round(one.value / true, 5), "low": low / true, "high": high / true,
+            "inside": low <= true <= high,
+            "wider": math.log(high / low) / best if low and math.isfinite(high) else None,
+        }  # fmt: skip
+    misfit = found.misfit.text if found.misfit else ""
+    return about | {"values": values, "misfit": misfit, "notes": found.notes}
 
 
-def _measured(axis: Axis, drive: Drive, rate: float, payload: float, seed: int) -> Run:
-    sensor = Sensor(rate=rate, noise=2e-9)
-    pause = max(0.06 * RECORD, 0.3 / drive.frequency)
-    loaded = replace(axis, mass=axis.mass + payload)
-    p, motion = experiment(loaded, replace(drive, pause=pause), sensor, seed, rest=pause)
-    return p.replace(mass=axis.mass, payload=payload), motion
-
-
-def _by_lot(random: np.random.Generator, low: float, high: float) -> Drive:
-    """Return a drive that fills a record, with four steps at least."""
-    frequency = math.exp(random.uniform(math.log(low), math.log(high)))
-    steps = max(int(0.88 * RECORD * frequency), 4)
-    return Drive(steps, frequency, float(random.uniform(100.0, 300.0)))
-
-
-def next_runs(seed: int) -> str:
-    """Three runs as suggested, and three at random, after the same first one of 20 ms."""
-    random = np.random.default_rng(seed)
-    axis = random_axis(random)
-    first = _measured(axis, _by_lot(random, 300.0, 1500.0), 5e5, 0.0, seed)
-    by_lot = [
-        _measured(axis, _by_lot(random, 80.0, 2000.0), 5e5, 0.0, 100 * seed + k) for k in range(3)
-    ]
-    runs, found, texts = [first], identify([first], suggest_next=True), []
-    for k in range(3):
-        told = found.next
-        assert told is not None
-        # No more time is spent than at random, whatever the rate.
-        steps = max(min(told.steps, int(0.88 * RECORD * told.frequency)), 4)
-        drive = Drive(steps, told.frequency, told.amplitude, slewrate=1e6 * told.slewrate)
-        runs.append(_measured(axis, drive, 5e5, told.payload, 100 * seed + k))
-        found = identify(runs, suggest_next=k < 2)
-        expected, one = math.log(told.high / told.low), found.parameters[told.parameter]
-        width = math.log(one.high / one.low) if one.low and one.high else math.inf
-        texts.append(
-            f"{told.amplitude:.0f} V, {told.frequency:.0f} Hz, payload {1e3 * told.payload:.0f} g: "
-            f"{told.parameter} {width:.4f} (expected {expected:.4f}), widest {_widest(found):.4f}"
-        )
-    suggested, random_ones = _widest(found), _widest(identify([first, *by_lot]))
-    return (
-        f"widest interval {suggested:.4f} as suggested, {random_ones:.4f} at random (logarithms):"
-        f" {suggested / random_ones:.2f} of it; {'; '.join(texts)}; {off(found, truth_of(axis))}"
-    )
-
-
-STUDIES: Mapping[str, Callable[[int], str]] = {
-    "fits": fits,
-    "preloads": preloads,
-    "misfit": misfit,
-    "laws": laws,
-    "next": next_runs,
+#: What the model, or the file, does not have.
+MISFITS: Mapping[str, Callable[[np.random.Generator], tuple[Actual | None, dict[str, float]]]] = {
+    "lag": lambda r: (Actual(lag=r.uniform(0.7e-6, 2e-6)), {}),
+    "creep": lambda r: (Actual(creep=r.uniform(0.01, 0.04)), {}),
+    "tilt": lambda r: (Actual(), {}),
+    "preload": lambda r: (Actual(), {"preload": r.uniform(1.1, 1.3)}),
+    "slewrate": lambda r: (Actual(), {"slewrate": r.uniform(1.1, 1.5)}),
+    "gain": lambda r: (Actual(), {"gain": r.uniform(1.02, 1.1)}),
+    "drift of preload": lambda r: (Actual(), {}),
+    "payload": lambda r: (Actual(), {"mass": r.uniform(0.7, 0.9)}),
+    "bandwidth": lambda r: (Actual(), {}),
+    "hysteresis": lambda r: (Actual(hysteresis=r.uniform(0.05, 0.2)), {}),
+    "second contact": lambda r: (Actual(), {}),
 }
 
 
-def main(study: str, count: int, first: int) -> None:
-    """Print a line for each experiment."""
-    for seed in range(first, first + count):
-        begun, clock = time.process_time(), time.monotonic()
-        text = STUDIES[study](seed)
-        took, wall = time.process_time() - begun, time.monotonic() - clock
-        print(f"{study} {seed}: {took:.0f} s of CPU, {wall:.0f} s: {text}", flush=True)
+def misfit(seed: int) -> dict[str, Any]:
+    """Return whether something that the model does not have is told, or moves nothing."""
+    random = np.random.default_rng(90_000 + seed)
+    kind = list(MISFITS)[seed % len(MISFITS)]
+    actual, changed = MISFITS[kind](random)
+    drawn = draw(seed, actual, **changed)
+    t, x, quiet = drawn.measured
+    if kind == "tilt":
+        x = x * float(random.uniform(0.92, 0.97))
+    if kind == "bandwidth":
+        share = 1.0 - math.exp(
+            -2.0 * math.pi * float(random.uniform(1.5e4, 3e4)) / drawn.sensor.rate
+        )
+        x = low_pass(x, share)
+        drawn = replace(drawn, said="point")
+    if kind in ("drift of preload", "second contact"):
+        other = Other(jump=float(random.uniform(0.1, 0.3)))
+        if kind == "second contact":
+            other = Other(second=float(random.uniform(0.1, 0.3)))
+        t, x = other_trace(
+            drawn.axis, other, drawn.drive, drawn.sensor.rate, drawn.sensor.white, seed
+        )
+    drawn = replace(drawn, measured=(t, x, quiet))
+    found, took = fitted(drawn, fit_lag=False if kind == "lag" else None)
+    about = {"seed": seed, "kind": kind, "seconds": took, "steps": drawn.drive.cycles}
+    if isinstance(found, str):
+        return about | {"refused": found}
+    off = {}
+    for name, true in drawn.truth.items():
+        one = found.parameters[name]
+        low, high = one.low or 0.0, one.high or math.inf
+        beyond = max(low - true, true - high, 0.0) / (high - low) if math.isfinite(high) else 0.0
+        off[name] = round(beyond, 2)
+    told = found.misfit.text if found.misfit else ""
+    given = {"preload": "preload", "payload": "mass", "slewrate": "slewrate", "gain": "gain",
+             "lag": "a lag of", "bandwidth": "a sensor of"}  # fmt: skip
+    said = any(given.get(kind, "-") in line.partition(" would not")[0] for line in found.given)
+    silent = not told and not said and max(off.values()) > 0.5
+    return about | {"off": off, "misfit": told, "said": said, "silent": silent}
+
+
+def laws(seed: int) -> dict[str, Any]:
+    """Return the rank of the law that made a trace."""
+    random = np.random.default_rng(seed)
+    law = ("lugre", "epm_fix", "ceim", "epm_calc")[seed % 4]
+    axis = replace(random_axis(random), preload=float(random.uniform(0.4, 1.0)))
+    frequency = math.exp(random.uniform(math.log(100.0), math.log(800.0)))
+    drive = Drive(12, frequency, float(random.uniform(220.0, 300.0)), 1, 8e-3)
+    t, x = other_trace(axis, Other(law=law), drive, 5e5, 1e-9, seed)
+    file = {"preload": axis.preload, "mass": axis.mass, "frequency": frequency,
+            "amplitude": drive.amplitude}  # fmt: skip
+    begun = time.process_time()
+    found = identify([(file, t, x)], laws=["ceim", "lugre", "epm_fix", "epm_calc", "free"]).laws
+    order = {one.law: round(one.score, 1) for one in found}
+    likely = [one.law for one in found if one.likely]
+    right = found[0].law == law or (law in likely and len(likely) > 1)
+    took = round(time.process_time() - begun, 1)
+    return {"seed": seed, "law": law, "right": right, "order": order, "seconds": took}
+
+
+def _widest(found: Fit) -> float:
+    widths = [
+        math.log(one.high / one.low) if one.low and one.high else math.inf
+        for name, one in found.parameters.items()
+        if name not in ("amplifier_lag", "sensor_width")
+    ]
+    return max(widths)
+
+
+def next_runs(seed: int) -> dict[str, Any]:
+    """Return the widest interval after a run as suggested, and after one at random."""
+    random = np.random.default_rng(seed)
+    axis, sensor = random_axis(random), Sensor(rate=5e5, noise=2e-9)
+
+    def measured(drive: Drive, payload: float, own: int) -> tuple[Parameters, Motion]:
+        loaded = replace(axis, mass=axis.mass + payload)
+        pause = max(1.2e-3, 0.3 / drive.frequency)
+        p, trace = experiment(loaded, replace(drive, pause=pause), sensor, own, rest=pause)
+        return p.replace(mass=axis.mass, payload=payload), trace
+
+    def by_lot() -> Drive:
+        frequency = math.exp(random.uniform(math.log(100.0), math.log(2000.0)))
+        return Drive(max(int(0.018 * frequency), 4), frequency, float(random.uniform(100.0, 300.0)))
+
+    first, other = measured(by_lot(), 0.0, seed), measured(by_lot(), 0.0, 100 * seed)
+    told = identify([first], suggest_next=True).next
+    assert told is not None
+    drive = Drive(told.steps, told.frequency, told.amplitude, slewrate=1e6 * told.slewrate)
+    suggested = _widest(identify([first, measured(drive, told.payload, 100 * seed + 1)]))
+    return {
+        "seed": seed, "suggested": suggested, "random": _widest(identify([first, other])),
+        "expected": math.log(told.high / told.low), "text": told.text,
+    }  # fmt: skip
+
+
+def summary(lines: Sequence[dict[str, Any]]) -> str:
+    """Return the counts over experiments, in words."""
+    whole = [one for one in lines if "refused" not in one]
+    text = [f"{len(lines)} experiments, {len(lines) - len(whole)} refused"]
+    if "values" in whole[0]:
+        for name in whole[0]["values"]:
+            found = [one["values"][name] for one in whole]
+            wider = [one["wider"] for one in found if one["wider"]]
+            text.append(
+                f"{name}: {_share(sum(one['inside'] for one in found), len(found))} inside, median "
+                f"width {np.median(wider):.2f} of the bound, {len(found) - len(wider)} open"
+            )
+        named = sum(bool(one["misfit"]) for one in whole)
+        text.append(f"misfit named: {_share(named, len(whole))}")
+    for key in ("kind", "law"):
+        for kind in dict.fromkeys(one[key] for one in whole if key in one):
+            own = [one for one in whole if one[key] == kind]
+            if key == "law":
+                text.append(f"{kind}: {sum(one['right'] for one in own)} of {len(own)} right")
+            else:
+                told = sum(bool(one["misfit"]) or one["said"] for one in own)
+                silent = sum(one["silent"] for one in own)
+                text.append(f"{kind}: {told} of {len(own)} told, {silent} wrong in silence")
+    if "seconds" in whole[0]:
+        seconds = [one["seconds"] for one in whole]
+        text.append(f"{np.mean(seconds):.1f} s of processor a fit, at most {max(seconds):.1f} s")
+    if "suggested" in whole[0]:
+        ratio = [one["suggested"] / one["random"] for one in whole]
+        text.append(f"widest interval {np.median(ratio):.2f} of that after a run at random")
+    return "\n".join(text)
+
+
+def _share(part: int, of: int) -> str:
+    share = part / max(of, 1)
+    error = math.sqrt(share * (1.0 - share) / max(of, 1))
+    return f"{part} of {of} ({100.0 * share:.1f} +- {100.0 * error:.1f} %)"
+
+
+STUDIES: Mapping[str, Callable[[int], dict[str, Any]]] = {
+    "intervals": intervals, "misfit": misfit, "laws": laws, "next": next_runs,
+}  # fmt: skip
 
 
 if __name__ == "__main__":
-    given = arguments(__doc__, None, {"study": {*STUDIES}, "count": int, "first": 1})
-    main(given.study, given.count, given.first)
+    given = arguments(__doc__, None, {"study": {*STUDIES}, "count": int, "first": 1}, sum=())
+    if given.sum:
+        texts = [Path(path).read_text().splitlines() for path in given.sum]
+        print(summary([json.loads(line) for lines in texts for line in lines]))
+    else:
+        for seed in range(given.first, given.first + given.count):
+            print(json.dumps(STUDIES[given.study](seed)), flush=True)
