@@ -22,6 +22,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading
+from stickslip_ros.measurement.reading.given import given_table
 from stickslip_ros.measurement.reading.motion import motion_of, open_table
 from stickslip_ros.measurement.reading.table import Column, Table, Unit
 from stickslip_ros.motion.motion import Motion
@@ -34,8 +35,6 @@ from stickslip_ros.shared_files import config_file, sample_file
 _UNCERTAIN = re.compile(r"(?P<value>.+?)\s*(?:\+-|\+/-|±)\s*(?P<deviation>.+)")
 #: Inputs that may be uncertain.
 UNCERTAIN = ("preload", "mass", "payload", "amplitude", "gain", "slewrate", "spring", "force")
-#: Samples below which nothing can be said.
-_FEWEST = 16
 _FORM = (
     "each run is (drive, motion) or (drive, t, x): a drive is a parameter file, a mapping or "
     "Parameters; a motion is a Motion, a file, a DataFrame or an xarray object"
@@ -129,59 +128,15 @@ def known_runs(runs: Iterable[Any]) -> list[tuple[Known, Motion]]:
 
 def motion_from(measured: Sequence[Any], name: str) -> Motion:
     """Return a motion from one object that holds it, or from times (s) and positions (m)."""
-    if len(measured) == 2:
-        return _of_arrays(measured[0], measured[1], name)
-    (one,) = measured
-    if isinstance(one, Motion):
+    one = measured[0]
+    if len(measured) == 1 and isinstance(one, Motion):
         return one
-    if isinstance(one, str | PathLike):
+    if len(measured) == 1 and isinstance(one, str | PathLike):
         return read_motion(sample_file(Path(one), MeasurementError))
-    columns = _columns_of(one)
-    if columns is None:
-        raise IdentificationError(f"the motion of {name} is {_named(one)}; {_FORM}")
-    return table_motion(Table.of(columns), name, Reading())
-
-
-def _of_arrays(t: Any, x: Any, name: str) -> Motion:
-    """Return a motion from arrays, in SI units unless they say others."""
-    times, positions = (np.asarray(one, dtype=np.float64) for one in (t, x))
-    for what, values in (("t", times), ("x", positions)):
-        if values.ndim != 1 or len(values) != len(times):
-            raise IdentificationError(
-                f"{what} of {name} has the shape {values.shape}; t and x have to be of one length"
-            )
-        if not np.isfinite(values).all():
-            raise IdentificationError(f"{what} of {name} has gaps; leave these samples out")
-    units = [getattr(one, "attrs", {}).get("units") for one in (t, x)]
-    columns = [Column("t", units[0] or "s", values=times), Column("x", units[1], values=positions)]
-    if units[1] is None:
-        if len(times) < _FEWEST or not (np.diff(times) > 0.0).all():
-            raise IdentificationError(
-                f"t of {name} has to rise over {_FEWEST} samples or more; sort them by time"
-            )
-        return Motion(name, times, positions)
-    return table_motion(Table.of(columns), name, Reading())
-
-
-def _columns_of(data: Any) -> list[Column] | None:
-    """Return the columns of a DataFrame, DataArray or Dataset; None for anything else."""
-    if hasattr(data, "data_vars"):  # xarray.Dataset
-        every = {**data.coords, **data.data_vars}
-    elif hasattr(data, "coords") and hasattr(data, "dims"):  # xarray.DataArray
-        every = {**data.coords, str(data.name or "position"): data}
-    elif hasattr(data, "columns") and hasattr(data, "index"):  # pandas.DataFrame
-        every = {str(name): data[name] for name in data.columns}
-        if getattr(data.index, "name", None):
-            every = {str(data.index.name): data.index, **every}
-    else:
-        return None
-    found = []
-    for name, values in every.items():
-        array = np.asarray(values)
-        if array.ndim == 1 and np.issubdtype(array.dtype, np.number):
-            unit = getattr(values, "attrs", {}).get("units")
-            found.append(Column(str(name), unit, values=array.astype(np.float64)))
-    return found
+    try:
+        return table_motion(given_table(*measured), name, Reading())
+    except MeasurementError as error:
+        raise IdentificationError(f"the motion of {name}: {error}") from None
 
 
 def read_motion(path: Path, how: Reading | None = None, joint: str | None = None) -> Motion:

@@ -160,7 +160,7 @@ def analyse(
     >>> import stickslip_ros as ss
     >>> found = ss.analyse(ss.simulate("table1_typical", steps=12))
     >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
-    133.8 nm, ringing at 7534 Hz
+    133.8 nm, ringing at 7549 Hz
     """
     motion = _finest(measurement, *arrays)
     _check(frequency)

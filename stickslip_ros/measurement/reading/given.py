@@ -42,14 +42,8 @@ def given_motion(source: Any, *more: Any, how: Reading | None = None) -> Motion:
     MeasurementError
         There is no motion in them; the message says what was expected.
     """
-    if isinstance(source, tuple | list) and not more and 2 <= len(source) <= len(_ARRAYS):
-        source, *more = source  # type: ignore[assignment]
-    if more:
-        with _naming("arrays"):
-            table = Table.of(_columns_of_arrays((source, *more)))
-            return motion_of(table, "arrays", how or Reading())
-    with _naming("table"):
-        return motion_of(_table_of(source), "table", how or Reading())
+    with _naming("table" if not more and hasattr(source, "columns") else "arrays"):
+        return motion_of(given_table(source, *more), "arrays", how or Reading())
 
 
 def given_loop(source: Any, how: Reading | None = None) -> ActuatorLoop:
@@ -58,7 +52,7 @@ def given_loop(source: Any, how: Reading | None = None) -> ActuatorLoop:
     Raises MeasurementError.
     """
     with _naming("table"):
-        return loop_of(_table_of(source), how or Reading())
+        return loop_of(given_table(source), how or Reading())
 
 
 @contextmanager
@@ -71,7 +65,15 @@ def _naming(what: str) -> Iterator[None]:
         raise MeasurementError(f"{what}: {error}{cure if '--' in str(error) else ''}") from None
 
 
-def _table_of(source: Any) -> Table:
+def given_table(source: Any, *more: Any) -> Table:
+    """Return the columns of arrays, as in `given_motion`, a DataFrame or an xarray object.
+
+    Raises MeasurementError.
+    """
+    if isinstance(source, tuple | list) and not more and 2 <= len(source) <= len(_ARRAYS):
+        source, *more = source  # type: ignore[assignment]
+    if more:
+        return Table.of(_columns_of_arrays((source, *more)))
     if hasattr(source, "to_dataset"):  # a DataArray
         source = source.to_dataset(name=source.name or "position")
     if hasattr(source, "data_vars"):
@@ -85,7 +87,7 @@ def _columns_of_arrays(arrays: tuple[Any, ...]) -> list[Column]:
     if len(arrays) > len(_ARRAYS):
         raise MeasurementError(f"{len(arrays)} arrays are given; they are times, positions and, "
                                "where it was measured, the actuator")  # fmt: skip
-    found = []
+    found: list[Column] = []
     for (name, unit), given in zip(_ARRAYS, arrays, strict=False):
         stated = getattr(given, "attrs", {}).get("units", unit)
         values = _numbers_in(name, getattr(given, "values", given))

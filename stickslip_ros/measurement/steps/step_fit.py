@@ -440,7 +440,7 @@ class _Solver:
         self._scale = np.where(self._used, scale, 1.0)
         self._columns, self._y = columns / self._scale, y
         count = columns.shape[1]
-        both = np.linalg.qr(np.column_stack([self._columns, y]), mode="r")
+        both = np.asarray(np.linalg.qr(np.column_stack([self._columns, y]), mode="r"))
         self._r, self._seen = both[:count, :count], both[:count, count]
         self._unseen = float(np.sum(both[count:, count] ** 2))
         self._order = np.argsort(t, kind="stable")

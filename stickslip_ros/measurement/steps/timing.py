@@ -216,8 +216,8 @@ def count_slips(
     number = np.unique(np.concatenate([low, high]))
     due = grid.first + grid.period * number
     size = SlipSizes(pyramid, grid.slips, grid.period, ringing).at(due)
-    usual = _rises(mean, grid.settled, grid.period)
-    usual = usual.mean() if len(usual) and usual.any() else math.nan
+    rises = _rises(mean, grid.settled, grid.period)
+    usual = float(rises.mean()) if rises.any() else math.nan
     rise = _rises(mean, due, grid.period) / usual
     size = np.where(size < SETTINGS.least_amplitude, _judged(size, rise), size)
     seen = dict(zip(number.tolist(), size.tolist(), strict=True))
