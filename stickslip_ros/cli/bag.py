@@ -101,6 +101,8 @@ def _description(found: dict[str, Any]) -> list[str]:
             f"  {topic['name']:<{width}} {topic['messages']:>9}  {topic['type']}  "
             f"{'; '.join(sorted(kinds))}"
         )
+        if topic["undecodable"]:
+            lines.append(f"    {topic['undecodable']}")
     for name, parameters in found["axes"].items():
         own = {key: text for key, text in parameters.items() if not _is_default(key, text)}
         rest = len(parameters) - len(own)
@@ -357,5 +359,8 @@ def run_export(args: argparse.Namespace) -> int:
     bag_name = args.bag.expanduser().absolute()
     out = args.out or bag_name.with_name(f"{bag_name.stem}_tables")
     with open_bag(args.bag) as bag, progress_bar(bag.message_count, "exporting messages") as bar:
-        print(export(bag, out, bar.update))
-    return 0
+        done = export(bag, out, bar.update)
+    print(done.path)
+    for reason in done.left_out.values():
+        print(f"stickslip bag export: left out: {reason}", file=sys.stderr)
+    return 1 if done.left_out else 0

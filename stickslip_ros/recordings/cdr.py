@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from stickslip_ros.recordings.errors import BagError, short
+from stickslip_ros.recordings.errors import BagError, UndecodableError, short
 from stickslip_ros.recordings.mcap_records import BagMessage
 from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, STATUS_TYPE, nanoseconds
 from stickslip_ros.recordings.metadata import CDR, TopicDescription
@@ -49,7 +49,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     if topic.encoding != CDR or topic.schema_encoding != "ros2msg" or not topic.schema:
         schema_kind = topic.schema_encoding if topic.schema else "missing"
         found = f"{topic.encoding or 'of no format'}, schema {schema_kind}"
-        raise BagError(
+        raise UndecodableError(
             f"{where} cannot be decoded: its messages are {found}; record it with "
             "`stickslip bag record` or `ros2 bag record -s mcap`, which write cdr and ros2msg"
         )
@@ -64,7 +64,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             raise ValueError("it has no definition")
     # The text is a stranger's and the parser has no error of its own for what is wrong with it.
     except Exception as error:
-        raise BagError(
+        raise UndecodableError(
             f"{where} cannot be decoded, its schema is broken: {short(error)}; "
             "record it anew or leave the topic out"
         ) from error
@@ -73,7 +73,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
         try:
             return decode(_Bounded(data))
         except Exception as error:  # likewise
-            raise BagError(
+            raise UndecodableError(
                 f"a message on {where} is not of that type: {short(error)}; "
                 "the recording is damaged or has the wrong schema"
             ) from error
@@ -81,9 +81,9 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     return decoded
 
 
-def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:
+def not_of_type(bag: BagReader, topic: str, error: Exception) -> UndecodableError:
     """Return the error for a topic whose messages lack fields of its type."""
-    return BagError(
+    return UndecodableError(
         f"the messages on {topic} of {bag.path} are not of the type {bag.topics[topic].type} that "
         f"they are said to be ({error}); record the topic anew or leave it out"
     )

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
-from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from stickslip_ros.files import whole_file, whole_folder
 from stickslip_ros.recordings.cdr import decode_messages, decoder_for, fields_of, not_of_type
-from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.errors import BagError, UndecodableError
 from stickslip_ros.recordings.message_types import STATUS_TYPE, stamp_of
 from stickslip_ros.recordings.reader import BagReader
 
@@ -24,12 +22,21 @@ _LONGEST_ARRAY = 64  # values of one whose values are columns; images have milli
 _BATCH = 10_000  # rows that a Parquet file takes at once
 
 Row = dict[str, Any]
+#: The columns of a table with the type of each.
+Columns = dict[str, type]
 #: Called after each message
 Note = Callable[[], object]
 
 
-def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
-    """Write the messages of a bag as tables.
+class Exported(NamedTuple):
+    """What was written of a bag, and what was not."""
+
+    path: Path  #: the file or folder
+    left_out: dict[str, str]  #: topics that cannot be decoded, each with the reason
+
+
+def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Exported:
+    """Write the messages of a bag as tables; topics that cannot be decoded are left out and named.
 
     Parameters
     ----------
@@ -43,8 +50,8 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
 
     Returns
     -------
-    Path
-        The file or folder written.
+    Exported
+        The file or folder written, and the topics left out.
 
     Raises
     ------
@@ -53,23 +60,49 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
     WriteError
         The file or folder cannot be written.
     """
-    topics = []
-    for topic in [name for name, count in bag.counts.items() if count]:
-        with suppress(BagError):  # what cannot be decoded is left out
-            decoder_for(bag.topics[topic])
-            topics.append(topic)
-    if not topics:
-        raise BagError(f"{bag.path} has no messages that can be decoded; record topics with cdr")
+    columns, left_out = readable_topics(bag)
+    if not columns:
+        why = "".join(f"; {reason}" for reason in left_out.values())
+        raise BagError(f"{bag.path} has no messages that can be decoded; record some with cdr{why}")
     if out.suffix in _WRITERS:
         with whole_file(out) as part:
-            _WRITERS[out.suffix](part, lambda note: _join_rows(bag, topics, note), on_message)
+            _WRITERS[out.suffix](
+                part, _joined(columns), _join_rows(bag, list(columns), on_message)
+            )
     else:
         with whole_folder(out) as folder:
             folder.mkdir()
-            for topic in topics:
+            for topic, kinds in columns.items():
                 name = topic.strip("/").replace("/", ".") or "topic"
-                _write_csv(folder / f"{name}.csv", partial(_rows_of, bag, topic), on_message)
-    return out
+                _write_csv(folder / f"{name}.csv", kinds, _rows_of(bag, topic, on_message))
+    return Exported(out, left_out)
+
+
+def readable_topics(bag: BagReader) -> tuple[dict[str, Columns], dict[str, str]]:
+    """Return the columns of the topics that can be decoded, and why others cannot, by topic.
+
+    Every message is decoded. Raises BagError: the bag is damaged.
+    """
+    columns, left_out = dict[str, Columns](), dict[str, str]()
+    for topic in [name for name, count in bag.counts.items() if count]:
+        try:
+            decoder_for(bag.topics[topic])
+        except BagError as error:
+            left_out[topic] = str(error)
+            continue
+        try:
+            columns[topic] = _columns(_rows_of(bag, topic, lambda: None))
+        except UndecodableError as error:
+            left_out[topic] = str(error)
+    return columns, left_out
+
+
+def _joined(columns: dict[str, Columns]) -> Columns:
+    """Return the columns of one table of all topics, named by topic."""
+    joined: Columns = {_TIME: float, _RECORDED: int}
+    for topic, kinds in columns.items():
+        joined |= {f"{topic}/{name}": one for name, one in kinds.items() if name not in joined}
+    return joined
 
 
 def _rows_of(bag: BagReader, topic: str, note: Note) -> Iterator[Row]:
@@ -110,9 +143,9 @@ def _rows(bag: BagReader, topics: list[str], note: Note) -> Iterator[tuple[str, 
         note()
 
 
-def _columns(rows: Iterable[Row]) -> dict[str, type]:
+def _columns(rows: Iterable[Row]) -> Columns:
     """Return the columns of a table, each with its type: time, then in the order of recording."""
-    kinds: dict[str, type] = {_TIME: float, _RECORDED: int}
+    kinds: Columns = {_TIME: float, _RECORDED: int}
     for row in rows:
         for name, value in row.items():
             kind = kinds.setdefault(name, type(value))
@@ -121,15 +154,14 @@ def _columns(rows: Iterable[Row]) -> dict[str, type]:
     return kinds
 
 
-def _write_csv(path: Path, rows: Callable[[Note], Iterator[Row]], note: Note) -> None:
-    columns = _columns(rows(lambda: None))
+def _write_csv(path: Path, columns: Columns, rows: Iterable[Row]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(columns))
         writer.writeheader()
-        writer.writerows(rows(note))
+        writer.writerows(rows)
 
 
-def _write_parquet(path: Path, rows: Callable[[Note], Iterator[Row]], note: Note) -> None:
+def _write_parquet(path: Path, columns: Columns, rows: Iterable[Row]) -> None:
     try:
         import pyarrow
         from pyarrow import parquet
@@ -137,11 +169,10 @@ def _write_parquet(path: Path, rows: Callable[[Note], Iterator[Row]], note: Note
         raise BagError(
             f"{path.name} needs pyarrow: pip install 'stickslip_ros[parquet]', or write .csv"
         ) from None
-    columns = _columns(rows(lambda: None))
     arrow = {float: pyarrow.float64(), int: pyarrow.int64(), bool: pyarrow.bool_()}
     schema = pyarrow.schema([(n, arrow.get(kind, pyarrow.string())) for n, kind in columns.items()])
     texts = [name for name, kind in columns.items() if kind not in arrow]
-    table = rows(note)
+    table = iter(rows)
     with parquet.ParquetWriter(path, schema) as writer:
         while batch := list(islice(table, _BATCH)):
             for row in batch:

@@ -20,9 +20,10 @@ from stickslip_ros.axis.events import (
 )
 from stickslip_ros.axis.joints import SOURCE, Joints, contact_joints, joints_of
 from stickslip_ros.parameters.groups import CONTACT_SUFFIX, SLIDER
-from stickslip_ros.recordings.cdr import decode_messages, not_of_type, statuses
+from stickslip_ros.recordings.cdr import decode_messages, decoder_for, not_of_type, statuses
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.message_types import STATUS_TYPE, nanoseconds
+from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.reader import BagReader
 
 if TYPE_CHECKING:
@@ -243,6 +244,7 @@ def describe(bag: BagReader) -> dict[str, Any]:
                 "messages": bag.counts[topic.name],
                 "type_hash": topic.type_hash,
                 "encoding": topic.encoding,
+                "undecodable": _why_undecodable(topic),
                 "offered_qos": [profile.as_json() for profile in topic.offered_qos],
             }
             for topic in bag.topics.values()
@@ -254,3 +256,12 @@ def describe(bag: BagReader) -> dict[str, Any]:
         "warnings": bag.warnings,
         "axes": recorded_axes(bag),
     }
+
+
+def _why_undecodable(topic: TopicDescription) -> str | None:
+    """Return why messages of a topic cannot be decoded, as far as its description tells."""
+    try:
+        decoder_for(topic)
+    except BagError as error:
+        return str(error)
+    return None

@@ -121,3 +121,26 @@ def test_what_cannot_be_exported_is_told(
         (line,) = capsys.readouterr().err.splitlines()
         assert words in line
     assert sorted(path.name for path in tmp_path.iterdir()) == ["odd", "run"]
+
+
+@pytest.mark.parametrize("out", ["tables", "all.csv", "all.parquet"])
+def test_topics_that_cannot_be_decoded_are_left_out_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], out: str
+) -> None:
+    """They were left out without a word, or one of them kept all others from being exported."""
+    words = {
+        "/idl": TopicDescription("/idl", "lab/msg/Words", "module lab {};", schema_encoding="omgidl"),
+        "/bare": TopicDescription("/bare", "lab/msg/Words", ""),
+        "/part": TopicDescription("/part", "lab/msg/Words", "lab/Inner inner"),
+    }
+    with BagWriter(tmp_path / "run") as bag:
+        for one in (STEPS, *words.values()):
+            bag.add_topic(one)
+            bag.write(one.name, int32(7), log_ns=START, publish_ns=START)
+    assert main(["bag", "export", str(tmp_path / "run"), "--out", str(tmp_path / out)]) == 1
+    told = capsys.readouterr().err
+    assert told.count("left out: ") == len(words) and all(one in told for one in words)
+    assert (tmp_path / out).exists()
+    assert main(["bag", "info", str(tmp_path / "run")]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("cannot be decoded") >= 2

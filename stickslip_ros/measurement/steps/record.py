@@ -137,11 +137,13 @@ def _held_samples(x: Array, resolution: float) -> NDArray[np.bool_]:
     if not len(long):
         return held
     moved = np.abs(x[_HELD_SAMPLES:] - x[:-_HELD_SAMPLES])
-    usual = max(float(np.median(moved[moved > 0.0])), 4.0 * resolution)
     moves = np.diff(x)
     moves = moves[moves != 0.0]
     turns = float(np.mean(moves[1:] * moves[:-1] < 0.0)) if len(moves) > 1 else 0.0
-    usual_move = max(float(np.median(np.abs(moves))), 4.0 * resolution)
+    usual, usual_move = (
+        max(float(np.median(one)) if len(one) else 0.0, 4.0 * resolution)
+        for one in (moved[moved > 0.0], np.abs(moves))
+    )
     noisy = turns > _NOISY and resolution == 0.0  # then no rest has one value
     for k in long:
         first, after = last[k] - length[k] + 1, last[k]
