@@ -104,7 +104,7 @@ def _steps_in(measurement: Motion, begin: float, end: float, period: float) -> b
     Then it is more like the same part of the cycle beside it, a period (s) away, than like a rest.
     """
     kept = measurement.between(begin, end)
-    if not 0.0 < end - begin < (1.0 - _SAME) * abs(period) or len(kept.t) < _FEWEST:
+    if not 0.0 < end - begin < abs(period) or len(kept.t) < _FEWEST:
         return False
     stepping = kept.x - measurement.position_at(kept.t + period)
-    return bool(np.var(stepping) < 2.0 * np.var(kept.x))  # it has the noise of two readings
+    return bool(np.var(stepping) < np.var(kept.x))  # it has the noise of two readings

@@ -66,9 +66,7 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Export
         raise BagError(f"{bag.path} has no messages that can be decoded; record some with cdr{why}")
     if out.suffix in _WRITERS:
         with whole_file(out) as part:
-            _WRITERS[out.suffix](
-                part, _joined(columns), _join_rows(bag, list(columns), on_message)
-            )
+            _WRITERS[out.suffix](part, _joined(columns), _join_rows(bag, list(columns), on_message))
     else:
         with whole_folder(out) as folder:
             folder.mkdir()

@@ -129,7 +129,9 @@ def test_topics_that_cannot_be_decoded_are_left_out_and_named(
 ) -> None:
     """They were left out without a word, or one of them kept all others from being exported."""
     words = {
-        "/idl": TopicDescription("/idl", "lab/msg/Words", "module lab {};", schema_encoding="omgidl"),
+        "/idl": TopicDescription(
+            "/idl", "lab/msg/Words", "module lab {};", schema_encoding="omgidl"
+        ),
         "/bare": TopicDescription("/bare", "lab/msg/Words", ""),
         "/part": TopicDescription("/part", "lab/msg/Words", "lab/Inner inner"),
     }

@@ -154,7 +154,7 @@ def test_a_result_is_a_table_of_pandas(results: dict[str, Any]) -> None:
     assert tables["motion"]["position (m)"].tolist() == motion.x.tolist()
     assert tables["run"]["step (m)"].tolist() == run.step_sizes.tolist()
     assert tables["run"].index.tolist() == list(range(1, 11))
-    (row,) = tables["fit"].to_dict("records")
+    (row,) = (one for one in tables["fit"].to_dict("records") if one["name"] == "sigma_1")
     found = fit.parameters["sigma_1"]
     assert (row["name"], row["value"], row["low"], row["high"]) == (
         "sigma_1", found.value, found.low, found.high,

@@ -79,13 +79,15 @@ def fit_ringing(t: Array, x: Array, longest: float, order: int = 3) -> Ringing |
     even = np.linspace(0.0, t[-1], len(t))
     spread = np.interp(even, t, rest)
     tried = np.fft.rfftfreq(_FINER * len(t), even[1])
-    inside = (tried >= lowest) & (tried <= highest)
+    inside = np.flatnonzero((tried >= lowest) & (tried <= highest))
+    if not len(inside):
+        return None
     model = _DampedWave(t, x, order, scale)
     best = None
     for decay in np.array(_DECAYS) / t[-1]:
         weight = np.exp(-decay * even)
-        power = np.where(inside, np.abs(np.fft.rfft(weight * spread, _FINER * len(t))), 0.0)
-        start = [math.log(float(tried[int(np.argmax(power))])), math.log(decay)]
+        power = np.abs(np.fft.rfft(weight * spread, _FINER * len(t)))[inside]
+        start = [math.log(float(tried[inside[int(np.argmax(power))]])), math.log(decay)]
         try:
             found = scipy.optimize.least_squares(
                 model.left, start, x_scale=[0.01, 0.3], max_nfev=40
