@@ -371,7 +371,8 @@ def test_the_worst_lag_is_that_of_its_window() -> None:
 def test_what_is_missed_while_it_starts_does_not_count() -> None:
     pacer = Pacer(0.01, 5.0, excused=1.0)
     assert [pacer.tick(now) for now in (5.5, 5.99, 6.3)] == [True] * 3
-    assert (pacer.missed, pacer.worst_lag) == (30, pytest.approx(0.3))
+    assert pacer.missed == 30
+    assert pacer.worst_lag == pytest.approx(0.3)
 
 
 def test_few_missed_deadlines_go_without_a_word_and_many_are_not_repeated() -> None:

@@ -8,7 +8,7 @@ import re
 import shutil
 import struct
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,7 @@ TRUTH = topic("/stickslip_axis/truth", JOINTS.type)
 Texts = dict[str, str]
 
 
-def state(ns: int, **joints: tuple[float, float, float]) -> bytes:
+def state(ns: int, **joints: Sequence[float | None]) -> bytes:
     columns = np.array(list(joints.values()), dtype=np.float64).reshape(-1, 3).T
     position, velocity, effort = (np.ascontiguousarray(column) for column in columns)
     return serialized(
@@ -85,7 +85,9 @@ def record_axis(
                 bag.write(where.name, event(at, **texts), log_ns=ns, publish_ns=ns)
             axis.advance(number * 1_000_000 * 1e-9)
             s = axis.state
-            rows = {f"axis{end}": numbers for end, *numbers in report.take(axis)}
+            rows: dict[str, Sequence[float | None]] = {
+                f"axis{end}": numbers for end, *numbers in report.take(axis)
+            }
             data = joints(number, state(ns, **rows))
             bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
             rows = {"axis_slider": (s.x, s.v, -s.force), "axis_piezo": (s.u, s.rate, s.force)}

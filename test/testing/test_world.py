@@ -104,7 +104,11 @@ def test_each_axis_has_its_turn_where_time_goes_as_fast_as_it_can(
     """Of a full queue, one reader took 644 messages of x and none of y."""
     heard: list[str] = []
     node = stickslip_world.node("slow")
-    node.create_subscription(JointState, "/joint_states", lambda m: heard.append(m.name[0]), 10)
+
+    def hear(message: JointState) -> None:
+        heard.append(message.name[0])
+
+    node.create_subscription(JointState, "/joint_states", hear, 10)
     stickslip_world.wait_until(lambda: len(heard) > 100, 1e6, "a hundred states")
     counts = [heard.count(f"{name}_slider") for name in "xy"]
     assert min(counts) > 0.2 * len(heard), counts

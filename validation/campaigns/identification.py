@@ -91,9 +91,10 @@ class Instrument:
         def sometimes(low: float, high: float) -> float:
             return float(random.choice([0.0, random.uniform(low, high)]))
 
+        logarithm = sometimes(math.log(2e4), math.log(2e5))
         return cls(
             rate=rate,
-            bandwidth=random.choice([None, math.exp(random.uniform(*np.log([2e4, 2e5])))]),
+            bandwidth=math.exp(logarithm) if logarithm else None,
             mean=bool(random.integers(2)),
             latency=float(random.uniform(0.0, 50e-6)),
             white=float(random.uniform(0.3e-9, 3e-9)),

@@ -27,7 +27,7 @@ _BINS = (4, 64)
 #: multiple of it is better by that.
 _AS_GOOD = 0.75
 #: Samples of a part of a period that are coarse; part of the variance that makes it possible.
-_COARSE, _POSSIBLE = 16.0, 0.45
+_COARSE, _POSSIBLE = 16.0, 0.3
 #: Amplitude between slips that is one, where there are so many samples a period.
 _SLIP_BETWEEN, _RESOLVED = 0.75, 20.0
 #: Multiples and parts that are asked for.
