@@ -435,10 +435,12 @@ def positions(
     again: int = 0,
     accuracy: tuple[float, float] = ACCURACY,
     pushed: float = 0.0,
+    before: float = 0.0,
 ) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest, after a rest (s), and of more cycles.
 
-    pushed: deflection (m) that each contact begins with. Raises NoAnswerError: as it says.
+    pushed: deflection (m) that each contact begins with; before: rest (s) before the first cycle.
+    Raises NoAnswerError: as it says.
     """
     plain = {"actuator": "linear", "actuator_memory": False, "creep": 0.0}
     stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
@@ -450,6 +452,9 @@ def positions(
     rate = float(np.abs(slips * lasting).sum() / lasting.sum())
     system, found, now, slipped = WholeSystem(p, accuracy), [], 0.0, 0.0
     system.y[CREEP + len(system.system.taus) :: 2] = pushed / _NM
+    if before:
+        system.segment(before, 0.0)
+        now = before
     number = 0
     for count, after in ((cycles, rest), (again, 0.0)):
         for _ in range(count):

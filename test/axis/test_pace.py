@@ -314,6 +314,25 @@ def test_a_followed_clock_is_caught_up_with_and_nothing_is_dropped() -> None:
     assert pace.report(machine.steady).overload == 0.0
 
 
+@pytest.mark.parametrize("rate", [0.25, 0.5, 2.0])
+def test_a_followed_clock_that_is_slow_or_fast_is_no_overload(rate: float) -> None:
+    """The axes go as the clock goes; what is too much for the machine is told all the same."""
+    machine = Machine(cost=0.1)
+
+    def clock() -> int:
+        return round(rate * (machine.steady - STEADY))
+
+    pace = machine.pace = Pace([machine.axis], 1.0, STEADY, STAMP, lambda: machine.spent, clock)
+    for _ in range(5):
+        machine.run(100)
+        report = pace.report(machine.steady)
+        assert report.factor == pytest.approx(rate, rel=0.02)
+        assert report.overload == 0.0
+    machine.cost = 2.0 / rate
+    machine.run(100)
+    assert pace.report(machine.steady).overload > 0.0
+
+
 def at(*times: float) -> list[float]:
     return list(times)
 

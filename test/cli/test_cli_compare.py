@@ -198,6 +198,11 @@ def test_page_and_picture_are_whole(
     for what in ("damping ratio", "sigma_0_slope", "all 1 limits kept", "NumPy", "axis.csv"):
         assert what in text
     assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
+    # Tables are as wide as they need to be inside a box that scrolls, so the page fits any window.
+    assert ".scroll { overflow-x: auto; }" in text
+    tables = re.findall(r"(<div class=\"scroll\" tabindex=\"0\">)?<table", text)
+    assert len(tables) >= 2
+    assert all(tables)
     data = json.loads(text.split('id="data">')[1].split("</script>")[0])
     assert set(data) == {"overview", "step", "slip"}
     assert png.read_bytes().startswith(b"\x89PNG")

@@ -199,3 +199,11 @@ def test_a_soak_of_twenty_seconds_finds_nothing(tmp_path: Path) -> None:
     assert (found["findings"], found["lost"], found["gaps"]) == ([], 0, 0)
     assert found["bit_for_bit"] is True
     assert sum(found["commands"].values()) > 20
+
+
+@pytest.mark.slow
+def test_what_topics_say_is_what_an_integrator_finds(capsys: pytest.CaptureFixture[str]) -> None:
+    from validation.campaigns import topics
+
+    assert topics.main(["--count", "2", "--seed", "3", "--real", "--radians", "1e5"]) == 0
+    assert "2 drives over topics" in capsys.readouterr().out

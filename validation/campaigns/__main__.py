@@ -43,6 +43,9 @@ CAMPAIGNS: dict[str, Campaign] = {
         "errors of random drives with every effect, over all of the parameters' ranges",
         (f"{_STUDIES}drives", "--count", "500"),
     ),
+    "topics": Campaign(
+        "random drives that are commanded over topics: ~/truth at rest", (f"{_STUDIES}topics",)
+    ),
     "targets": Campaign(
         "targets of the closed loop over ranges, loads and effects: ends, times, errors",
         (f"{_STUDIES}targets", "--count", "1000"),
