@@ -201,7 +201,7 @@ def test_a_soak_of_twenty_seconds_finds_nothing(tmp_path: Path) -> None:
     assert sum(found["commands"].values()) > 20
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_topics_say_is_what_an_integrator_finds(capsys: pytest.CaptureFixture[str]) -> None:
     from validation.campaigns import topics
 
