@@ -58,7 +58,7 @@ def _lasting(p: Parameters, rate: float) -> float:
 
 
 def heard(p: Parameters, folder: Path) -> Heard:
-    """Command the steps of a drive over topics. TimeoutError if the axis does not come to rest."""
+    """Command the steps of a drive over topics. NoAnswerError if the axis does not rest."""
     lasts, rate = CYCLES * command_of(p).period, _rate(p)
     world = InProcess(folder, {**differing(p), "publish_rate": rate}, {}, own_time=True)
     try:
@@ -76,13 +76,13 @@ def heard(p: Parameters, folder: Path) -> Heard:
         deadline = time.monotonic() + _HEARS
         while not world.nodes[0].axis.moving:  # simulated time stands still meanwhile
             if time.monotonic() > deadline:
-                raise TimeoutError(f"the command was not taken within {_HEARS:g} s")
+                raise NoAnswerError(f"the command was not taken within {_HEARS:g} s")
             time.sleep(_LOOK)
         begun = world.now
         world.advance(lasts + _REST / rate)
         at, x, v = true[-1]
         if abs(v) > _CARRIED:
-            raise TimeoutError(f"a load carries the runner off, at {v:.3g} m/s")
+            raise NoAnswerError(f"a load carries the runner off, at {v:.3g} m/s")
         return Heard(begun, at - start, x)
     finally:
         world.close()
@@ -92,7 +92,7 @@ def off(p: Parameters, one: Heard) -> float:
     """Return how far the integrator is from what was heard, nm a cycle. Raises NoAnswerError."""
     rest = one.at - one.begun - CYCLES * command_of(p).period
     if rest <= 0.0:
-        raise TimeoutError("the axis was not heard at rest")
+        raise NoAnswerError("the axis was not heard at rest")
     expected = positions(p, CYCLES, rest=rest, before=one.begun)[-1]
     return 1e9 * abs(one.x - float(expected)) / CYCLES
 
