@@ -107,4 +107,5 @@ def _steps_in(measurement: Motion, begin: float, end: float, period: float) -> b
     if not 0.0 < end - begin < abs(period) or len(kept.t) < _FEWEST:
         return False
     stepping = kept.x - measurement.position_at(kept.t + period)
-    return bool(np.var(stepping) < np.var(kept.x))  # it has the noise of two readings
+    # It has the noise of two readings: a rest beside another one is no motion.
+    return bool(np.var(stepping) < np.var(kept.x))

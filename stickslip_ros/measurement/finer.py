@@ -16,7 +16,7 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.axis.events import NotRepeatable
-from stickslip_ros.axis.resimulation import Rerun, parameters_of
+from stickslip_ros.axis.resimulation import Rerun, model_changes, parameters_of
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.model import Plant
@@ -38,9 +38,10 @@ _MOST = 500_000
 def finest_motion(path: Path, loaded: LoadedMotion) -> Motion:
     """Return the motion in a file; that of an axis of ours at a rate that shows its slips.
 
-    Where the samples of a bag do not suffice and it holds the commands of the axis from its start
-    on, the motion is that of the model, without what the sensor adds, at the times of the bag (s)
-    and between them while the axis moves. A line on stderr says so.
+    Where the samples of a bag do not suffice, it holds all commands of the axis from its start on,
+    and the model has not changed since, the motion is that of the model, without what the sensor
+    adds, at the times of the bag (s) and between them while the axis moves. A line on stderr says
+    so.
     """
     with report_compilation(), announce_if_slow("simulating again"):
         finer = _simulated_again(path, loaded)
@@ -55,6 +56,13 @@ def _simulated_again(path: Path, loaded: LoadedMotion) -> Motion | None:
         runs = [one for one in recorded_runs(bag) if f"{one.axis_name}{SLIDER}" == loaded.joint]
         swings = max((_ringing_frequency(one) for one in runs), default=0.0)
         if not swings * motion.spacing > 1.0 / ENOUGH:
+            return None
+        if any(one.missing_events or model_changes(one.events)[1] for one in runs):
+            print(
+                f"{path.name}: it lacks events, or was recorded with another model, so it is not "
+                "simulated again; its samples are taken as they are",
+                file=sys.stderr,
+            )
             return None
         parts = [
             _states(one, motion.t + 1e-9 * (origin - one.start_ns), 1.0 / (_AIM * swings))

@@ -18,8 +18,13 @@ STEPS, FIRST = 20, 50
 AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
 
 
-def record(folder: Path, rate: int, with_commands: bool = True, part: float = 1.0) -> None:
-    """Write what an axis and a recorder write of steps there and back, at a rate in Hz."""
+def record(
+    folder: Path, rate: int, with_commands: bool = True, part: float = 1.0, lost: int = -1
+) -> None:
+    """Write what an axis and a recorder write of steps there and back, at a rate in Hz.
+
+    lost: number of an event that the recorder did not hear.
+    """
     axis = Axis(dict(TABLE_1))
     with BagWriter(folder) as bag:
         for one in (JOINTS, AXIS_EVENTS):
@@ -32,6 +37,8 @@ def record(folder: Path, rate: int, with_commands: bool = True, part: float = 1.
                 axis.command("steps", -STEPS)
             ns = START + number * SECOND // rate
             for told in axis.take_events() if with_commands else ():
+                if told.number == lost:
+                    continue
                 at = START + round(told.time * SECOND)
                 data = event(at, **event_texts(told))
                 bag.write(AXIS_EVENTS.name, data, log_ns=ns, publish_ns=ns)
@@ -77,3 +84,12 @@ def test_samples_that_suffice_and_bags_without_commands_stay_as_they_are(
     assert ss.analyse(tmp_path / "fine").steps == STEPS
     assert np.isnan(ss.analyse(tmp_path / "foreign").backstep)
     assert "simulated again" not in capfd.readouterr().err
+
+
+def test_a_bag_that_lost_a_command_is_taken_as_it_is(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What the lost command did would be missing in silence."""
+    record(tmp_path / "run", 1000, lost=2)
+    assert np.isnan(ss.analyse(tmp_path / "run").backstep)
+    assert "it lacks events" in capfd.readouterr().err

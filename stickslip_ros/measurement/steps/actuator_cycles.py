@@ -61,7 +61,8 @@ def cycles_of_actuator(
     frequency (Hz) and start of the first cycle (s) are taken as they are where given. Raises
     TraceError.
     """
-    strokes = find_strokes(t, _share_of(u))
+    share = _share_of(u)
+    strokes = find_strokes(t, share)
     falls, rises = strokes[strokes[:, 2] < 0], strokes[strokes[:, 2] > 0]
     if len(falls) + len(rises) < 2:
         raise TraceError(
@@ -78,7 +79,7 @@ def cycles_of_actuator(
     short = usual and (slip[:, 1] - slip[:, 0]).max() < 2.0 * spacing
     if even and short and len(slow) > 2:
         apart = find_even(slow[:, :2], 2.0 * spacing)[1]
-        slip = _sharpened(t, _share_of(u), slip, apart, spacing)
+        slip = _sharpened(t, share, slip, apart, spacing)
     half = 0.5 * (slip[:, 1] - slip[:, 0])
     slips, ends = slip[:, 0] - half, slip[:, 1] + half
     if frequency is not None:

@@ -27,10 +27,10 @@ _SAME_PERIOD, _SAME_STEP = 0.05, 0.02
 #: Steps that the rests may be apart beside the number of cycles, as the first ones differ, and more
 #: of them for each cycle.
 _MISSING, _GROWING = 1.0, 0.05
-#: Samples of a cycle that show all of its shape.
-_CLEAR_SAMPLES = 60.0
 #: The same of a last rise without a slip.
 _RISE = 1.5
+#: Samples of a cycle that show all of its shape.
+_CLEAR_SAMPLES = 60.0
 #: Periods by which a run may be off the clock of the mains.
 _LIKE_MAINS = 0.5
 #: Part of the motion in a cycle that is no step; errors of a mean that are no chance; m.
