@@ -452,7 +452,8 @@ def positions(
     rate = float(np.abs(slips * lasting).sum() / lasting.sum())
     system, found, now, slipped = WholeSystem(p, accuracy), [], 0.0, 0.0
     system.y[CREEP + len(system.system.taus) :: 2] = pushed / _NM
-    if before:
+    if before:  # warm or cold, of the mean surface
+        system.take(aged(p.replace(surface_spread=0.0, slip_spread=0.0), 0.0, 0.0))
         system.segment(before, 0.0)
         now = before
     number = 0

@@ -62,16 +62,17 @@ def heard(p: Parameters, folder: Path) -> Heard:
     lasts, rate = CYCLES * command_of(p).period, _rate(p)
     world = InProcess(folder, {**differing(p), "publish_rate": rate}, {}, own_time=True)
     try:
-        user, true = world.node("user"), list[tuple[float, float, float]]()
+        user, true = world.node("user"), list[tuple[int, float, float]]()
 
         def hear(message: JointState) -> None:
             at, k = message.header.stamp, message.name.index("axis_slider")
-            true.append((at.sec + 1e-9 * at.nanosec, message.position[k], message.velocity[k]))
+            nanoseconds = 10**9 * at.sec + at.nanosec  # no float tells those since 1970
+            true.append((nanoseconds, message.position[k], message.velocity[k]))
 
         user.create_subscription(JointState, "/stickslip_axis/truth", hear, 1000)
         steps = user.create_publisher(Int32, "/stickslip_axis/command/steps", 10)
         world.wait_until(lambda: true and steps.get_subscription_count(), what="a state")
-        start = true[-1][0] - world.now
+        start = true[-1][0] - round(1e9 * world.now)
         steps.publish(Int32(data=CYCLES))
         deadline = time.monotonic() + _HEARS
         while not world.nodes[0].axis.moving:  # simulated time stands still meanwhile
@@ -83,7 +84,7 @@ def heard(p: Parameters, folder: Path) -> Heard:
         at, x, v = true[-1]
         if abs(v) > _CARRIED:
             raise NoAnswerError(f"a load carries the runner off, at {v:.3g} m/s")
-        return Heard(begun, at - start, x)
+        return Heard(begun, 1e-9 * (at - start), x)
     finally:
         world.close()
 
