@@ -38,6 +38,8 @@ from stickslip_ros.reporting import format_si
 _BEFORE, _AFTER = 1.5, 0.98
 #: Samples of a cycle that both have in common, at least.
 _SAMPLES = 2
+#: Part of a step by which two ways differ; part of a period that shows where one begins and ends.
+_PART, _NEAR = 0.25, 0.25
 #: A time (s) before or after all motions.
 _EVER = 1e12
 
@@ -195,8 +197,36 @@ def pair_runs(
             found.append(RunPair(None, one, missing_metrics(missing), missing))
         else:
             metrics = step_metrics(motions, own, one, alignment.gain, limit)
+            part = _part_of_a_step(pairs, own, one, begin, end)
+            if part and metrics[-1].run == metrics[-1].measured:
+                metrics[-1] = ComparisonMetric.missing("steps", "", part)
             found.append(RunPair(own, one, metrics))
     return found
+
+
+def _part_of_a_step(pairs: Pairs, run: Run, measured: Run, begin: float, end: float) -> str:
+    """Say that the measured way holds part of a step more or less than that of the run.
+
+    begin and end (s) are those of the measured run by the clock of pairs. Empty where both ways are
+    as many steps, and where no samples tell.
+    """
+    period, t = measured.period, pairs.t
+    before = (t > begin - _NEAR * period) & (t < begin)
+    last = min(end + period, float(t[-1]))
+    after = (t > max(end, last - _NEAR * period)) & (t <= last)
+    if not before.any() or not after.any():
+        return ""
+    ways = [
+        float(x[after].mean() - x[before].mean()) / one.step_size
+        for x, one in ((pairs.run, run), (pairs.measured, measured))
+    ]
+    errors = [COVERAGE * one.step_size_error / one.step_size for one in (run, measured)]
+    if not abs(ways[1] - ways[0]) > _PART + measured.steps * math.hypot(*errors):
+        return ""
+    return (
+        f"{measured.steps} cycles each, but {ways[1]:.1f} steps from before them to after them, "
+        f"where the run makes {ways[0]:.1f}: look whether the drive stopped within a cycle"
+    )
 
 
 def _driven_run(motions: MotionPair, seen: Motion, part: Motion, measured: Run) -> Run:

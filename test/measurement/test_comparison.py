@@ -365,6 +365,21 @@ def test_another_number_of_steps_differs(
     assert any(f"steps: {steps} and 12" in note for note in found.notes()) == differs
 
 
+@pytest.mark.parametrize("part", [0.4, 0.7])
+def test_a_drive_that_stops_within_a_cycle_has_no_whole_number_of_steps(part: float) -> None:
+    """30.4 steps were called equal to 30."""
+    longer = simulate_motion(table_1(), 13, "axis", 0.02, 0.03)
+    stop = (12.0 + part) / table_1().drive.frequency
+    held = longer.position_at(np.minimum(longer.t, stop))
+    sensor = measured(replace(longer, x=held, v=None, u=None))
+    twelve = simulate_motion(table_1(), 12, "run", 0.02, 0.03)
+    found = compare_told(twelve, sensor)
+    count = metric(found, "steps")
+    assert count.differs is None
+    shown = 12.0 + (held[-1] - twelve.x[-1]) / metric(found, "step size").run
+    assert f"12 cycles each, but {shown:.1f} steps" in count.why_missing
+
+
 def test_of_offsets_that_fit_alike_the_one_with_most_time_in_common_is_taken() -> None:
     """Nothing but settled steps: no rest shows which is which."""
     middle = run().between(0.0305, 0.1155)
