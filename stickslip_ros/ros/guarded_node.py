@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -177,6 +178,9 @@ def _stays(node: Node, wanted: Parameter) -> bool:
         return False
     now, fixed = node.get_parameter(wanted.name), node.describe_parameter(wanted.name).read_only
     same = now.type_ == wanted.type_ and now.value == wanted.value
+    if now.type_ == Parameter.Type.DOUBLE:  # 1, and the text that YAML takes "1e-06" for
+        with suppress(TypeError, ValueError):
+            same = now.value == float(wanted.value)
     return same and (fixed or wanted.name == USE_SIM_TIME)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from heard import Heard, stamp, values
@@ -255,11 +256,18 @@ def test_the_descriptors_are_the_table(make_axis: MakeAxis) -> None:
 
 
 def test_a_dump_can_be_loaded_again(ros: Ros, make_axis: MakeAxis) -> None:
-    """As `ros2 param load` does; every value of the start was refused and counted."""
+    """As `ros2 param load` does; every value of the start was refused and counted.
+
+    It reads each value as YAML from its text, so that "1e-06" is a text.
+    """
     node, user = make_axis(), ros.node("user")
     names = [*PARAMETERS, "use_sim_time"]
     for first in range(0, len(names), 50):
-        dump = [node.get_parameter(name).to_parameter_msg() for name in names[first : first + 50]]
+        dump = []
+        for name in names[first : first + 50]:
+            value = node.get_parameter(name).value
+            read = yaml.safe_load(str(value)) if isinstance(value, float) else value
+            dump.append(Parameter(name, value=read).to_parameter_msg())
         answer = ros.call(
             user,
             SetParameters,
