@@ -2,14 +2,17 @@
 """Serves the page on this machine alone.
 
 Any page that a browser shows may send requests to this machine. So a request has to name the
-address that the server listens on (or a foreign name that was bound to it could read along), and
-one that changes something has to come from the page itself.
+address that the server listens on (or a foreign name that was bound to it could read along), none
+may come from another page, and one that changes something has to come from this one. One thing is
+computed at a time, so that no page keeps more than one processor busy, and nothing waits for bytes
+meanwhile.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import shutil
 import sys
 import tempfile
 import threading
@@ -44,6 +47,10 @@ _SCRIPTS = ("/chart.js", "/explore.js")
 _LARGEST = 200_000_000
 #: Characters of a file name that are kept; systems take 255 bytes, up to four of them a character
 _LONGEST_NAME = 60
+#: Connections at once: a browser opens six
+_MOST_CONNECTIONS = 32
+#: What browsers say of a request of the page itself, and of an address that was typed
+_OWN_SITE = ("same-origin", "none")
 #: Options of a command that the page has fields for.
 _FIELDS = ("columns", "units", "scale", "rate")
 _OPTION = f"--({'|'.join(_FIELDS)})"
@@ -105,6 +112,7 @@ class Workbench(Panel):
         """Start from these."""
         super().__init__({"/curves": self.answer, "/fit": lambda _: self.fitting.state})
         self._lock = threading.Lock()
+        self._computes = threading.Lock()
         self._base, self._overlay = base, overlay
         self.fitting = Fitting(self._set)
 
@@ -117,7 +125,8 @@ class Workbench(Panel):
     def answer(self, texts: dict[str, str]) -> dict[str, Any]:
         """Return the curves for changes to the parameters. Raises StickslipError."""
         base, overlay = self.state
-        return curves(base.replace(**read_changes(texts)), overlay)
+        with self._computes:
+            return curves(base.replace(**read_changes(texts)), overlay)
 
     def fit(self, texts: dict[str, str]) -> dict[str, Any]:
         """Start to fit the contact to the measurement; say how far it is. Raises StickslipError."""
@@ -130,29 +139,26 @@ class Workbench(Panel):
         with self._lock:
             self._base = p
 
-    def open(self, name: str, content: bytes, how: dict[str, str]) -> dict[str, Any]:
-        """Take a parameter file or a measurement by its content; say which. StickslipError.
+    def open(self, path: Path, how: dict[str, str]) -> dict[str, Any]:
+        """Take a parameter file or a measurement; say which. Raises StickslipError.
 
         how is what the page says of the columns of a measurement, as typed.
         """
-        file_name = _file_name(name)
-        with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
-            path = Path(folder) / file_name
-            path.write_bytes(content)
-            typed: Any = {name: text for name in _FIELDS if (text := how.get(name))}
-            try:
+        typed: Any = {name: text for name in _FIELDS if (text := how.get(name))}
+        try:
+            with self._computes:
                 if path.suffix.lower() in (".yaml", ".yml"):
                     base = read_yaml(path)
                     curves(base)
                     self._set(base)
-                    return {"parameters": file_name}
+                    return {"parameters": path.name}
                 overlay = Overlay.of(load_motion(path, Reading(**typed)).motion)
-            except StickslipError as error:
-                text = str(error).replace(f"{path.parent}/", "")
-                raise TraceError(re.sub(_OPTION, r"\1 (below)", text)) from None
+        except StickslipError as error:
+            text = str(error).replace(f"{path.parent}/", "")
+            raise TraceError(re.sub(_OPTION, r"\1 (below)", text)) from None
         with self._lock:
             self._overlay = overlay
-        return {"measurement": file_name, "frequency": float(f"{overlay.frequency:.6g}")}
+        return {"measurement": path.name, "frequency": float(f"{overlay.frequency:.6g}")}
 
     def html(self) -> str:
         """Return the page."""
@@ -182,7 +188,7 @@ class WorkbenchServer(ThreadingHTTPServer):
     def __init__(self, panel: Panel, port: int = 0) -> None:
         """Listen on a port (0: a free one). Raises OSError."""
         self.panel = panel
-        self.taking = threading.Lock()  # one file at a time: together they would fill the memory
+        self._free = threading.BoundedSemaphore(_MOST_CONNECTIONS)
         super().__init__((HOST, port), _Handler)
 
     @property
@@ -195,10 +201,39 @@ class WorkbenchServer(ThreadingHTTPServer):
         """The host names that a request may use for the server."""
         return {f"{host}:{self.server_port}" for host in (HOST, "localhost")}
 
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer a connection in a thread of its own, or close it where too many are open."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer it, and give its place free."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore a browser that went away; log everything else."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
+
+
+class _Part:
+    """The next bytes of a stream, so many. ConnectionError if they end before."""
+
+    def __init__(self, stream: Any, length: int) -> None:
+        self._stream, self._left = stream, length
+
+    def read(self, most: int) -> bytes:
+        """Return some of them, none at the end."""
+        found: bytes = self._stream.read(min(most, self._left))
+        if self._left and not found:
+            raise ConnectionError("the connection ended within a file")
+        self._left -= len(found)
+        return found
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -209,7 +244,7 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "stickslip", ""
     disable_nagle_algorithm = True  # or an answer in two parts waits 40 ms for the first one's
     wbufsize = -1  # headers and body in one piece
-    timeout = 120.0  # s, of a connection that says nothing
+    timeout = 20.0  # s, of a connection that says nothing
 
     def do_GET(self) -> None:
         """Answer with a part of the page, or with curves."""
@@ -231,10 +266,8 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._is_ours():
             return
         path, _, query = self.path.partition("?")
-        origin, length = self.headers.get("Origin", ""), self.headers.get("Content-Length", "")
-        workbench = self.server.panel
-        known = path in ("/open", "/fit", "/cancel")
-        known &= origin in {f"http://{name}" for name in self.server.names}
+        length, workbench = self.headers.get("Content-Length", ""), self.server.panel
+        known = path in ("/open", "/fit", "/cancel") and "Origin" in self.headers
         if not (known and isinstance(workbench, Workbench)):
             self._refuse(HTTPStatus.FORBIDDEN, "files and fits are taken from the page only")
         elif path == "/fit":
@@ -244,25 +277,28 @@ class _Handler(BaseHTTPRequestHandler):
         elif not re.fullmatch("[0-9]{1,12}", length) or int(length) > _LARGEST:
             limit = f"{_LARGEST // 1_000_000} MB"
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a file may have {limit}")
-        elif not self.server.taking.acquire(blocking=False):
-            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, "another file is being taken; try again")
         else:
-            try:
-                content = self.rfile.read(int(length))
-                how = dict(parse_qsl(query))
-                name = how.pop("name", "")
-                self._say(lambda: workbench.open(name, content, how))
-            finally:
-                self.server.taking.release()
+            how = dict(parse_qsl(query))
+            with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
+                path = Path(folder) / _file_name(how.pop("name", ""))
+                with path.open("wb") as file:
+                    shutil.copyfileobj(_Part(self.rfile, int(length)), file)
+                self._say(lambda: workbench.open(path, how))
 
     def log_message(self, *_: Any) -> None:
         """Keep the terminal quiet."""
 
     def _is_ours(self) -> bool:
-        if self.headers.get("Host", "") in self.server.names:
-            return True
-        self._refuse(HTTPStatus.FORBIDDEN, "this page is for this machine only")
-        return False
+        """Refuse what comes from elsewhere; a link to the page, of whatever page, is followed."""
+        if self.headers.get("Host", "") not in self.server.names:
+            self._refuse(HTTPStatus.FORBIDDEN, "this page is for this machine only")
+            return False
+        origin = self.headers.get("Origin", self.server.address)
+        own = origin.removeprefix("http://").rstrip("/") in self.server.names
+        own &= self.path == "/" or self.headers.get("Sec-Fetch-Site", "none") in _OWN_SITE
+        if not own:
+            self._refuse(HTTPStatus.FORBIDDEN, "this is answered to its own page only")
+        return own
 
     def _say(self, make: Any) -> None:
         try:

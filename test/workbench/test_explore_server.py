@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The server of the page: this machine alone, answers, files, and what it refuses."""
 
+import contextlib
 import http.client
 import json
 import signal
@@ -8,6 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -90,6 +92,21 @@ def test_a_foreign_name_for_this_machine_is_refused(server: WorkbenchServer) -> 
     status, text, _ = ask(server, "/curves", Host="evil.example")
     assert (status, text) == (403, "this page is for this machine only\n")
     assert ask(server, "/", Host=f"localhost:{server.server_port}")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"Origin": "http://evil.example"}, {"Origin": "null"}, {"Sec-Fetch-Site": "cross-site"}],
+)
+def test_nothing_is_computed_for_another_page(
+    server: WorkbenchServer, headers: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A picture of another page could have curves computed, whose answer it cannot read."""
+    asked: list[object] = []
+    monkeypatch.setattr("stickslip_ros.workbench.server.curves", lambda *given: asked.append(given))
+    assert ask(server, "/curves", **headers)[0] == 403
+    assert asked == []
+    assert ask(server, "/", **{"Sec-Fetch-Site": "cross-site"})[0] == 200  # a link is followed
 
 
 def test_files_are_taken_from_the_page_only(server: WorkbenchServer) -> None:
@@ -175,12 +192,50 @@ def test_what_is_no_request_is_refused_without_a_traceback(
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_one_file_is_taken_at_a_time(server: WorkbenchServer) -> None:
-    """Eight of 150 MB took 1.4 GB."""
-    with server.taking:
-        status, text, _ = ask(server, "/open?name=a", b"0", Origin=server.address.rstrip("/"))
-    assert (status, text) == (503, "another file is being taken; try again\n")
-    assert "error" in post(server, "a.csv", b"0")
+def test_a_request_that_stalls_holds_up_nobody(server: WorkbenchServer) -> None:
+    """Half of a file kept all others out for two minutes."""
+    origin = server.address.rstrip("/")
+    with socket.create_connection((HOST, server.server_port)) as slow:
+        head = f"POST /open?name=a.csv HTTP/1.1\r\nHost: {origin[7:]}\r\nOrigin: {origin}\r\n"
+        slow.sendall(f"{head}Content-Length: 1000\r\n\r\nt,x".encode())
+        assert "error" in post(server, "b.csv", b"0")
+        assert curves(server, "")["set"] == []
+
+
+def test_one_thing_is_computed_at_a_time(
+    server: WorkbenchServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A page that asked for curves again and again kept every processor busy."""
+    at_once, most = [0], [0]
+
+    def count(*given: Any) -> dict[str, Any]:
+        at_once[0] += 1
+        most[0] = max(most[0], at_once[0])
+        time.sleep(0.02)
+        at_once[0] -= 1
+        return {}
+
+    monkeypatch.setattr("stickslip_ros.workbench.server.curves", count)
+    threads = [threading.Thread(target=ask, args=(server, "/curves")) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert most == [1]
+
+
+def test_more_connections_than_it_takes_are_closed(server: WorkbenchServer) -> None:
+    open_ones = [socket.create_connection((HOST, server.server_port)) for _ in range(33)]
+    open_ones[-1].settimeout(10.0)
+    assert open_ones[-1].recv(1) == b""
+    for one in open_ones:
+        one.close()
+    for _ in range(100):
+        with contextlib.suppress(ConnectionError):
+            assert ask(server, "/chart.js")[0] == 200
+            return
+        time.sleep(0.05)
+    pytest.fail("the places of those that left are not free again")
 
 
 @pytest.mark.slow
