@@ -5,7 +5,8 @@ numba watches only the file of the function that is called from Python. The kern
 of other files, so the cache folder carries a digest of every source that may hold compiled code: an
 edit anywhere in them compiles the kernel anew, and never runs code compiled from older text.
 
-The cache holds machine code, so a folder that other users can write to is not used.
+The cache holds machine code, so a folder that other users can write to is not used; where no place
+is safe, each process compiles for itself and says so.
 
 numba's own way takes more than twice the time; `numba_internals.py` is the quicker one, for the
 versions of numba that it knows.
@@ -40,6 +41,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def cache_folder() -> str:
     """Return the cache folder for the present sources, "" if no place is safe."""
+    return str(next(filter(_is_safe, _cache_places()), ""))
+
+
+def _cache_places() -> list[Path]:
+    """Return where the cache may be, the best place first."""
     digest = hashlib.sha256()
     for room in _ROOMS:
         for source in sorted((_PACKAGE / room).rglob("*.py")):
@@ -52,7 +58,16 @@ def cache_folder() -> str:
         places.insert(0, Path(chosen) / name)
     elif os.access(_PACKAGE, os.W_OK):
         places.insert(0, _PACKAGE / "__pycache__" / name)
-    return str(next(filter(_is_safe, places), ""))
+    return places
+
+
+def _unsafe_cache() -> str:
+    """Return a sentence where the best place is not safe; "" where it is."""
+    best, folder = _cache_places()[0], cache_folder()
+    if str(best) == folder:
+        return ""
+    used = f"{folder} is used" if folder else "every process compiles for itself"
+    return f"others can write to {best.parent}, so {used}: chmod go-w, or set NUMBA_CACHE_DIR"
 
 
 def _is_safe(folder: Path) -> bool:
@@ -65,12 +80,28 @@ def _is_safe(folder: Path) -> bool:
         except OSError:  # it is not there yet, and this user will make it
             continue
         # With the sticky bit, as in /tmp, others may add files but not replace those of this user.
-        others = found.st_mode & stat.S_IWOTH
+        others = found.st_mode & stat.S_IWOTH or (
+            found.st_mode & stat.S_IWGRP and _has_others(found.st_gid)
+        )
         if others and (place == folder or not found.st_mode & stat.S_ISVTX):
             return False
         if found.st_uid not in (os.getuid(), 0):
             return False
     return True
+
+
+def _has_others(group: int) -> bool:
+    """Return whether a group has members beside this user and root, or may have."""
+    import grp  # not on Windows
+    import pwd
+
+    try:
+        mine = {pwd.getpwuid(user).pw_name for user in (os.getuid(), 0)}
+        members = {*grp.getgrgid(group).gr_mem}
+    except KeyError:  # of users that this machine does not know by name, so of anybody
+        return True
+    first = {one.pw_name for one in pwd.getpwall() if one.pw_gid == group}
+    return bool((members | first) - mine)
 
 
 _FOLDER = cache_folder()
@@ -161,6 +192,8 @@ class _Reporter(Listener):
         """Print the line, and on a terminal renew it from time to time."""
         renewed = sys.stderr.isatty()
         if not self._said or (renewed and time.monotonic() - self._said > _RENEWED):
+            if not self._said and (unsafe := _unsafe_cache()):
+                print(unsafe, file=sys.stderr)
             self._said = time.monotonic()
             share = min(99, 100 * len(self._done) // max(_functions, 1))
             text = f"compiling the solver, once for this version: {share} %"

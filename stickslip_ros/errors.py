@@ -10,9 +10,16 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+#: Characters of an error; of more the middle is left out, as a file may hold a value of a megabyte
+LONGEST_MESSAGE = 300
+
 
 class StickslipError(Exception):
     """An error that the caller can correct; the text is one line with the cure."""
+
+    def __str__(self) -> str:
+        text = super().__str__()
+        return text if len(text) <= LONGEST_MESSAGE else f"{text[:180]} ... {text[-115:]}"
 
 
 class UsageError(StickslipError):

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where compiled code is kept, and that a user is told when it is made."""
 
+import grp
 import os
+import pwd
 import re
 import runpy
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from child import REPOSITORY, python
@@ -45,6 +48,32 @@ def test_it_is_kept_where_its_user_may_write_and_nobody_else(
         folder.mkdir(exist_ok=True)
         folder.chmod(0o777)
     assert module.cache_folder() == ""
+
+
+def test_a_folder_of_a_group_with_others_is_none_of_its_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A group that is this user's own, as most systems make one, has nobody else in it."""
+    cache, home = tmp_path / "cache", tmp_path / "home"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    cache.mkdir()
+    cache.chmod(0o775)
+    me = pwd.getpwuid(os.getuid())
+    members: list[str] = []
+    monkeypatch.setattr(grp, "getgrgid", lambda _: SimpleNamespace(gr_mem=members))
+    monkeypatch.setattr(pwd, "getpwall", lambda: [me])
+    assert Path(module.cache_folder()).parent == cache
+    members.append("somebody")
+    assert Path(module.cache_folder()).parent == home / "stickslip_ros"
+    module._Reporter()._say()
+    assert f"others can write to {cache}, so {module.cache_folder()} is used" in (
+        capsys.readouterr().err
+    )
+    cache.chmod(0o1775)  # sticky: nobody replaces what is of this user
+    (cache / "x").mkdir(mode=0o755)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache / "x"))
+    assert Path(module.cache_folder()).parent == cache / "x"
 
 
 def test_an_edit_in_any_file_of_the_kernel_has_a_folder_of_its_own(

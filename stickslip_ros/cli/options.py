@@ -16,6 +16,7 @@ from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.parameters.row import read_quantity
 from stickslip_ros.reporting.terminal import announce_if_slow
+from stickslip_ros.shared_files import config_file
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -102,13 +103,24 @@ class _ListParameters(argparse.Action):
 def parameters_from(args: argparse.Namespace, **overrides: Any) -> Parameters:
     """Return the full set: defaults, then --config, then --set, then overrides that are not None.
 
-    --amplitude and --frequency are overrides, too. Raises ParameterError.
+    --amplitude and --frequency are overrides, too. Settings without effect are named on stderr.
+    Raises ParameterError.
     """
+    from stickslip_ros.model.idle import idle_settings  # the table is read without numpy
+
     values: dict[str, Any] = dict(parse_assignment(text) for text in args.assignments)
     for name in ("amplitude", "frequency"):
         overrides.setdefault(name, getattr(args, name, None))
     values.update({name: value for name, value in overrides.items() if value is not None})
-    return Parameters.of(args.config, **values)
+    p = Parameters.of(args.config, **values)
+    given = set(values)
+    if args.config:
+        from stickslip_ros.parameters.bounded_files import read_values
+
+        given.update(read_values(config_file(args.config, UsageError), PARAMETERS))
+    if idle := idle_settings(p, given):
+        print(f"stickslip: {idle}", file=sys.stderr)
+    return p
 
 
 def report_left_out(command: str, effects: Sequence[str]) -> None:

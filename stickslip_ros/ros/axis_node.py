@@ -33,6 +33,7 @@ from stickslip_ros.axis.events import (
 from stickslip_ros.axis.faults import LATE, VANISH
 from stickslip_ros.axis.joints import JointReport, Joints
 from stickslip_ros.compiled import report_compilation
+from stickslip_ros.model.idle import idle_settings
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.groups import AXIS_NODE
 from stickslip_ros.reporting import format_si
@@ -86,7 +87,10 @@ class AxisNode(GuardedNode):
         `rclpy.node.Node`. Raises ParameterError.
         """
         super().__init__(name, **options)
+        named = {*(given or ()), *node_parameters.of_axes(self, arguments)}
         values = node_parameters.declare_axis(self, given or {}, of_process or {}, arguments)
+        if idle := idle_settings(values, named):
+            self.get_logger().warning(idle)
         self.axis = Axis(values)
         # state, overload and, while the axis moves, the time as published last
         self._published = ("", False, -1.0)

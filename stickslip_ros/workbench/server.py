@@ -227,7 +227,7 @@ class _Part:
     def __init__(self, stream: Any, length: int) -> None:
         self._stream, self._left = stream, length
 
-    def read(self, most: int) -> bytes:
+    def read(self, most: int, /) -> bytes:
         """Return some of them, none at the end."""
         found: bytes = self._stream.read(min(most, self._left))
         if self._left and not found:
@@ -280,10 +280,10 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             how = dict(parse_qsl(query))
             with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
-                path = Path(folder) / _file_name(how.pop("name", ""))
-                with path.open("wb") as file:
+                sent = Path(folder) / _file_name(how.pop("name", ""))
+                with sent.open("wb") as file:
                     shutil.copyfileobj(_Part(self.rfile, int(length)), file)
-                self._say(lambda: workbench.open(path, how))
+                self._say(lambda: workbench.open(sent, how))
 
     def log_message(self, *_: Any) -> None:
         """Keep the terminal quiet."""
