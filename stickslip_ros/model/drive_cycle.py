@@ -31,6 +31,7 @@ class DriveCycle:
     segment in which the slip begins, -1 if none does, ``slip_parts`` says how many segments it
     takes, holds within it included; ``sign`` is the direction of the step, +1 or -1. ``bends``
     (m/s^2) are the second derivatives of bent segments, whose rates are those at their starts.
+    ``commanded`` (m/s) is the mean speed of the slip by its command, where the actuator alters it.
     """
 
     durations: Array
@@ -39,6 +40,7 @@ class DriveCycle:
     sign: int
     slip_parts: int = 1
     bends: Array | None = None
+    commanded: float | None = None
 
     @property
     def strokes(self) -> Array:
@@ -75,7 +77,9 @@ class DriveCycle:
 
     @property
     def slip_rate(self) -> float:
-        """Mean speed of the actuator in the slip, m/s."""
+        """Mean speed at which the slip is commanded, m/s."""
+        if self.commanded is not None:
+            return self.commanded
         stroke = float(np.abs(self.strokes[self.slip : self.slip_end]).sum())
         return stroke / self.slip_duration
 

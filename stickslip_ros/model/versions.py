@@ -44,6 +44,11 @@ def _is_summed(p: Parameters) -> bool:
     return p.actuator.actuator == "hysteresis" or added or spread
 
 
+def _takes_rate_of_loop(p: Parameters) -> bool:
+    """Return whether a contact that changes with the rate of the slip is driven by a loop."""
+    return p.actuator.actuator == "hysteresis" and bool(p.friction.rate_growth)
+
+
 #: The version that 1.0.0 began with; what changed before it is not listed.
 FIRST_VERSION = 15
 #: In order of their versions. One row stands for all changes of a kind: its version is that of the
@@ -55,6 +60,12 @@ CHANGES: tuple[ModelChange, ...] = (
         "every processor",
         _is_summed,
         "the last digits",
+    ),
+    ModelChange(
+        17,
+        "rate_growth takes the rate of the command behind a loop of hysteresis too",
+        _takes_rate_of_loop,
+        "0.17 nm a step",
     ),
 )
 MODEL_VERSION = max((change.version for change in CHANGES), default=FIRST_VERSION)

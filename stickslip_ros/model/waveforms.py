@@ -67,7 +67,8 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     if actuator.is_linear:
         return _drive_cycle(d, shape, p.actuator.gain_in_force, sign)
     voltage = _drive_cycle(d, shape, 1.0, sign)
-    return deflect(actuator, sign * shape.start * d.amplitude, voltage)
+    loop = deflect(actuator, sign * shape.start * d.amplitude, voltage)
+    return replace(loop, commanded=p.actuator.gain_in_force * voltage.slip_rate)
 
 
 def command_of(p: Parameters, sign: int = 1) -> DriveCycle:

@@ -85,13 +85,12 @@ def _trace(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: bo
     ends, rigid = np.cumsum(drive_cycle.durations), not has_chain(p.actuator)
     parts, last = [], np.zeros((8, 1))
     for part in np.array_split(grid, math.ceil(abs(steps) / _AT_A_TIME)):
-        if rigid and not with_events:
-            first, stop = np.floor(part[[0, -1]] / drive_cycle.period)
-            begins = drive_cycle.period * np.arange(max(first - 1.0, 0.0), stop + 1.0)
-            events = (begins[:, None] + ends).ravel()
-            events = events[(last[0, -1] < events) & (events < part[-1])]
-        else:
-            events = scout.event_times(part[-1])
+        first, stop = np.floor(part[[0, -1]] / drive_cycle.period)
+        begins = drive_cycle.period * np.arange(max(first - 1.0, 0.0), stop + 1.0)
+        events = (begins[:, None] + ends).ravel()
+        events = events[(last[0, -1] < events) & (events < part[-1])]
+        if with_events or not rigid:  # which are no events where a cycle ends
+            events = np.union1d(events, scout.event_times(part[-1]))
         times = _merge_times(part, events)
         before = 0.5 * (np.append(last[0], times[:-1]) + times)
         both = times if rigid else np.stack([before, times], axis=1).ravel()

@@ -198,6 +198,16 @@ def test_the_contact_of_each_cycle_is_that_of_its_dwell_and_rate() -> None:
     assert z_ba(0.097 + begins) > 1.1 * z_ba(begins)
 
 
+def test_the_rate_behind_a_loop_is_that_of_the_command() -> None:
+    """It was that of the deflection, 0.17 nm a step off."""
+    p = Parameters.of(
+        preload=1.0, mass=0.006, sigma_1=40.0, amplitude=200.0, frequency=300.0, slewrate=300.0,
+        rate_growth=0.3, rate_start=0.4, actuator="hysteresis", hysteresis=0.15,
+    )  # fmt: skip
+    expected = np.diff(positions(p.replace(actuator_memory=True), 12))[-1]
+    assert np.diff(run_steps(p, 12).position)[-1] == pytest.approx(expected, abs=1e-12)
+
+
 def test_a_slip_too_short_for_the_clock_ends_the_dwell() -> None:
     """A runner that creeps under its load: nothing but the dwell is not as behind a longer slip."""
     values = {"model": "lugre", "preload": 732.0, "mu_s": 0.137, "sigma_0_cap": 138.0, "mass": 1.08}
