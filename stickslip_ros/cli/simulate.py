@@ -98,5 +98,6 @@ def _content(run: SimulatedRun, zero: float | None) -> dict[str, object]:
         "backstep": run.backstep,
         "mean_speed": run.mean_speed,
         "zero_amplitude": zero,
+        "growth": run.growth,
         "parameters": run.parameters.flat(),
     }

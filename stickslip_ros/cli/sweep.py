@@ -18,7 +18,6 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
 from stickslip_ros.errors import INTERRUPTED, UsageError
-from stickslip_ros.simulation.left_out import left_out
 from stickslip_ros.simulation.sweep_metrics import METRICS
 
 #: A point runs this many steps at most.
@@ -71,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     )
     plan.refuse_if_impossible()
     _refuse_foreign(args.out)
-    report_left_out("sweep", left_out(plan.base))
+    report_left_out("sweep", plan.left_out)
     with cluster(args.cluster, args.jobs) if args.cluster else threads(args.jobs) as executor:
         with report_compilation():
             plan.evaluate(0, 1)  # so that no thread has to compile

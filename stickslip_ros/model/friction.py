@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -64,9 +65,19 @@ def contact_of(c: FrictionParameters) -> Contact:
     if not is_defined(contact):
         raise ParameterError(
             f"z_ss is {_lowest_z_ss(contact):g} m and z_ba {contact.z_ba:g} m; z_ss has to be "
-            "larger: raise z_ss (or preload, where the law calculates it) or lower z_ba"
+            f"larger: {_cure_of_rise(c, contact)} or lower z_ba"
         )
     return contact
+
+
+def _cure_of_rise(c: FrictionParameters, contact: Contact) -> str:
+    """Return how z_ss gets above z_ba: by a preload, where the law calculates it from that."""
+    if contact.kind == ELASTOPLASTIC_CALC:
+        enough = c.preload * contact.z_ba / _lowest_z_ss(contact)
+        enough = float(f"{1.02 * enough:.2g}") if enough < 1e3 else enough  # as somebody types it
+        if is_defined(contact_columns(replace(c, preload=enough))):
+            return f"raise preload to {enough:g} N"
+    return "raise z_ss (or preload, where the law calculates it)"
 
 
 def contact_columns(c: FrictionParameters) -> Contact:

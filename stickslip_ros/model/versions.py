@@ -49,6 +49,13 @@ def _takes_rate_of_loop(p: Parameters) -> bool:
     return p.actuator.actuator == "hysteresis" and bool(p.friction.rate_growth)
 
 
+def _is_finer(p: Parameters) -> bool:
+    """Return whether the deflection behind effects follows the command more closely than usual."""
+    stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
+    follows = any(p.value(name) for name in ("actuator_memory", "creep", *stages))
+    return follows and p.solver.tolerance < 1e-11
+
+
 #: The version that 1.0.0 began with; what changed before it is not listed.
 FIRST_VERSION = 15
 #: In order of their versions. One row stands for all changes of a kind: its version is that of the
@@ -66,6 +73,12 @@ CHANGES: tuple[ModelChange, ...] = (
         "rate_growth takes the rate of the command behind a loop of hysteresis too",
         _takes_rate_of_loop,
         "0.17 nm a step",
+    ),
+    ModelChange(
+        17,
+        "a smaller tolerance holds behind amplifier, memory, creep and resonance too",
+        _is_finer,
+        "0.001 nm a step",
     ),
 )
 MODEL_VERSION = max((change.version for change in CHANGES), default=FIRST_VERSION)

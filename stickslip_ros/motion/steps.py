@@ -20,6 +20,11 @@ from stickslip_ros.solver.batch import backstep_into_rest
 from stickslip_ros.solver.driven import simulation_of
 
 _CHUNK = 10_000
+#: Change of the start (m): the error that a cycle may have, far below all that is measured; and the
+#: most cycles that are judged
+PUSHED, _MOST_JUDGED = 1e-11, 1000
+#: Times that a change of the start may grow within a run before the run is one of many
+UNSTABLE = 100.0
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,22 @@ class StepRun:
         """Say the run in one line."""
         size, back = format_si(self.step_size, "m"), format_si(self.backstep, "m")
         return f"StepRun({len(self.position)} steps: {size} a step, backstep {back})"
+
+
+def growth_of(p: Parameters, steps: int) -> float:
+    """Return how many times a small change of the start grows within a run of steps from rest.
+
+    Up to about 1 where contact and damping hold the runner; of a run that is unstable by nature
+    more than `UNSTABLE`, so that it is one of many that begin alike. Raises ParameterError.
+    """
+    count = min(abs(steps), _MOST_JUDGED)
+    ends = []
+    for pushed in (0.0, PUSHED):
+        simulation = simulation_of(p, Plant.of(p))
+        simulation.push(pushed)
+        simulation.start(command_of(p, 1 if steps >= 0 else -1), count)
+        ends.append(simulation.run_cycles(count).position)
+    return float(np.abs(ends[1] - ends[0]).max() / PUSHED)
 
 
 def run_steps(

@@ -47,7 +47,7 @@ class FrictionParameters(Extended):
         0.2, "", 1e-3, 10.0, "kinetic friction coefficient, Eq. 4",
         reason="polymers on ice to rubber, with room for a fit")
     v_stribeck: float = number(
-        1e-3, "m/s", 1e-6, 1e3, "Stribeck velocity, Eq. 4",
+        1e-3, "m/s", 1e-6, 10.0, "Stribeck velocity, Eq. 4",
         reason="measured ones lie between 1e-5 and 0.1 m/s")
     sigma_0: float | None = number(
         None, "N/m", 0.0, 1e12, "asperity stiffness; 0 takes the law's own value", least=1.0,
@@ -156,7 +156,7 @@ class RunnerParameters:
         0.0, "N", -1e3, 1e3, "constant external force on the runner",
         reason="the weight of 100 kg")
     spring: float | None = number(
-        None, "N/m", 0.0, 1e9,
+        None, "N/m", 0.0, 1e8,
         "spring (force sensor) that the runner compresses, relaxed at 0; below 1e-3: none",
         least=0.0, reason="blocks of steel have 1e8 N/m; below 1e-3 none is felt")
     inclination: float = number(

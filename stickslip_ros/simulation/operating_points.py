@@ -28,7 +28,9 @@ from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.model.waveforms import command_of, drives_of, largest_slip
 from stickslip_ros.motion.settled import MEASURABLE, SETTLING, TRIAL_STEPS, settled_mean
+from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.simulation.left_out import OF_A_CYCLE
 from stickslip_ros.solver.batch import Batch
 
 #: (values to try, at which points) -> at which points the value is high enough
@@ -111,9 +113,11 @@ def steps_of(
 ) -> tuple[Array, Array]:
     """Return step size and backstep (m) of columns, each (points,), as `run_steps` does.
 
-    steps: how many from rest, sign: direction; None: forward, and as many as settle. nan at
-    impossible points and, if given, where ``where`` is false.
+    steps: how many from rest, sign: direction; None: forward, and as many as settle, of a steady
+    cycle. nan at impossible points and, if given, where ``where`` is false.
     """
+    if steps is not None and has_past(p):
+        return _runs_from_rest(p, points, steps, where)
     batch, possible = batch_of(p, points, _sign(steps))
     if where is not None:
         possible = possible & where
@@ -124,6 +128,26 @@ def steps_of(
         settled_mean(np.diff(position, prepend=0.0, axis=-1)),
         settled_mean(backstep),
     )
+
+
+def has_past(p: Parameters) -> bool:
+    """Return whether runs from rest do not begin with a steady cycle; numbers may be columns."""
+    values = (p.value(name) for name in OF_A_CYCLE)
+    return any(bool(np.any(np.nan_to_num(np.asarray(one, np.float64)))) for one in values)
+
+
+def _runs_from_rest(
+    p: Parameters, points: int, steps: int, where: NDArray[np.bool_] | None
+) -> tuple[Array, Array]:
+    """Return step size and backstep (m) of each point by itself, as `run_steps` does."""
+    found = np.full((2, points), math.nan)
+    for k in range(points) if where is None else np.flatnonzero(where).tolist():
+        try:
+            run = run_steps(p.point(k), steps)
+        except ParameterError:  # that the point is impossible, as `why_impossible` says
+            continue
+        found[:, k] = run.step_size, run.backstep
+    return found[0], found[1]
 
 
 def _sign(steps: int | None) -> int:

@@ -17,7 +17,7 @@ from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.motion.readings import read_steps
 from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
-from stickslip_ros.motion.steps import StepRun, run_steps
+from stickslip_ros.motion.steps import PUSHED, UNSTABLE, StepRun, growth_of, run_steps
 from stickslip_ros.motion.trace import Trace
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
@@ -136,6 +136,18 @@ class SimulatedRun:
         """The largest actuator stroke that makes no step, m; None where there is none."""
         with report_compilation():
             return zero_amplitude(self.parameters)
+
+    @cached_property
+    def growth(self) -> float:
+        """How many times a small change of the start grows within the run, see `growth_of`."""
+        with report_compilation():
+            return growth_of(self.parameters, self.count)
+
+    @property
+    def unstable(self) -> bool:
+        """Whether runs that begin alike end apart, by more than a millionth of the way."""
+        apart = PUSHED * self.growth
+        return self.growth > UNSTABLE and apart > 1e-6 * float(np.abs(self.position).max())
 
     @property
     def _once_settled(self) -> str:
@@ -272,6 +284,9 @@ class SimulatedRun:
             ("0-amplitude", found),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
         ]
+        if self.unstable:
+            told = f"a start that is 0.01 nm off ends {1e9 * PUSHED * self.growth:.2g} nm off"
+            rows.append(("unstable", f"{told}: one of many runs that begin alike"))
         return format_rows(rows)
 
     def _repr_html_(self) -> str:

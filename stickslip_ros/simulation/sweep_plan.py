@@ -18,6 +18,7 @@ from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.motion.settled import TRIAL_STEPS
 from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.simulation.left_out import left_out
 from stickslip_ros.simulation.operating_points import batch_of, why_impossible
 from stickslip_ros.simulation.sweep_metrics import METRICS, Points
 
@@ -165,6 +166,15 @@ class Sweep:
             )
         if self.steps == 0:
             raise SweepError("steps is 0; ask for at least one; a negative number goes backward")
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Effects of the base that the settled cycle is without; runs of steps from rest have all.
+
+        Metrics other than those of steps are of the settled cycle.
+        """
+        runs = self.steps is not None and all(METRICS[name].runs == 1 for name in self.metrics)
+        return () if runs else left_out(self.base)
 
     @property
     def shape(self) -> tuple[int, ...]:

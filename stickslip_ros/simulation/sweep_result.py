@@ -19,7 +19,6 @@ from stickslip_ros.parameters import Parameters, ParameterSource, parameter
 from stickslip_ros.reporting import axes_or_new, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import csv_text, frame
 from stickslip_ros.reporting.terminal import format_rows
-from stickslip_ros.simulation.left_out import left_out
 from stickslip_ros.simulation.parallel import in_order, threads, workers_of
 from stickslip_ros.simulation.sweep_metrics import METRICS
 from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep, SweepAxis, SweepError, parts_of
@@ -152,7 +151,7 @@ class SweepResult:
     @property
     def left_out(self) -> tuple[str, ...]:
         """Effects of the parameters that the settled cycle of a sweep is without."""
-        return left_out(self.parameters)
+        return self.plan.left_out
 
     @property
     def values(self) -> dict[str, Array]:

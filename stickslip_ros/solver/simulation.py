@@ -129,6 +129,13 @@ class Simulation:
         self._anchor()
         self._use_plant(plant, tolerance)
 
+    def push(self, z: float) -> None:
+        """Deflect each contact by z (m) more at the present time, as a start nearly the same."""
+        self._s["now_z"] += z
+        if self._each is not None:
+            contact_records(self._each)["now_z"] += z
+        self._anchor()
+
     def set_stops(self, low: float = -math.inf, high: float = math.inf) -> None:
         """Limit the travel of the runner to low .. high (m) from the present time on.
 

@@ -50,6 +50,18 @@ def test_a_misspelt_parameter_file_is_answered_with_the_right_one(
         ss.simulate("elsewhere/table1_typical.yaml")
 
 
+def test_a_motion_that_is_unstable_by_nature_is_said_to_be() -> None:
+    assert "unstable" not in ss.simulate("table1_typical", steps=4).report()
+    assert ss.simulate("table1_typical", steps=4).growth < 2.0
+    run = ss.simulate(
+        model="ceim_without_mu", preload=0.1848627, mu=0.0234419, sigma_0_cap=0.0137587,
+        sigma_1=20.62506, mass=2.178304e-4, payload=0.01742524, inclination=0.8916434,
+        slewrate=0.0049835, amplitude=3.230308e-5, frequency=34.1084, waveform="triangle", steps=4,
+    )  # fmt: skip
+    assert run.growth > 100.0
+    assert "one of many runs that begin alike" in run.report()
+
+
 @pytest.mark.parametrize(
     "effects", [{"creep": 0.01}, {"actuator": "hysteresis", "actuator_memory": True}]
 )

@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
+import stickslip_ros as ss
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.motion.settled import MEASURABLE
@@ -464,3 +465,23 @@ def test_a_line_takes_three_clear_steps() -> None:
         clear = every.copy()
         clear[left_out] = False
         assert math.isnan(crossings(deflection, step, clear)[0])
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"amplifier_bandwidth": 5e3},
+        {"amplifier_slew": 20.0},
+        {"actuator_resonance": 2e4},
+        {"actuator": "hysteresis", "actuator_memory": True},
+        {"creep": 0.02, "slip_spread": 0.05},
+        {"contacts": 3, "contact_spread": 0.2},
+    ],
+)
+def test_so_many_steps_of_a_sweep_are_those_of_simulate(effects: dict[str, Any]) -> None:
+    """Behind the actuator's effects a sweep began with the settled actuator: 0.82 for -1.28 nm."""
+    p = ss.Parameters.of("table1_typical", frequency=1000.0, **effects)
+    found = ss.sweep(p, amplitude=[200.0, 300.0], steps=8)
+    alone = [ss.simulate(p, amplitude=volts, steps=8) for volts in (200.0, 300.0)]
+    assert found["step_size"] == pytest.approx([one.step_size for one in alone], abs=1e-15)
+    assert found.left_out == ()

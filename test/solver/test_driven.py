@@ -17,12 +17,13 @@ from table_1 import table_1
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.model.waveforms import command_of, drives_of
+from stickslip_ros.motion.sampling import trace_at_rate
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, SolverError
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
 from validation.campaigns.drives import EFFECTS as LOTS
 from validation.campaigns.drives import GROWTH, check, drives
-from validation.whole_system import positions
+from validation.whole_system import U, WholeSystem, positions
 
 FAST = {"frequency": 5e3}
 MEMORY = {"actuator": "hysteresis", "hysteresis": 0.15, "actuator_memory": True}
@@ -454,3 +455,24 @@ def test_a_settled_hysteresis_runs_the_same_loop_with_a_lag_and_without(sign: in
     assert np.abs(lagging - without).max() < 1.2 * linear < 6e-11
     assert np.abs(moved(False, **loop, **quick) - without).max() > 5e-9
     assert np.abs(moved(True, **loop, **quick, creep=0.01) - lagging).max() < 2e-10
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [{"amplifier_bandwidth": 1e5}, {"actuator_resonance": 2e4}, {"creep": 0.02}],
+)
+def test_a_smaller_tolerance_holds_behind_effects(effects: dict[str, Any]) -> None:
+    """It had no effect there, and the deflection in a trace was 0.2 nm off within slips."""
+    p = table_1(frequency=1000.0, tolerance=1e-13, **effects)
+    trace, system = trace_at_rate(p, 1, 77777.0), WholeSystem(p)
+    command = command_of(p)
+    ends, now, k = np.cumsum(command.durations), 0.0, 0
+    slopes = command.rates / p.actuator.gain
+    for t, x, u in zip(trace.t, trace.x, trace.u, strict=True):
+        while k < len(ends) and ends[k] <= t:
+            system.segment(ends[k] - now, slopes[k])
+            now, k = ends[k], k + 1
+        if t > now:
+            system.segment(t - now, slopes[k])
+            now = t
+        assert (x, u) == pytest.approx((system.x, 1e-9 * system.y[U]), abs=1e-13)
