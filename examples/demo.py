@@ -31,6 +31,7 @@ from stickslip_ros.motion.sampling import trace_steps
 from stickslip_ros.motion.steps import StepRun, run_steps
 from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.parameters import Parameters, read_yaml
+from stickslip_ros.parameters.parameters import yaml_text
 from stickslip_ros.recordings import decoder_for, open_bag
 from stickslip_ros.reporting import SIMULATED
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
@@ -84,7 +85,10 @@ def run(out: Path, config: Path) -> None:
         raise WriteError(out, error) from None
     try:
         print("axis and recorder start as two processes; three moves over DDS ...", flush=True)
-        recorded = demonstrate(work / "bag", config, _MOVES)
+        of_node = work / "parameters.yaml"  # a file for commands has no sections for nodes
+        of_node.write_text(yaml_text(p), encoding="utf-8")
+        recorded = demonstrate(work / "bag", of_node, _MOVES)
+        of_node.unlink()
         _draw(work / "response.png", p, recorded)
         table = table_of(p, recorded)
         with writing(out):

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     # Not from the room: its module of the same name would be found first.
     from stickslip_ros.identification.identify import identify
+    from stickslip_ros.laws import register_law
     from stickslip_ros.measurement import Comparison, ComparisonError, ComparisonMetric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
     from stickslip_ros.measurement.reading import MeasurementError
@@ -38,13 +39,15 @@ if TYPE_CHECKING:
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
     from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
     from stickslip_ros.simulation import *  # noqa: F403
+    from stickslip_ros.waveforms import register_waveform
 
 __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
     "Comparison", "ComparisonError", "ComparisonMetric", "Event", "Experiment", "Fit",
     "IdentificationError", "IdentifiedActuator", "MeasurementError", "Motion", "ParameterError",
     "Parameters", "Prior", "Run", "StickslipError", "Trace", "TraceError",
-    "identify", "open_bag", "read_yaml", "recorded_runs", "resimulate",
+    "identify", "open_bag", "read_yaml", "recorded_runs", "register_law", "register_waveform",
+    "resimulate",
 ]  # fmt: skip
 __all__ += simulation.__all__
 
@@ -55,6 +58,7 @@ _PLACES = {
     "identification": "Experiment Fit IdentificationError Prior",
     "identification.identify": "identify",
     "simulation": " ".join(simulation.__all__),
+    "laws": "register_law",
     "measurement": "Comparison ComparisonError ComparisonMetric",
     "measurement.actuator_identification": "IdentifiedActuator",
     "measurement.reading": "MeasurementError",
@@ -67,6 +71,7 @@ _PLACES = {
     "recordings.runs": "recorded_runs",
     "motion.motion": "Motion",
     "motion.trace": "Trace",
+    "waveforms": "register_waveform",
 }
 
 # Type checkers must not see it: to them, any name would then be one of ours.

@@ -16,6 +16,8 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import inspect
+import marshal
 import os
 import stat
 import sys
@@ -36,6 +38,9 @@ except ImportError:  # all of it runs as plain Python too, a hundred times slowe
 _PACKAGE = Path(__file__).parent
 _ROOMS = ("laws", "model", "solver")
 
+#: Sources of functions that are not of this package, which the kernel is compiled with
+_foreign: list[bytes] = []
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -50,6 +55,8 @@ def _cache_places() -> list[Path]:
     for room in _ROOMS:
         for source in sorted((_PACKAGE / room).rglob("*.py")):
             digest.update(source.read_bytes())
+    for part in _foreign:
+        digest.update(part)
     name = f"kernel-{digest.hexdigest()[:16]}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     chosen = os.environ.get("NUMBA_CACHE_DIR")
@@ -105,6 +112,19 @@ def _has_others(group: int) -> bool:
 
 
 _FOLDER = cache_folder()
+
+
+def compile_beside(function: Callable[..., Any]) -> None:
+    """Keep what is compiled from now on apart, as it calls a function that is not of this package.
+
+    An edit of its file, or in a notebook of its code, compiles the kernel anew.
+    """
+    global _FOLDER
+    file = Path(inspect.getsourcefile(function) or "")
+    _foreign.append(file.read_bytes() if file.is_file() else marshal.dumps(function.__code__))
+    _FOLDER = cache_folder()
+
+
 _RENEWED = 2.0  # s, between words on how far compiling is
 _functions = 0  # registered so far, which is about what a first start compiles
 

@@ -11,7 +11,7 @@ Control 19 (1974) 716, gives 2: with twice as much, chance hardly takes a furthe
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,11 +25,26 @@ from stickslip_ros.laws import LAWS
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 
-#: Laws that are ranked, all that say what is free: model, and what is free besides.
-RANKED_LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    **{name: (name, ()) for name, law in LAWS.items() if law.free and law.ranked},
-    "free": ("ceim", ("z_ss",)),
-}
+
+class _Ranked(Mapping[str, tuple[str, tuple[str, ...]]]):
+    """Laws that are ranked, all that say what is free: model, and what is free besides."""
+
+    def _now(self) -> dict[str, tuple[str, tuple[str, ...]]]:
+        """Return them; laws are registered while a process runs."""
+        found = {name: (name, ()) for name, law in LAWS.items() if law.free and law.ranked}
+        return {**found, "free": ("ceim", ("z_ss",))}
+
+    def __getitem__(self, name: str) -> tuple[str, tuple[str, ...]]:
+        return self._now()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._now())
+
+    def __len__(self) -> int:
+        return len(self._now())
+
+
+RANKED_LAWS = _Ranked()
 #: What each constant costs; score above which nothing speaks for a law (K. P. Burnham, D. R.
 #: Anderson, Model Selection and Multimodel Inference, Springer 2002, section 2.6).
 _CONSTANT, _UNLIKELY = 4.0, 10.0

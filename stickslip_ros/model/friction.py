@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.compiled import compiled
-from stickslip_ros.laws import LAWS, Law, smaller
+from stickslip_ros.compiled import compile_beside, compiled
+from stickslip_ros.laws import LAWS, Law, of_others, smaller
 from stickslip_ros.laws.law import (
     ALWAYS_PLASTIC,
     ELASTOPLASTIC_CALC,
@@ -29,6 +29,10 @@ from stickslip_ros.laws.law import (
     Contact,
 )
 from stickslip_ros.parameters import FrictionParameters, ParameterError
+
+for _law_of_others in of_others().values():
+    if _law_of_others.rate:
+        compile_beside(_law_of_others.rate)
 
 #: Stiffness (N/m) below which a contact is refused; real ones have a million and more.
 SOFTEST = 1.0
@@ -152,7 +156,10 @@ def _law(c: FrictionParameters) -> Law:
     try:
         return LAWS[c.model]
     except KeyError:
-        raise ParameterError(f"model is {c.model!r}; known: {', '.join(LAWS)}") from None
+        raise ParameterError(
+            f"model is {c.model!r}; known: {', '.join(LAWS)}; one of your own needs register_law "
+            f"in this process, or the entry points stickslip_ros.laws of a package"
+        ) from None
 
 
 def _lowest_z_ss(contact: Contact) -> Any:

@@ -43,7 +43,11 @@ def shape_of(d: DriveParameters) -> Shape:
     try:
         waveform = WAVEFORMS[d.waveform]
     except KeyError:
-        raise ParameterError(f"waveform is {d.waveform!r}; known: {', '.join(WAVEFORMS)}") from None
+        raise ParameterError(
+            f"waveform is {d.waveform!r}; known: {', '.join(WAVEFORMS)}; one of your own needs "
+            "register_waveform in this process, or the entry points stickslip_ros.waveforms of a "
+            "package"
+        ) from None
     return waveform(d)
 
 

@@ -12,7 +12,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from stickslip_ros.extensions import ROW_PROVIDERS
+from stickslip_ros.extensions import ROW_PROVIDERS, register_packages
 from stickslip_ros.parameters.groups import (
     ActuatorParameters,
     ClosedLoopParameters,
@@ -160,6 +160,7 @@ class _Table(Mapping[str, Parameter]):
 
     def __init__(self) -> None:
         self._made_of: tuple[type, ...] = ()
+        self._loads = False
         self._rows: dict[str, Parameter] = {}
 
     def __getitem__(self, name: str) -> Parameter:
@@ -172,9 +173,11 @@ class _Table(Mapping[str, Parameter]):
         return len(self._current())
 
     def _current(self) -> dict[str, Parameter]:
-        if not self._rows:
+        if not self._loads:
+            self._loads = True  # a package may read the table while it is loaded
             for provider in ROW_PROVIDERS:
                 import_module(provider)
+            register_packages()
         added = (*registered_rows("friction"), *registered_rows("drive"))
         if not self._rows or added != self._made_of:
             self._rows, self._made_of = _rows(), added

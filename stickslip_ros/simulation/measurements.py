@@ -47,7 +47,7 @@ def read_measurement(path: MotionSource, *, joint: str | None = None, **how: Any
 
     Parameters
     ----------
-    path : str, path, DataFrame, Dataset or (t, x)
+    path : str, path, DataFrame, Dataset or pair of arrays
         The file or bag, or the name of a sample of the package; or a table or arrays that a program
         holds.
     joint : str, optional
@@ -94,7 +94,7 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
 
     Parameters
     ----------
-    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or (t, x)
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
         The motion, a file of it, or a table or arrays (s, m) that hold it.
     frequency : float, optional
         Frequency of the drive, Hz, if it is known.
@@ -133,7 +133,7 @@ def analyse(
 
     Parameters
     ----------
-    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or (t, x)
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
         The motion, a file of it, or a table or arrays (s, m) that hold it.
     *arrays : array_like
         Where times (s) are given in place of a measurement: positions (m) and, where it was
@@ -185,7 +185,7 @@ def compare(
     run : Motion, SimulatedRun, Trace, Parameters, mapping, str or path
         The run; of parameters, also in a YAML file, the steps that the measurement shows are
         simulated.
-    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or (t, x)
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
         The measured motion, a file of it, or a table or arrays (s, m) that hold it.
     fits : Fits, optional
         Which corrections of clock and sensor are fitted.

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plan of a sweep: metrics over a grid of one or two parameters.
 
-A parameter varies over an even grid, or over listed values.
+A parameter varies over an even grid, or over listed values. This file loads no solver, so that a
+worker of another process has the laws of others before, see `carried`.
 """
 
 from __future__ import annotations
@@ -10,16 +11,18 @@ import difflib
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros import laws, waveforms
 from stickslip_ros.arrays import Array
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.motion.settled import TRIAL_STEPS
 from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.simulation.carried import sweep_with
 from stickslip_ros.simulation.left_out import left_out
-from stickslip_ros.simulation.operating_points import batch_of, why_impossible
 from stickslip_ros.simulation.sweep_metrics import METRICS, Points
 
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
@@ -167,6 +170,11 @@ class Sweep:
         if self.steps == 0:
             raise SweepError("steps is 0; ask for at least one; a negative number goes backward")
 
+    def __reduce__(self) -> Any:
+        """Take the laws and waveforms of others along, to workers in other processes."""
+        parts = self.base.flat(), self.axes, self.metrics, self.steps
+        return sweep_with, (type(self), laws.of_others(), waveforms.of_others(), *parts)
+
     @property
     def left_out(self) -> tuple[str, ...]:
         """Effects of the base that the settled cycle is without; runs of steps from rest have all.
@@ -212,6 +220,8 @@ class Sweep:
 
     def why_empty(self, index: int) -> str:
         """Return the coordinates of a point without a value, and the reason."""
+        from stickslip_ros.simulation.operating_points import why_impossible  # with the solver
+
         p = self.point(index)
         at = p.flat()
         place = ", ".join(f"{a.name} {at[a.name]:g} {a.unit}".strip() for a in self.axes)
@@ -228,6 +238,8 @@ class Sweep:
 
     def refuse_if_impossible(self) -> None:
         """Raise SweepError if not one of the points is possible."""
+        from stickslip_ros.simulation.operating_points import batch_of, why_impossible
+
         direction = 1 if self.steps is None or self.steps > 0 else -1
         for first in range(0, self.points, _GLANCE):
             stop = min(first + _GLANCE, self.points)

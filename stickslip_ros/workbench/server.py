@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import sys
 import tempfile
 import threading
@@ -20,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import parse_qsl
 
 from stickslip_ros.errors import StickslipError
@@ -43,8 +42,8 @@ from stickslip_ros.workbench.fitting import Fitting
 
 HOST = "127.0.0.1"
 _SCRIPTS = ("/chart.js", "/explore.js")
-#: Bytes of a file that the page may send.
-_LARGEST = 200_000_000
+#: Bytes of a file that the page may send, and that are taken at a time.
+_LARGEST, _CHUNK = 200_000_000, 1_000_000
 #: Characters of a file name that are kept; systems take 255 bytes, up to four of them a character
 _LONGEST_NAME = 60
 #: Connections at once: a browser opens six
@@ -221,21 +220,6 @@ class WorkbenchServer(ThreadingHTTPServer):
             super().handle_error(request, client_address)
 
 
-class _Part:
-    """The next bytes of a stream, so many. ConnectionError if they end before."""
-
-    def __init__(self, stream: Any, length: int) -> None:
-        self._stream, self._left = stream, length
-
-    def read(self, most: int, /) -> bytes:
-        """Return some of them, none at the end."""
-        found: bytes = self._stream.read(min(most, self._left))
-        if self._left and not found:
-            raise ConnectionError("the connection ended within a file")
-        self._left -= len(found)
-        return found
-
-
 class _Handler(BaseHTTPRequestHandler):
     """Answers one connection."""
 
@@ -282,11 +266,20 @@ class _Handler(BaseHTTPRequestHandler):
             with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
                 sent = Path(folder) / _file_name(how.pop("name", ""))
                 with sent.open("wb") as file:
-                    shutil.copyfileobj(_Part(self.rfile, int(length)), file)
+                    self._take(int(length), file)
                 self._say(lambda: workbench.open(sent, how))
 
     def log_message(self, *_: Any) -> None:
         """Keep the terminal quiet."""
+
+    def _take(self, length: int, file: BinaryIO) -> None:
+        """Write so many bytes of the request to a file. ConnectionError if they end before."""
+        while length:
+            part = self.rfile.read(min(length, _CHUNK))
+            if not part:
+                raise ConnectionError("the connection ended within a file")
+            file.write(part)
+            length -= len(part)
 
     def _is_ours(self) -> bool:
         """Refuse what comes from elsewhere; a link to the page, of whatever page, is followed."""

@@ -106,9 +106,8 @@ def test_nothing_is_computed_for_another_page(
     monkeypatch.setattr("stickslip_ros.workbench.server.curves", lambda *given: asked.append(given))
     assert ask(server, "/curves", None, **headers)[0] == 403
     assert asked == []
-    assert (
-        ask(server, "/", None, **{"Sec-Fetch-Site": "cross-site"})[0] == 200
-    )  # a link is followed
+    link = {"Sec-Fetch-Site": "cross-site"}
+    assert ask(server, "/", None, **link)[0] == 200  # it is followed
 
 
 def test_files_are_taken_from_the_page_only(server: WorkbenchServer) -> None:
