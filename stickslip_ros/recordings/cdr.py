@@ -101,11 +101,11 @@ def decode_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[Bag
 
 def fields_of(
     message: Any, kind: str, longest_array: int, prefix: str = ""
-) -> Iterator[tuple[str, bool | int | float | str]]:
+) -> Iterator[tuple[str, Any]]:
     """Yield names and values of the fields of a message, without its header.
 
     kind: its type; the fields of joint states are named after their joints; longest_array: longer
-    ones, images say, are passed over.
+    ones, images say, are passed over. A value may be a tuple that says where it is, see `layouts`.
     """
     if kind == JOINT_STATE_TYPE:
         for name in ("position", "velocity", "effort"):
@@ -122,7 +122,7 @@ def fields_of(
             short = value if len(value) <= longest_array else []
             each = {f"{prefix}{name}[{k}]": one for k, one in enumerate(short)}
         for label, one in each.items():
-            if isinstance(one, bool | int | float | str):
+            if isinstance(one, bool | int | float | str | tuple):
                 yield label, one
             elif hasattr(one, "__slots__"):
                 yield from fields_of(one, "", longest_array, f"{label}.")

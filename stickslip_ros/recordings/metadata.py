@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -127,14 +128,16 @@ class StoredMetadata:
 
     def completed(self, topic: TopicDescription) -> TopicDescription:
         """Return a topic with the hash and the QoS given here if its file does not give any."""
-        for stored in self.topics:
-            if stored.name == topic.name:
-                return replace(
-                    topic,
-                    type_hash=topic.type_hash or stored.type_hash,
-                    offered_qos=topic.offered_qos or stored.offered_qos,
-                )
-        return topic
+        stored = self._by_name.get(topic.name, topic)
+        return replace(
+            topic,
+            type_hash=topic.type_hash or stored.type_hash,
+            offered_qos=topic.offered_qos or stored.offered_qos,
+        )
+
+    @cached_property
+    def _by_name(self) -> dict[str, TopicDescription]:
+        return {topic.name: topic for topic in self.topics}
 
 
 def parse_metadata(text: str) -> StoredMetadata:

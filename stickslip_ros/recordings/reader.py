@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.opening import Allowance, open_regular
 from stickslip_ros.recordings.errors import BagError, damaged, reading, short
 from stickslip_ros.recordings.mcap_reader import McapFiles, Wanted
-from stickslip_ros.recordings.mcap_records import BagMessage, unpack_message
+from stickslip_ros.recordings.mcap_records import BagMessage, Block, unpack_message
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
     METADATA_VERSION,
@@ -145,6 +145,16 @@ class BagReader:
         end: ns since the Unix epoch, the first time not to take.
         Raises BagError: a topic is not in the bag; while reading: a file is damaged.
         """
+        blocks = self.blocks(topics, start, end)
+        return (message for block in blocks for message in block.messages())
+
+    def blocks(
+        self,
+        topics: Iterable[str] | None = None,
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Iterator[Block]:
+        """Yield the same messages, many at a time."""
         wanted = Wanted(
             None if topics is None else frozenset(topics),
             0 if start is None else start,
@@ -156,17 +166,20 @@ class BagReader:
                 raise BagError(f"{self.path} has no topic {name}; it has {known}")
         return self._read(wanted)
 
-    def _read(self, wanted: Wanted) -> Iterator[BagMessage]:
+    def _read(self, wanted: Wanted) -> Iterator[Block]:
         """Yield messages; a whole topic with fewer or more than are counted is an error."""
         packed = self.metadata.compression_mode == "message"
         allowance = Allowance(self.path, sum(file.size for file in self.files))
         found = 0
-        for message in self._storage.messages(wanted):
-            found += 1
-            if packed:
+        for block in self._storage.blocks(wanted):
+            found += len(block.data)
+            if not packed:
+                yield block
+                continue
+            for topic, log_ns, publish_ns, number, data in block.messages():
                 with reading(self.path):
-                    message = message._replace(data=unpack_message(message.data, allowance))
-            yield message
+                    data = unpack_message(data, allowance)
+                yield Block([topic], [log_ns], [publish_ns], [number], [data])
         topics = self.counts if wanted.topics is None else wanted.topics
         counted = sum(self.counts[name] for name in topics)
         if wanted == Wanted(wanted.topics) and found != counted:
@@ -260,7 +273,7 @@ class RosbagsFiles:
             offered_qos=() if self._reader.is2 else (OfferedQos(),),
         )
 
-    def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
+    def blocks(self, wanted: Wanted) -> Iterator[Block]:
         """Yield messages in order of time.
 
         Raises BagError: a file is damaged.
@@ -279,7 +292,7 @@ class RosbagsFiles:
                 if not reader.is2:
                     message = reader.deserialize(data, connection.msgtype)
                     data = reader.typestore.serialize_cdr(message, connection.msgtype)
-                yield BagMessage(connection.topic, ns, ns, 0, bytes(data))
+                yield Block([connection.topic], [ns], [ns], [0], [bytes(data)])
         except Exception as error:  # as when opening
             raise self._unreadable(error) from error
 
