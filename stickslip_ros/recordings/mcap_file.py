@@ -185,16 +185,16 @@ class McapFile:
         """
         run: list[Piece] = []
         for piece in self._pieces(end):
-            if run and (piece.start != run[-1].end or piece.end - run[0].start > _RUN_BYTES):
+            ends = piece.chunk or piece.start != run[-1].end if run else False
+            if ends or (run and piece.end - run[0].start > _RUN_BYTES):
                 yield _joined(run)
                 run = []
-            if piece.chunk or not piece.records:
-                yield from [_joined(run)] if run else []
-                run = []
+            if piece.chunk:
                 yield piece
-            else:
+            elif piece.records:
                 run.append(piece)
-        yield from [_joined(run)] if run else []
+        if run:
+            yield _joined(run)
 
     def _pieces(self, end: int | None) -> Iterator[Piece]:
         """Yield chunks, and every other record by itself."""

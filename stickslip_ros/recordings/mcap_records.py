@@ -55,7 +55,7 @@ _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length 
 _LENGTH = struct.Struct("<Q")
 _LARGEST_MESSAGE = 64 * 1024 * 1024
 _LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
-# Bytes of all schemas and of all channels; the 65 536 channels that MCAP can number take half of it.
+# Bytes of all schemas, and of all channels: the 65 536 that MCAP can number take half of it.
 _LARGEST_SUM = {Schema: 8 * 1024 * 1024, Channel: 64 * 1024 * 1024}
 #: Records that are passed over, whatever their length
 _PASSED_OVER = (
@@ -328,6 +328,7 @@ class Channels:
         self.topics: dict[int, TopicDescription] = {}  #: by the number of their channel
         self.metadata_text = ""  #: what rosbag2 left in the file last, "" if nothing
         self._known: dict[tuple[type, int], Any] = {}
+        self._texts: dict[int, str] = {}  # of the schemas, one for all their topics
         self._left = dict(_LARGEST_SUM)
 
     def learn(self, opcode: int, body: bytes) -> None:
@@ -354,7 +355,9 @@ class Channels:
                     f"more than {_LARGEST_SUM[kind]} bytes of {kind.__name__.lower()}s"
                 )
             self._known[kind, record.id] = record
-            if kind is Channel:
+            if kind is Schema:
+                self._texts[record.id] = record.data.decode()
+            else:
                 self.topics[record.id] = self._topic(record)
         elif known != record:
             raise ValueError(f"two {kind.__name__.lower()}s have the number {record.id}")
@@ -366,7 +369,7 @@ class Channels:
         return TopicDescription(
             name=channel.topic,
             type=schema.name if schema else "",
-            schema=schema.data.decode() if schema else "",
+            schema=self._texts[channel.schema_id] if schema else "",
             type_hash=channel.metadata.get("topic_type_hash", ""),
             offered_qos=qos_profiles(channel.metadata.get("offered_qos_profiles", "")),
             schema_encoding=schema.encoding if schema else "",

@@ -28,8 +28,8 @@ CDR = "cdr"
 OUTER_KEY = "rosbag2_bagfile_information"
 """The key of ``metadata.yaml`` that holds the metadata of a bag."""
 
-# No more of a ``metadata.yaml`` needs to be read; what is longer is refused.
-_METADATA_BYTES = 4 * 1024 * 1024
+# As much YAML as is read anywhere. That of 1500 topics is longer, but can be done without.
+_METADATA_BYTES = 1024 * 1024
 #: Ends of the names of storage files, by the word of ``metadata.yaml`` for their kind
 _ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
 
@@ -180,7 +180,7 @@ def _topic(entry: Any) -> TopicDescription:
 
 
 def stored_metadata(path: Path) -> StoredMetadata | None:
-    """Read the ``metadata.yaml`` of a bag, None if there is none.
+    """Read the ``metadata.yaml`` of a bag, None if there is none, or one too long to be read.
 
     Raises BagError: it cannot be read or is broken.
     """
@@ -188,7 +188,9 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
     if not path.is_dir() or not file.exists():
         return None
     with reading(file), open_regular(file) as stream:
-        content = stream.read(_METADATA_BYTES)
+        content = stream.read(_METADATA_BYTES + 1)
+    if len(content) > _METADATA_BYTES:
+        return None
     try:
         return parse_metadata(content.decode())
     except ValueError as error:

@@ -129,7 +129,19 @@ def _qos_yaml(profiles: tuple[OfferedQos, ...]) -> str:
 
 
 def yaml_text(value: Any) -> str:
-    """Return plain values as YAML."""
+    """Return plain values as YAML.
+
+    The entries of lists in a mapping are written one by one: the nodes of thousands of topics, all
+    at once, fill the memory.
+    """
+    if isinstance(value, dict):
+        parts = [
+            f"{key}:\n{''.join(yaml_text([one]) for one in inner)}"
+            if isinstance(inner, list) and inner
+            else str(yaml.dump({key: inner}, Dumper=_DUMPER, sort_keys=False))
+            for key, inner in value.items()
+        ]
+        return "".join(parts) or "{}\n"
     return str(yaml.dump(value, Dumper=_DUMPER, sort_keys=False))
 
 

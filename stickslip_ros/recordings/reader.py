@@ -50,6 +50,8 @@ class BagReader:
         self.warnings: list[str] = []  #: what may be missing, a sentence each; none if nothing is
         with reading(self.path):
             stored = stored_metadata(self.path)
+            if not stored and self.path.is_dir() and (self.path / METADATA_FILE).exists():
+                self._warn(f"{self.path / METADATA_FILE} is too long; its bag is read without it")
             files = self._storage_files(stored)
             by_rosbags = files[0].suffix in (".db3", ".bag")
             if stored:

@@ -102,7 +102,8 @@ def _rewrite(
     try:
         stored = stored_metadata(bag)
         if stored is None and bag.is_dir():
-            findings.append(f"{METADATA_FILE} is missing")
+            there = (bag / METADATA_FILE).exists()
+            findings.append(f"{METADATA_FILE} is {'too long to be read' if there else 'missing'}")
     except BagError as error:
         findings.append(f"{METADATA_FILE} is broken: {error}")
     packed = stored is not None and stored.compression_mode == "message"

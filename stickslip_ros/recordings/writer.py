@@ -10,7 +10,8 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import IO, Any
+from textwrap import indent
+from typing import IO
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
@@ -32,6 +33,7 @@ from stickslip_ros.version import __version__
 # 64 KiB that may be lost at most when the process dies.
 _CHUNK_BYTES = 48 * 1024
 _INDEX_BYTES = 256 * 1024  # of the index are kept in memory, five minutes at 1 kHz
+_MOST_IN_FILE = 1000  # topics that are named in the metadata inside a file
 #: Brings files to the disk, one after the other.
 _DISK = ThreadPoolExecutor(1, thread_name_prefix="fsync")
 #: After a write that memory did not suffice for, the file may hold half a record as well.
@@ -187,7 +189,7 @@ class BagWriter:
         if self._file is None or not self._file.count:
             return
         with self._naming("write"):
-            metadata = self._metadata()
+            metadata = self._metadata(in_file=True)
             file, self._file = self._file, None  # if that fails, the bag takes no more
             self._finish(file, metadata)
             self._finished.append(file.summary(file.path.stat().st_size))
@@ -223,11 +225,10 @@ class BagWriter:
         file, self._complete = self._file, True
         try:
             with self._naming("close"):
-                metadata = self._metadata()
+                in_file, text = self._metadata(in_file=True), self._metadata()
                 if file is not None:
-                    self._finish(file, metadata)
-                text = yaml_text({OUTER_KEY: metadata})
-                write_text(self.folder / METADATA_FILE, text)
+                    self._finish(file, in_file)
+                write_text(self.folder / METADATA_FILE, f"{OUTER_KEY}:\n{indent(text, '  ')}")
         finally:
             self._file = None
             if file is not None:
@@ -244,13 +245,19 @@ class BagWriter:
             with contextlib.suppress(OSError):
                 parent.rmdir()
 
-    def _metadata(self) -> dict[str, Any]:
-        """Return the metadata of the bag as it is now."""
+    def _metadata(self, in_file: bool = False) -> str:
+        """Return the metadata of the bag as it is now, as YAML.
+
+        in_file: for a record, of which most readers take no more than a megabyte; a file names its
+        topics elsewhere, too.
+        """
         files = [*self._finished, *([self._file.summary()] if self._file else [])]
         topics = [(topic, self.counts[name]) for name, topic in self._topics.items()]
-        return bag_metadata(files, topics, self.ros_distro, self.custom_data)
+        if in_file and len(topics) > _MOST_IN_FILE:
+            topics = []
+        return yaml_text(bag_metadata(files, topics, self.ros_distro, self.custom_data))
 
-    def _finish(self, file: _McapWriter, metadata: dict[str, Any]) -> None:
+    def _finish(self, file: _McapWriter, metadata: str) -> None:
         """Finish and close a file; after a failure without an index, which would count too much."""
         try:
             if self._failure:
@@ -262,7 +269,7 @@ class BagWriter:
     def _new_file(self) -> _McapWriter:
         path = self.folder / f"{self.folder.name}_{len(self._finished)}.mcap"
         try:
-            return _McapWriter(path, self._metadata(), self._compression)
+            return _McapWriter(path, self._metadata(in_file=True), self._compression)
         except FileExistsError:  # somebody else's
             raise
         except _FAULTS:
@@ -290,7 +297,7 @@ class _McapWriter:
     if the disk does not take it.
     """
 
-    def __init__(self, path: Path, metadata: dict[str, Any], compression: str) -> None:
+    def __init__(self, path: Path, metadata: str, compression: str) -> None:
         """Create the file, with the state of the bag at this moment."""
         self.path = path
         #: earliest log time so far, if there is a message
@@ -309,7 +316,7 @@ class _McapWriter:
         self._channels: dict[str, int] = {}
         try:
             self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
             self._stream.flush()  # so that from here on it is a file that can be recovered
             synchronize(path.parent)
         except BaseException:
@@ -365,10 +372,10 @@ class _McapWriter:
             syncing, self._syncing = self._syncing, None
             syncing.result()
 
-    def finish(self, metadata: dict[str, Any]) -> None:
+    def finish(self, metadata: str) -> None:
         """Write the final metadata and the index, bring it to the disk; :meth:`abandon` closes."""
         self._writer.flush()
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
         self._writer.finish()
         self._stream.flush()
         self.wait_for_disk()
