@@ -14,16 +14,17 @@ from contextlib import contextmanager
 LONGEST_MESSAGE = 300
 
 
-def printable(text: str) -> str:
+def printable(text: str, keep: str = "") -> str:
     """Return a text without characters that a terminal, a page or a file name could obey.
 
     Text out of foreign files may hold control characters, or turn the direction of writing; they
-    are written as in Python, such as ``\\x1b``.
+    are written as in Python, such as ``\\x1b``. Those in ``keep`` stay.
     """
     if text.isprintable():
         return text
     return "".join(
-        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+        one if one.isprintable() or one in keep else one.encode("unicode_escape").decode()
+        for one in text
     )
 
 

@@ -32,6 +32,7 @@ OUTER_KEY = "rosbag2_bagfile_information"
 _METADATA_BYTES = 1024 * 1024
 #: Ends of the names of storage files, by the word of ``metadata.yaml`` for their kind
 _ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
+_STARTS = {b"\x89MCAP0": "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
 
 
 @dataclass(frozen=True)
@@ -215,16 +216,29 @@ def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path
     by_kind = {
         kind: [file for file in files if file.name.endswith(ends)] for kind, ends in _ENDS.items()
     }
-    kind = (stored and stored.storage) or ("mcap" if by_kind["mcap"] else "sqlite3")
-    if by_kind.get(kind):
-        return by_kind[kind]
-    if stored and stored.storage != "mcap":
+    wanted = by_kind.get(stored.storage if stored else "")  # what is said may be wrong
+    if found := wanted or by_kind["mcap"] or by_kind["sqlite3"]:
+        return found
+    if stored and stored.storage not in _ENDS:
         raise BagError(
             f"{path} is stored as {stored.storage}, of which it has no file that can be read; make "
             f"an MCAP bag of it with `ros2 bag convert -i {path} -o OPTIONS.yaml`, where "
             "OPTIONS.yaml says output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
         )
-    raise BagError(f"there is no .mcap file in {path}; name the folder of a bag")
+    raise BagError(f"there is no .mcap or .db3 file in {path}; name the folder of a bag")
+
+
+def storage_of(file: Path) -> str:
+    """Return what a storage file is, as ``metadata.yaml`` calls it, or "ros1"; by its first bytes.
+
+    One that begins as none of them is what its name says, mcap without a word of it.
+
+    Raises ReadError, OSError: it cannot be read.
+    """
+    with open_regular(file) as stream:
+        start = stream.read(16)
+    by_start = next((kind for mark, kind in _STARTS.items() if start.startswith(mark)), "")
+    return by_start or {".db3": "sqlite3", ".bag": "ros1"}.get(file.suffix, "mcap")
 
 
 def _numbered(path: Path) -> list[tuple[int, str]]:

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import logging
+import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.errors import printable
 from stickslip_ros.opening import Allowance, open_regular
 from stickslip_ros.recordings.errors import BagError, damaged, reading, short
 from stickslip_ros.recordings.mcap_reader import McapFiles, Wanted
@@ -20,6 +22,7 @@ from stickslip_ros.recordings.metadata import (
     StoredMetadata,
     TopicDescription,
     storage_files,
+    storage_of,
     stored_metadata,
 )
 from stickslip_ros.recordings.qos import OfferedQos
@@ -53,7 +56,13 @@ class BagReader:
             if not stored and self.path.is_dir() and (self.path / METADATA_FILE).exists():
                 self._warn(f"{self.path / METADATA_FILE} is too long; its bag is read without it")
             files = self._storage_files(stored)
-            by_rosbags = files[0].suffix in (".db3", ".bag")
+            kind = storage_of(files[0])
+            by_rosbags = kind != "mcap"
+            if stored and stored.storage != kind:
+                self._warn(
+                    f"{METADATA_FILE} of {self.path} says {stored.storage or 'nothing'} of its "
+                    f"storage, but {files[0].name} is {kind}, and is read as that"
+                )
             if stored:
                 _check_supported(self.path, stored, by_rosbags)
             self._storage = (RosbagsFiles if by_rosbags else McapFiles)(self.path, files)
@@ -99,6 +108,7 @@ class BagReader:
         return named
 
     def _warn(self, what: str) -> None:
+        what = printable(what)
         self.warnings.append(what)
         _LOG.warning(what)  # on stderr, unless the program says otherwise
 
@@ -229,10 +239,12 @@ class RosbagsFiles:
         self.compressions: list[str] = []
         for file in files:
             open_regular(file).close()
+        self._links = tempfile.TemporaryDirectory(prefix="stickslip-")
         try:
+            named = [self._named(file, number) for number, file in enumerate(files)]
             # Definitions stand in bags of ROS 1 and, since Iron, in those of ROS 2.
-            store = None if path.suffix == ".bag" else get_typestore(Stores.LATEST)
-            reader = AnyReader(files, default_typestore=store)
+            store = None if named[0].suffix == ".bag" else get_typestore(Stores.LATEST)
+            reader = AnyReader(named, default_typestore=store)
             reader.open()
             self._reader = reader
             self._describe(files)
@@ -245,6 +257,16 @@ class RosbagsFiles:
         if self._reader is not None:
             self._reader.close()
             self._reader = None
+        self._links.cleanup()
+
+    def _named(self, file: Path, number: int) -> Path:
+        """Return a file under a name that tells `rosbags` what it is."""
+        end = {"sqlite3": ".db3", "ros1": ".bag"}.get(storage_of(file), file.suffix)
+        if file.suffix == end:
+            return file
+        link = Path(self._links.name, f"{number}{end}")
+        link.symlink_to(file)
+        return link
 
     def _describe(self, files: list[Path]) -> None:
         reader = self._reader

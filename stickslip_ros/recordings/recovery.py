@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from mcap.records import Statistics
 
+from stickslip_ros.errors import printable
 from stickslip_ros.files import whole_folder
 from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
 from stickslip_ros.recordings.mcap_file import McapFile, Piece
@@ -33,6 +34,7 @@ from stickslip_ros.recordings.metadata import (
     TopicDescription,
     parse_metadata,
     storage_files,
+    storage_of,
     stored_metadata,
 )
 from stickslip_ros.recordings.writer import BagWriter
@@ -84,7 +86,8 @@ def recover(
     out = Path(out).expanduser().absolute() if out else recovered_name(bag)
     with reading(bag):
         files = storage_files(bag)
-    if files[0].suffix == ".db3":
+        kinds = [storage_of(file) for file in files]
+    if kinds[0] == "sqlite3":
         raise BagError(
             f"{files[0]} is a SQLite file, of which SQLite itself takes what is whole: "
             f"sqlite3 {files[0].name} .recover | sqlite3 NEW.db3"
@@ -139,7 +142,8 @@ def _rewrite(
         writer.close()
     dropped = sum(source.dropped_bytes for source in sources)
     unprotected = sum(source.unprotected for source in sources)
-    return Recovered(new, writer.message_count, dropped, unprotected, tuple(findings))
+    said = tuple(map(printable, findings))
+    return Recovered(new, writer.message_count, dropped, unprotected, said)
 
 
 class _DamagedFile(McapFile):
@@ -248,6 +252,8 @@ class _DamagedFile(McapFile):
 
 def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:
     """Yield the differences between metadata.yaml and the files."""
+    if stored.storage != "mcap":
+        yield f"{METADATA_FILE} says {stored.storage or 'nothing'} of the storage, which is mcap"
     names = {Path(name).name for name in stored.files}
     found = {file.name for file in files}
     for name in sorted(names - found):

@@ -71,7 +71,7 @@ class BagWriter:
         until the bag is closed.
         compression: of the chunks: "none", "lz4" (quick) or "zstd" (small).
         max_bytes: a file that has grown to this size is followed by a new one; 0: never.
-        max_duration_ns: so is one whose messages cover this time in ns; 0: never.
+        max_duration_ns: so is one during which the latest log time grew by so much, ns; 0: never.
         sync: bring what is flushed to the disk as well, so that it outlives a power cut.
         Raises BagError: the folder exists or cannot be made, or a value is out of range; nothing
         is left behind then.
@@ -95,6 +95,8 @@ class BagWriter:
         self._max_bytes = max_bytes
         self._max_duration_ns = max_duration_ns
         self._sync = sync
+        # Times may come from several clocks, or run back: the latest of all of them counts.
+        self._latest_ns = self._began_ns = 0
         self._finished: list[FileSummary] = []
         self._file: _McapWriter | None = None
         self._complete = False
@@ -173,10 +175,14 @@ class BagWriter:
             raise BagError(f"topic {topic_name} is not in the bag {self.folder}; add it first")
         if self._file is None:
             raise BagError(f"the bag {self.folder} is closed; write to a new one")
-        start_ns = self._file.start_ns if self._file.count else log_ns
+        self._latest_ns = max(self._latest_ns, log_ns)
+        if not self._file.count:
+            self._began_ns = self._latest_ns
+        lasted = self._latest_ns - self._began_ns
         large = self._max_bytes and self._file.size >= self._max_bytes
-        if large or (self._max_duration_ns and log_ns - start_ns >= self._max_duration_ns):
+        if large or (self._max_duration_ns and lasted >= self._max_duration_ns):
             self.split()
+            self._began_ns = self._latest_ns
         with self._naming("write"):
             self._file.write(topic, data, log_ns, publish_ns, sequence)
         self.counts[topic_name] += 1
