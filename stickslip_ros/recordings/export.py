@@ -16,13 +16,18 @@ from stickslip_ros.errors import printable
 from stickslip_ros.files import whole_file, whole_folder
 from stickslip_ros.recordings.cdr import decoder_for, fields_of, not_of_type
 from stickslip_ros.recordings.errors import BagError, UndecodableError, short
-from stickslip_ros.recordings.layouts import LONGEST_ARRAY, Columns, Layouts, Rows
+from stickslip_ros.recordings.layouts import (
+    LONGEST_ARRAY,
+    RECORDED,
+    TIME,
+    Columns,
+    Layouts,
+    Rows,
+    Times,
+)
 from stickslip_ros.recordings.message_types import STATUS_TYPE, stamp_of
 from stickslip_ros.recordings.reader import BagReader
 
-#: The first columns of every table: s since the start of the bag by the stamp in the message, or
-#: when it was recorded if it has none; and when it was recorded, ns since the Unix epoch
-_TIME, _RECORDED = "time (s)", "recorded (ns)"
 _AT_ONCE = 10_000  # messages that are decoded and written together, or
 _BYTES_AT_ONCE = 16 * 1024 * 1024  # so many bytes of them
 #: Columns of a table at most: a file of so many names and as many rows fills any disk
@@ -102,17 +107,18 @@ class _Decoded:
         self._type = topic.type
         self._decode = decoder_for(topic)
         self._layouts = Layouts(topic.type, topic.schema, self._decode)
-        self._columns = {_TIME, _RECORDED}
+        self._columns = {TIME, RECORDED}
 
     def rows(self, data: Mapping[int, bytes], recorded: Sequence[int]) -> list[Rows]:
         """Return the rows of messages by their numbers, in that order, with the times first.
 
         recorded: ns, of every number. Raises UndecodableError: a message is not of its type.
         """
+        times = Times(recorded, self._bag.start_ns)
         try:
-            made, left = self._layouts.rows(data)
+            made, left = self._layouts.rows(data, times)
             for number in left:
-                made += self._one_by_one(number, data[number])
+                made += self._one_by_one(number, data[number], times)
         except (AttributeError, TypeError, ValueError) as error:
             raise not_of_type(self._bag, self._name, error) from None
         self._columns.update(*(one.columns for one in made))
@@ -121,11 +127,9 @@ class _Decoded:
                 f"the messages on {self._name} of {self._bag.path} have more than {_MOST_COLUMNS} "
                 "columns together; read them with `stickslip_ros.recordings.open_bag`"
             )
-        if len(made) > 1:
-            made = list(_in_order(made))
-        return [self._with_times(one, recorded) for one in made]
+        return made if len(made) < 2 else list(_in_order(made))
 
-    def _one_by_one(self, number: int, data: bytes) -> Iterator[Rows]:
+    def _one_by_one(self, number: int, data: bytes, times: Times) -> Iterator[Rows]:
         message = self._decode(data)
         rows = [dict(fields_of(message, self._type, LONGEST_ARRAY))]
         if self._type == STATUS_TYPE:
@@ -134,30 +138,23 @@ class _Decoded:
                 | {name: getattr(status, name) for name in ("name", "level", "message")}
                 for status in message.status
             ]
+        (seconds,), (ns,) = times.columns([number], [stamp_of(message, 0)])
         for row in rows:
-            row = {name: value for name, value in row.items() if name not in (_TIME, _RECORDED)}
-            yield Rows([number], [stamp_of(message, 0)], tuple(row), [tuple(row.values())])
-
-    def _with_times(self, rows: Rows, recorded: Sequence[int]) -> Rows:
-        start = self._bag.start_ns
-        made = [
-            (1e-9 * ((stamp or recorded[number]) - start), recorded[number], *values)
-            for number, stamp, values in zip(rows.numbers, rows.stamps, rows.values, strict=True)
-        ]
-        return rows._replace(columns=(_TIME, _RECORDED, *rows.columns), values=made)
+            row = {TIME: seconds, RECORDED: ns} | row | {TIME: seconds, RECORDED: ns}
+            yield Rows([number], tuple(row), [tuple(row.values())])
 
 
 def _in_order(made: list[Rows]) -> Iterator[Rows]:
     """Yield rows in the order of their messages, those of the same columns together."""
     each = [
-        (number, stamp, one.columns, values)
+        (number, one.columns, values)
         for one in made
-        for number, stamp, values in zip(one.numbers, one.stamps, one.values, strict=True)
+        for number, values in zip(one.numbers, one.values, strict=True)
     ]
-    each.sort(key=lambda row: row[0])
-    for columns, alike in groupby(each, key=lambda row: row[2]):
-        numbers, stamps, _, values = zip(*alike, strict=True)
-        yield Rows(numbers, stamps, columns, values)
+    each.sort(key=itemgetter(0))
+    for columns, alike in groupby(each, key=itemgetter(1)):
+        numbers, _, values = zip(*alike, strict=True)
+        yield Rows(numbers, columns, values)
 
 
 Block = tuple[dict[str, dict[int, bytes]], list[int]]
@@ -168,10 +165,14 @@ def _blocks(bag: BagReader, topics: Iterable[str], note: Note) -> Iterator[Block
     """Yield all messages, many at a time."""
     data, recorded, size = dict[str, dict[int, bytes]](), list[int](), 0
     for block in bag.blocks(topics):
-        for topic, log_ns, one in zip(block.topics, block.log_ns, block.data, strict=True):
-            data.setdefault(topic, {})[len(recorded)] = one
-            recorded.append(log_ns)
-            size += len(one)
+        each = zip(block.topics, block.data, strict=True)
+        for number, (topic, one) in enumerate(each, len(recorded)):
+            try:
+                data[topic][number] = one
+            except KeyError:
+                data[topic] = {number: one}
+        recorded += block.log_ns
+        size += sum(map(len, block.data))
         if len(recorded) >= _AT_ONCE or size >= _BYTES_AT_ONCE:
             yield data, recorded
             note(len(recorded))
@@ -237,7 +238,7 @@ class _Csv:
     def __init__(self, path: Path, body: Path) -> None:
         """Begin the table that :meth:`finish` writes into a file; body takes its rows till then."""
         self._path, self._body = path, body
-        self._columns = {_TIME: 0, _RECORDED: 1}
+        self._columns = {TIME: 0, RECORDED: 1}
         self._narrow = False  # whether some rows lack columns that came later
 
     def add(self, columns: Columns, rows: Sequence[Sequence[Any]]) -> None:
@@ -317,7 +318,7 @@ def _write_parquet(bag: BagReader, topics: Mapping[str, _Decoded], out: Path, no
         raise BagError(
             f"{out.name} needs pyarrow: pip install 'stickslip_ros[parquet]', or write .csv"
         ) from None
-    kinds: dict[str, type] = {_TIME: float, _RECORDED: int}
+    kinds: dict[str, type] = {TIME: float, RECORDED: int}
     for columns, rows in _joined(bag, topics, lambda count: None):
         for name, value in zip(columns, rows[0], strict=True):
             kind = kinds.setdefault(name, type(value))

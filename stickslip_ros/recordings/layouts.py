@@ -22,6 +22,9 @@ from stickslip_ros.recordings.cdr import fields_of
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, STATUS_TYPE, stamp_of
 
+TIME, RECORDED = "time (s)", "recorded (ns)"
+"""The first columns of every table, see :meth:`Times.columns`."""
+
 LONGEST_ARRAY = 64
 """Values of an array whose values are columns; images have millions."""
 
@@ -58,9 +61,26 @@ class Rows(NamedTuple):
     """Rows of a table that have the same columns."""
 
     numbers: Sequence[int]  #: of the messages that they are of
-    stamps: Sequence[int]  #: times in the headers, ns, 0 if there is none
     columns: Columns
     values: Sequence[Sequence[Any]]  #: a row each
+
+
+class Times(NamedTuple):
+    """When messages were recorded, by their numbers, ns; and the start of the bag, ns."""
+
+    recorded: Sequence[int]
+    start_ns: int
+
+    def columns(self, numbers: Sequence[int], stamps: Sequence[int]) -> list[Sequence[Any]]:
+        """Return the columns with the times of messages.
+
+        These are s since the start of the bag by the stamp (ns) in the message, or when it was
+        recorded if it has none, 0; and when it was recorded, ns since the Unix epoch.
+        """
+        recorded = [self.recorded[number] for number in numbers]
+        start = self.start_ns
+        times = [1e-9 * ((stamp or ns) - start) for stamp, ns in zip(stamps, recorded, strict=True)]
+        return [times, recorded]
 
 
 class Layout:
@@ -81,7 +101,7 @@ class Layout:
             self._stamp = (stamp.sec, stamp.nanosec) if stamp else ()
         except (AttributeError, LookupError, TypeError, ValueError, struct.error) as error:
             raise ValueError(f"it cannot be followed: {error}") from None
-        self.columns = tuple(found)
+        self._columns = (TIME, RECORDED, *found)
         self._cells: list[Any] = list(found.values())
         self._fixed = np.array(list(chain.from_iterable(walk.fixed)))
         message = np.frombuffer(data, np.uint8)
@@ -90,10 +110,13 @@ class Layout:
         other = np.arange(1, len(data) + 1, dtype=np.int64) * 37 % 127 + 1
         other[self._fixed] = self._expected
         for one in (message, other.astype(np.uint8)):
-            own, read = self.rows([0], one[None, :]), decode(one.tobytes())
+            own, read = self.rows([0], one[None, :], Times([0], 0)), decode(one.tobytes())
             values = dict(fields_of(read, type_name, LONGEST_ARRAY))
-            theirs = stamp_of(read, 0), tuple(values), tuple(values.values())
-            if not data[1] & 1 or repr((own.stamps[0], own.columns, own.values[0])) != repr(theirs):
+            theirs = (
+                self._columns[:2] + tuple(values),
+                (1e-9 * stamp_of(read, 0), 0, *values.values()),
+            )
+            if not data[1] & 1 or repr((own.columns, own.values[0])) != repr(theirs):
                 raise ValueError("the library reads other values")
 
     def fits(self, messages: Bytes) -> npt.NDArray[np.bool_]:
@@ -101,18 +124,18 @@ class Layout:
         fits: npt.NDArray[np.bool_] = (messages[:, self._fixed] == self._expected).all(axis=1)
         return fits
 
-    def rows(self, numbers: Sequence[int], messages: Bytes) -> Rows:
+    def rows(self, numbers: Sequence[int], messages: Bytes, times: Times) -> Rows:
         """Return the rows of messages of this layout; ValueError: a text is none."""
-        columns = [
-            _values(cell, messages) if isinstance(cell, Place) else [cell] * len(messages)
-            for cell in self._cells
-        ]
         stamps = [0] * len(messages)
         if self._stamp:
             seconds, ns = (place.of(messages).astype(np.int64) for place in self._stamp)
             stamps = (seconds * 10**9 + ns).tolist()
-        rows = list(zip(*columns, strict=True)) if columns else [()] * len(messages)
-        return Rows(numbers, stamps, self.columns, rows)
+        columns = times.columns(numbers, stamps)
+        columns += [
+            _values(cell, messages) if isinstance(cell, Place) else [cell] * len(messages)
+            for cell in self._cells
+        ]
+        return Rows(numbers, self._columns, list(zip(*columns, strict=True)))
 
 
 class Layouts:
@@ -125,14 +148,17 @@ class Layouts:
         self._known: dict[int, list[Layout]] = {}  # by the size of the messages
         self._refused = type_name == STATUS_TYPE  # which has several rows a message
 
-    def rows(self, data: Mapping[int, bytes]) -> tuple[list[Rows], list[int]]:
+    def rows(self, data: Mapping[int, bytes], times: Times) -> tuple[list[Rows], list[int]]:
         """Return the rows of messages by number, and the numbers of those to be read one by one.
 
         Raises ValueError: a text is none.
         """
         by_size: dict[int, list[int]] = {}
-        for number, one in data.items():
-            by_size.setdefault(len(one), []).append(number)
+        if len(set(map(len, data.values()))) == 1:
+            by_size[len(next(iter(data.values())))] = list(data)
+        else:
+            for number, one in data.items():
+                by_size.setdefault(len(one), []).append(number)
         made, left = list[Rows](), list[int]()
         for size, numbers in by_size.items():
             if self._refused or len(numbers) < _FEW:
@@ -149,7 +175,8 @@ class Layouts:
                     break
                 fits = known[number].fits(messages)
                 if fits.any():
-                    made.append(known[number].rows(waiting[fits].tolist(), messages[fits]))
+                    found = waiting[fits].tolist(), messages[fits]
+                    made.append(known[number].rows(*found, times))
                 waiting, messages = waiting[~fits], messages[~fits]
             left += waiting.tolist()
         return made, left
