@@ -6,6 +6,8 @@ Also yields the fields of messages by name, and diagnostic statuses, the form of
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -59,7 +61,8 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             raise ValueError(
                 f"it has {len(topic.schema)} characters; {_LARGEST_SCHEMA} is the limit"
             )
-        decode = DecoderFactory().decoder_for(CDR, schema)
+        with contextlib.redirect_stderr(io.StringIO()):  # where the parser prints the bad line
+            decode = DecoderFactory().decoder_for(CDR, schema)
         if decode is None:
             raise ValueError("it has no definition")
     # The text is a stranger's and the parser has no error of its own for what is wrong with it.

@@ -354,11 +354,11 @@ class Channels:
                 raise ValueError(
                     f"more than {_LARGEST_SUM[kind]} bytes of {kind.__name__.lower()}s"
                 )
-            self._known[kind, record.id] = record
             if kind is Schema:
                 self._texts[record.id] = record.data.decode()
             else:
                 self.topics[record.id] = self._topic(record)
+            self._known[kind, record.id] = record
         elif known != record:
             raise ValueError(f"two {kind.__name__.lower()}s have the number {record.id}")
 
