@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The records of MCAP, read and unpacked without trusting any length in the file.
 
-The readers of the ``mcap`` and ``rosbags`` libraries unpack a chunk to any size that it states.
-Here a length is compared with the file and with limits before anything is read or unpacked. Records
-that are known to be complete are parsed by ``mcap``.
+A length is compared with the file and with limits before anything is read or unpacked. Records that
+are known to be complete are parsed by ``mcap``.
 """
 
 from __future__ import annotations
