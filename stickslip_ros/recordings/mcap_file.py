@@ -43,8 +43,9 @@ _PIECE = 1024 * 1024  # bytes of the file that are searched, or enter a checksum
 _RUN_BYTES = 1024 * 1024  # records outside of chunks are read by so much at a time
 # A chunk record: its opcode and a length of less than 128 MiB.
 _CHUNK_START = re.compile(rb"\x06.{3}[\x00-\x07]\x00{4}", re.DOTALL)
-#: The search for the next chunk ends after this many false starts: each costs as much as a chunk.
-_MOST_FALSE_STARTS = 1000
+# What looks like a chunk and is none may be read again and again, one inside the other: so many
+# times the size of the file, and so many bytes besides. One costs as much as some bytes at least.
+_FALSE_FACTOR, _FALSE_BYTES, _FALSE_LEAST = 4, 256 * 1024 * 1024, 4096
 
 
 class Piece(NamedTuple):
@@ -93,6 +94,7 @@ class McapFile:
                 self.size = os.fstat(self.stream.fileno()).st_size  #: of the file, unpacked, bytes
                 #: what its chunks may still unpack to
                 self.allowance = Allowance(path, self.stored_size)
+                self._false_left = _FALSE_FACTOR * self.size + _FALSE_BYTES
                 self.begins_right = self.read(0, len(MAGIC)) == MAGIC
                 if not self.stored_size:
                     self.find("is empty: 0 bytes")
@@ -253,8 +255,7 @@ class McapFile:
 
     def _next_chunk(self, at: int, limit: int) -> int:
         """Return where the first whole chunk from a place on begins, a limit if there is none."""
-        false_starts = 0
-        while at < limit and false_starts < _MOST_FALSE_STARTS:
+        while at < limit and self._false_left > 0:
             window = self.read(at, min(_PIECE, limit - at))
             for match in _CHUNK_START.finditer(window):
                 try:
@@ -266,7 +267,9 @@ class McapFile:
                     if chunk.unpacked(self.allowance):
                         return found.start
                 except BROKEN:
-                    false_starts += 1
+                    self._false_left -= len(chunk.data) + _FALSE_LEAST
+                    if self._false_left < 0:
+                        return limit
             if len(window) < _PIECE:
                 break
             at += _PIECE - HEAD.size

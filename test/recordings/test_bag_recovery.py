@@ -6,7 +6,9 @@ import os
 import random
 import resource
 import signal
+import struct
 import sys
+import zlib
 from pathlib import Path
 
 import killed
@@ -397,3 +399,24 @@ def test_a_bag_of_more_topics_than_its_metadata_can_hold(tmp_path: Path) -> None
     assert done.findings == ("metadata.yaml is too long to be read",)
     with Reader(done.folder) as reader:
         assert reader.message_count == done.messages == 2000
+
+
+def test_false_chunks_inside_each_other_are_not_read_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of 60 000 claims all that is left of the file: 88 GB would be read."""
+    count, step = 60_000, 49
+    data = bytearray(b"\x89MCAP0\r\n")
+    for left in range(count * step, 0, -step):
+        data += struct.pack("<BQQQQIIQ", 6, left - 9, 0, 0, max(1, left - 49), 1, 0, left - 49)
+    (tmp_path / "run.mcap").write_bytes(data)
+    read = []
+    checksum = zlib.crc32
+
+    def counted(part: bytes, before: int = 0) -> int:
+        read.append(len(part))
+        return checksum(part, before)
+
+    monkeypatch.setattr("stickslip_ros.recordings.mcap_records.zlib.crc32", counted)
+    assert recover(tmp_path / "run.mcap").messages == 0
+    assert sum(read) < 300_000_000
