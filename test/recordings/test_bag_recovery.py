@@ -352,7 +352,7 @@ def test_the_work_of_a_recovery_grows_with_the_file(
 ) -> None:
     """Of many topics, and of many records: calls of Python's functions are counted, not time."""
     calls = []
-    for count in (100, 200, 400):
+    for count in (10, 100, 200, 400):  # the first one imports what is imported late
         many = [
             (topic(f"/t{k}", STEPS.type), START + k, int32(k))
             for k in range(count)
@@ -374,7 +374,7 @@ def test_the_work_of_a_recovery_grows_with_the_file(
         assert done.messages == 3 * count
         with open_bag(done.folder) as bag:
             assert len(bag.topics) == count
-    first, second, third = calls
+    _, first, second, third = calls
     assert third - second < 2.2 * (second - first)
 
 
