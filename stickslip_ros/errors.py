@@ -14,11 +14,26 @@ from contextlib import contextmanager
 LONGEST_MESSAGE = 300
 
 
+def printable(text: str, keep: str = "") -> str:
+    """Return a text without characters that a terminal, a page or a file name could obey.
+
+    Text out of foreign files may hold control characters, or turn the direction of writing; they
+    are written as in Python, such as ``\\x1b``. Those in ``keep`` stay.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() or one in keep else one.encode("unicode_escape").decode()
+        for one in text
+    )
+
+
 class StickslipError(Exception):
     """An error that the caller can correct; the text is one line with the cure."""
 
     def __str__(self) -> str:
-        text = super().__str__()
+        """Return the text, as it may be shown anywhere."""
+        text = printable(super().__str__())
         return text if len(text) <= LONGEST_MESSAGE else f"{text[:180]} ... {text[-115:]}"
 
 

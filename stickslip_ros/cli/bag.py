@@ -21,7 +21,7 @@ from stickslip_ros.cli.options import (
     require_ros,
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.errors import UsageError
+from stickslip_ros.errors import UsageError, printable
 from stickslip_ros.parameters import PARAMETERS, parse_assignment
 
 #: In the order of the help.
@@ -70,7 +70,7 @@ def run_info(args: argparse.Namespace) -> int:
 
         draw = load_motion(args.bag).motion.plot
     names = ("name", "type", "messages")
-    table = names, [[topic[name] for name in names] for topic in found["topics"]]
+    table = names, [[_printable(topic[name]) for name in names] for topic in found["topics"]]
     put_out(
         args, found, lambda: "\n".join(_description(found)), f"Recording {args.bag}", table, draw
     )
@@ -78,6 +78,7 @@ def run_info(args: argparse.Namespace) -> int:
 
 
 def _description(found: dict[str, Any]) -> list[str]:
+    found = _printable(found)
     chunks = ", ".join(name or "none" for name in found["compression"]) or "none"
     packed = f", each {found['packed']} packed as a whole" if found["packed"] else ""
     files = f"{len(found['files'])} file{'s' * (len(found['files']) > 1)}"
@@ -109,6 +110,15 @@ def _description(found: dict[str, Any]) -> list[str]:
         lines += ["", f"axis of {name}; {rest} more parameters at their defaults, see --json"]
         lines += [f"  {key:<24} {text}".rstrip() for key, text in own.items()]
     return lines
+
+
+def _printable(value: Any) -> Any:
+    """Return plain values with all texts printable; most of those in a bag are a stranger's."""
+    if isinstance(value, dict):
+        return {_printable(key): _printable(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_printable(one) for one in value]
+    return printable(value) if isinstance(value, str) else value
 
 
 def _is_default(name: str, text: str) -> bool:
@@ -247,11 +257,11 @@ def run_resimulate(args: argparse.Namespace) -> int:
         with progress_bar(states, motion) as bar:
             runs = resimulate(bag, changes, args.out, bar.update)
     reports = [one.as_json() for one in runs]
-    texts = [_differences(report, bool(changes)) for report in reports]
+    texts = [_differences(_printable(report), bool(changes)) for report in reports]
     texts += [f"written to {args.out}"] if args.out else []
     content = {"bag": str(args.bag), "changes": changes, "runs": reports}
     names = ("largest", "unit", "at", "unequal", "values")
-    rows = [[one["axis"], name, *(d[key] for key in names)]
+    rows = [[printable(one["axis"]), printable(name), *(d[key] for key in names)]
             for one in reports for name, d in one["differences"].items()]  # fmt: skip
     table = ("axis", "quantity", *names), rows
     put_out(args, content, lambda: "\n\n".join(texts), f"Run of {args.bag} again", table)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shlex
 import sys
 import tempfile
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import flag, option
-from stickslip_ros.errors import UsageError
+from stickslip_ros.errors import UsageError, printable
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.reporting import to_json
 from stickslip_ros.reporting.tables import Cell, check_table, write_table
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 #: Kinds of pictures, by the end of the file's name.
 PICTURES = (".svg", ".pdf", ".png")
+_COLOURS = re.compile(r"(\x1b\[[\d;]*m)")
 _Table = tuple[Sequence[str], Sequence[Sequence[Cell]]]
 
 
@@ -106,7 +108,11 @@ def put_out(
                 title, text(), svg_of(drawn) if drawn else None, heading, rows
             )
             write_text(args.report, whole.html(shlex.join(["stickslip", *sys.argv[1:]])))
-    print(json.dumps(to_json(content), allow_nan=False) if args.json else text())
+    if args.json:
+        print(json.dumps(to_json(content), allow_nan=False))
+    else:  # of what a terminal obeys, only our colours and lines are left
+        parts = _COLOURS.split(text())
+        print("".join(one if k % 2 else printable(one, "\n") for k, one in enumerate(parts)))
 
 
 def _named(content: Any, name: str = "") -> Iterator[tuple[str, Cell]]:

@@ -2,6 +2,14 @@
 """Recordings: rosbag2 folders written, read, recovered; the runs in them, resimulation; no ROS.
 
 Each name is loaded when it is used.
+
+MCAP files are written with ``mcap``, its records are parsed by it, and messages are decoded by
+``mcap_ros2``. Walking over records and unpacking chunks is our own, for two measured reasons.
+Safety: the readers of ``mcap`` 1.6 and ``rosbags`` 0.11 unpack a chunk to any size that it states,
+lz4 without a limit, their limit on records does not hold for chunks found by the index, and both
+give up at the first damage, where a recovery goes on with the next whole chunk. Speed: ``mcap``
+yields a message in 17 us and ``mcap_ros2`` decodes joint states in 50; blocks of messages and
+their layouts, taken apart by NumPy, take 2 us and 1, without which an export takes minutes.
 """
 
 from typing import TYPE_CHECKING

@@ -6,6 +6,8 @@ Also yields the fields of messages by name, and diagnostic statuses, the form of
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -59,7 +61,8 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             raise ValueError(
                 f"it has {len(topic.schema)} characters; {_LARGEST_SCHEMA} is the limit"
             )
-        decode = DecoderFactory().decoder_for(CDR, schema)
+        with contextlib.redirect_stderr(io.StringIO()):  # where the parser prints the bad line
+            decode = DecoderFactory().decoder_for(CDR, schema)
         if decode is None:
             raise ValueError("it has no definition")
     # The text is a stranger's and the parser has no error of its own for what is wrong with it.
@@ -101,11 +104,11 @@ def decode_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[Bag
 
 def fields_of(
     message: Any, kind: str, longest_array: int, prefix: str = ""
-) -> Iterator[tuple[str, bool | int | float | str]]:
+) -> Iterator[tuple[str, Any]]:
     """Yield names and values of the fields of a message, without its header.
 
     kind: its type; the fields of joint states are named after their joints; longest_array: longer
-    ones, images say, are passed over.
+    ones, images say, are passed over. A value may be a tuple that says where it is, see `layouts`.
     """
     if kind == JOINT_STATE_TYPE:
         for name in ("position", "velocity", "effort"):
@@ -122,7 +125,7 @@ def fields_of(
             short = value if len(value) <= longest_array else []
             each = {f"{prefix}{name}[{k}]": one for k, one in enumerate(short)}
         for label, one in each.items():
-            if isinstance(one, bool | int | float | str):
+            if isinstance(one, bool | int | float | str | tuple):
                 yield label, one
             elif hasattr(one, "__slots__"):
                 yield from fields_of(one, "", longest_array, f"{label}.")

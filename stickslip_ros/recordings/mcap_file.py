@@ -40,17 +40,20 @@ _FIRST_PRIVATE = 0x80  # opcodes from here on are anybody's
 _FOOTER_BYTES = HEAD.size + 20
 _CRC_BYTES = 4
 _PIECE = 1024 * 1024  # bytes of the file that are searched, or enter a checksum, together
+_RUN_BYTES = 1024 * 1024  # records outside of chunks are read by so much at a time
 # A chunk record: its opcode and a length of less than 128 MiB.
 _CHUNK_START = re.compile(rb"\x06.{3}[\x00-\x07]\x00{4}", re.DOTALL)
-#: The search for the next chunk ends after this many false starts: each costs as much as a chunk.
-_MOST_FALSE_STARTS = 1000
+# What looks like a chunk and is none may be read again and again, one inside the other: so many
+# times the size of the file, and so many bytes besides. One costs as much as some bytes at least.
+_FALSE_FACTOR, _FALSE_BYTES, _FALSE_LEAST = 4, 256 * 1024 * 1024, 4096
 
 
-class Block(NamedTuple):
-    """A chunk, or a record outside of chunks."""
+class Piece(NamedTuple):
+    """A chunk, or a run of records outside of chunks; where it lies, and its records, unpacked."""
 
-    place: Place  #: in the file
-    records: bytes  #: of the chunk, unpacked, or the one record, b"" if it is of no use
+    start: int
+    end: int
+    records: bytes  #: b"" if they are of no use
     chunk: Chunk | None = None  #: None outside of chunks
 
 
@@ -91,6 +94,7 @@ class McapFile:
                 self.size = os.fstat(self.stream.fileno()).st_size  #: of the file, unpacked, bytes
                 #: what its chunks may still unpack to
                 self.allowance = Allowance(path, self.stored_size)
+                self._false_left = _FALSE_FACTOR * self.size + _FALSE_BYTES
                 self.begins_right = self.read(0, len(MAGIC)) == MAGIC
                 if not self.stored_size:
                     self.find("is empty: 0 bytes")
@@ -173,14 +177,29 @@ class McapFile:
             elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self.channels.learn(place.opcode, body_at(self.stream, place))
 
-    # -- block by block
+    # -- piece by piece
 
-    def blocks(self, end: int | None = None) -> Iterator[Block]:
-        """Yield all chunks and other used records, in the order of the file.
+    def pieces(self, end: int | None = None) -> Iterator[Piece]:
+        """Yield all chunks and runs of other used records, in the order of the file.
 
         end: of the part that is read; the whole file if None. Raises ValueError: something is wrong
         with a file that has to be sound.
         """
+        run: list[Piece] = []
+        for piece in self._pieces(end):
+            ends = piece.chunk or piece.start != run[-1].end if run else False
+            if ends or (run and piece.end - run[0].start > _RUN_BYTES):
+                yield _joined(run)
+                run = []
+            if piece.chunk:
+                yield piece
+            elif piece.records:
+                run.append(piece)
+        if run:
+            yield _joined(run)
+
+    def _pieces(self, end: int | None) -> Iterator[Piece]:
+        """Yield chunks, and every other record by itself."""
         at = len(MAGIC) if self.begins_right else 0
         if end is None:
             closed = self.read(max(0, self.size - len(MAGIC)), len(MAGIC)) == MAGIC
@@ -188,9 +207,9 @@ class McapFile:
         seen: set[tuple[int, int]] = set()  # size and CRC of chunks; damage copies some
         while at < end:
             try:
-                block = self._block_at(at, end)
-                if block.chunk and block.chunk.crc and self.findings is not None:
-                    mark = block.chunk.size, block.chunk.crc
+                piece = self._piece_at(at, end)
+                if piece.chunk and piece.chunk.crc and self.findings is not None:
+                    mark = piece.chunk.size, piece.chunk.crc
                     if mark in seen:
                         raise ValueError("it holds a chunk twice")
                     seen.add(mark)
@@ -201,10 +220,10 @@ class McapFile:
                 self.dropped_bytes += following - at
                 at = following
                 continue
-            at = block.place.end
-            yield block
+            at = piece.end
+            yield piece
 
-    def _block_at(self, at: int, end: int) -> Block:
+    def _piece_at(self, at: int, end: int) -> Piece:
         """Return the chunk, or the record outside of chunks, at a place.
 
         Raises ValueError: it is broken.
@@ -212,10 +231,10 @@ class McapFile:
         place = place_at(self.stream, at, end)
         if place.opcode == Opcode.CHUNK:
             chunk = Chunk.read(self.stream, place)
-            return Block(place, chunk.unpacked(self.allowance), chunk)
+            return Piece(at, place.end, chunk.unpacked(self.allowance), chunk)
         if self.findings is not None and not self._is_record(place):
             raise ValueError(f"there is no record at byte {at}")
-        return Block(place, self.read(at, place.end - at) if place.opcode in _USED else b"")
+        return Piece(at, place.end, self.read(at, place.end - at) if place.opcode in _USED else b"")
 
     def _is_record(self, place: Place) -> bool:
         """Return whether a record without a checksum is at a place, and does not just look so.
@@ -236,8 +255,7 @@ class McapFile:
 
     def _next_chunk(self, at: int, limit: int) -> int:
         """Return where the first whole chunk from a place on begins, a limit if there is none."""
-        false_starts = 0
-        while at < limit and false_starts < _MOST_FALSE_STARTS:
+        while at < limit and self._false_left > 0:
             window = self.read(at, min(_PIECE, limit - at))
             for match in _CHUNK_START.finditer(window):
                 try:
@@ -249,11 +267,17 @@ class McapFile:
                     if chunk.unpacked(self.allowance):
                         return found.start
                 except BROKEN:
-                    false_starts += 1
+                    self._false_left -= len(chunk.data) + _FALSE_LEAST
+                    if self._false_left < 0:
+                        return limit
             if len(window) < _PIECE:
                 break
             at += _PIECE - HEAD.size
         return limit
+
+
+def _joined(run: list[Piece]) -> Piece:
+    return Piece(run[0].start, run[-1].end, b"".join([piece.records for piece in run]))
 
 
 def _is_known(opcode: int) -> bool:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import heapq
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,10 +18,11 @@ from stickslip_ros.recordings.mcap_records import (
     LARGEST_CHUNK,
     MAGIC,
     SMALLEST_MESSAGE,
-    BagMessage,
+    Block,
     Chunk,
+    Part,
     body_at,
-    message_at,
+    merged,
     messages_in,
     parse,
     place_at,
@@ -34,7 +34,6 @@ from stickslip_ros.recordings.metadata import (
     parse_metadata,
 )
 
-_RUN_BYTES = 1024 * 1024  # messages outside of chunks are read by so much at a time
 # Chunks that overlap in time have to be in memory together. Recorders make one or two such, tools
 # that write topic after topic a few dozen.
 _LARGEST_OPEN = LARGEST_CHUNK + LARGEST_CHUNK // 2
@@ -114,24 +113,19 @@ class McapReader(McapFile):
 
     def _read_everything(self, end: int) -> None:
         """Find and count the messages of a file without a full index."""
-        self.spans, self.compressions = spans, compressions = list[Span](), set[str]()
-        run_end = 0  # of the run of records outside of chunks that the last span is, 0 if none
-        for (_, at, following), records, chunk in self.blocks(end):
-            channels, times, _ = messages_in(records, self.channels.learn)
-            for channel, count in Counter(channels).items():
-                self.counts[self._name_of(channel)] += count
-            if chunk or times:
-                compressions.add(chunk.compression if chunk else "")
-            if not times:
-                continue
-            start_ns, end_ns = min(times), max(times)
-            if not chunk and at == run_end and spans[-1].size < _RUN_BYTES:
-                run = spans.pop()
-                start_ns, end_ns = min(run.start_ns, start_ns), max(run.end_ns, end_ns)
-                at = run.offset
-            size = len(records) if chunk else following - at
-            spans.append(Span(start_ns, end_ns, at, following - at, size))
-            run_end = 0 if chunk else following
+        self.spans, self.compressions = [], set()
+        for piece in self.pieces(end):
+            heads = messages_in(piece.records, self.channels.learn).heads
+            for channel, count in zip(
+                *np.unique(heads["channel"], return_counts=True), strict=True
+            ):
+                self.counts[self._name_of(int(channel))] += int(count)
+            if piece.chunk or len(heads):
+                self.compressions.add(piece.chunk.compression if piece.chunk else "")
+            if len(heads):
+                times = int(heads["log_ns"].min()), int(heads["log_ns"].max())
+                length = piece.end - piece.start
+                self.spans.append(Span(*times, piece.start, length, len(piece.records)))
 
     def _name_of(self, channel: int) -> str:
         if channel not in self.channels.topics:
@@ -155,15 +149,16 @@ class McapReader(McapFile):
                 raise ValueError("a chunk is larger than its index says")
             return chunk.unpacked(None)  # the allowance has covered the sizes in the index
 
-    def messages_of(self, records: bytes, span: Span, wanted: Wanted) -> Iterator[BagMessage]:
-        """Yield the wanted messages among the records of a span, in order of time.
+    def messages_of(self, span: Span, wanted: Wanted) -> Part:
+        """Return the wanted messages of a span, in order of time, and the topics by channel.
 
         Raises BagError: they are damaged.
         """
+        records = self.records(span)
         with reading(self.path):
-            heads = messages_in(records, self.channels.learn)
-            names = {number: self._name_of(number) for number in set(heads.channels)}
-            channels, times, _ = (np.frombuffer(head, head.typecode) for head in heads)
+            found = messages_in(records, self.channels.learn)
+            times, channels = found.heads["log_ns"], found.heads["channel"]
+            names = {number: self._name_of(number) for number in set(channels.tolist())}
             if len(times) and not (span.start_ns <= times.min() and times.max() <= span.end_ns):
                 raise ValueError("a message lies outside the time range of the index")
         chosen = np.ones(len(times), bool)
@@ -173,8 +168,7 @@ class McapReader(McapFile):
             start, end = (min(ns, 2**64 - 1) for ns in (wanted.start_ns, wanted.end_ns))
             chosen &= (times >= start) & (times < end)
         order = np.flatnonzero(chosen)
-        for k in order[np.argsort(times[order], kind="stable")].tolist():
-            yield message_at(records, heads.starts[k], names[heads.channels[k]])
+        return found.chosen(order[np.argsort(times[order], kind="stable")]), names
 
 
 class McapFiles:
@@ -224,7 +218,7 @@ class McapFiles:
                     raise damaged(reader.path, f"its metadata: {error}") from error
         return StoredMetadata()
 
-    def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
+    def blocks(self, wanted: Wanted) -> Iterator[Block]:
         """Yield messages in order of time; at one time, in the order of their spans.
 
         Raises BagError: a file is damaged.
@@ -236,30 +230,24 @@ class McapFiles:
             if span.start_ns < wanted.end_ns and span.end_ns >= wanted.start_ns
         ]
         found.sort(key=lambda one: one[0].start_ns)
-        # The next message of each open span; its number, which no two have; the others; its size.
-        heap: list[tuple[int, int, BagMessage, Iterator[BagMessage], int]] = []
-        held = 0
-        for number, opening in enumerate([*found, None]):
-            while heap and (opening is None or heap[0][0] < opening[0].start_ns):
-                _, own, message, others, size = heap[0]
-                yield message
-                following = next(others, None)
-                if following is None:
-                    heapq.heappop(heap)
-                    held -= size
-                else:
-                    heapq.heapreplace(heap, (following.log_ns, own, following, others, size))
-            if opening is None:
-                return
-            span, reader = opening
-            records = reader.records(span)
-            others = reader.messages_of(records, span, wanted)
-            first = next(others, None)
-            if first is None:
-                continue
-            heapq.heappush(heap, (first.log_ns, number, first, others, len(records)))
-            held += len(records)
-            if held > _LARGEST_OPEN and len(heap) > 1:
+        opened: list[Part] = []
+        for opening in [*found, None]:
+            done, left = [], []
+            for messages, names in opened:
+                count = len(messages.starts)
+                if opening:
+                    until = np.uint64(opening[0].start_ns)
+                    count = int(np.searchsorted(messages.heads["log_ns"], until))
+                done.append((messages.chosen(slice(count)), names))
+                if count < len(messages.starts):
+                    left.append((messages.chosen(slice(count, None)), names))
+            if done:
+                yield from merged(done)
+            opened = left
+            if opening:
+                span, reader = opening
+                opened.append(reader.messages_of(span, wanted))
+            if len(opened) > 1 and sum(len(one.records) for one, _ in opened) > _LARGEST_OPEN:
                 raise BagError(
                     f"{self._path}: its messages are too far out of order to be sorted in "
                     "memory; sort them with `mcap sort` or `ros2 bag convert`"

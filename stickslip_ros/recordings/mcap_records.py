@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The records of MCAP, read and unpacked without trusting any length in the file.
 
-The readers of the ``mcap`` and ``rosbags`` libraries unpack a chunk to any size that it states.
-Here a length is compared with the file and with limits before anything is read or unpacked. Records
-that are known to be complete are parsed by ``mcap``.
+A length is compared with the file and with limits before anything is read or unpacked. Records that
+are known to be complete are parsed by ``mcap``.
 """
 
 from __future__ import annotations
@@ -13,13 +12,15 @@ import struct
 import tempfile
 import zlib
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
 import lz4.frame
+import numpy as np
+import numpy.typing as npt
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -32,8 +33,14 @@ from stickslip_ros.recordings.qos import qos_profiles
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")  # opcode, length of the body
-MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-SMALLEST_MESSAGE = HEAD.size + MESSAGE_HEAD.size
+_MESSAGE_HEAD = np.dtype(
+    [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
+     ("log_ns", "<u8"), ("publish_ns", "<u8")]
+)  # fmt: skip
+MESSAGE_BYTES = _MESSAGE_HEAD.itemsize - HEAD.size
+"""Bytes of the body of a message without data."""
+
+SMALLEST_MESSAGE = _MESSAGE_HEAD.itemsize
 """Bytes of a message record without data."""
 
 LARGEST_CHUNK = 64 * 1024 * 1024
@@ -47,7 +54,8 @@ _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length 
 _LENGTH = struct.Struct("<Q")
 _LARGEST_MESSAGE = 64 * 1024 * 1024
 _LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
-_LARGEST_TOPICS = 8 * 1024 * 1024  # bytes of schemas and channels; 1000 topics take a third of it
+# Bytes of all schemas, and of all channels: the 65 536 that MCAP can number take half of it.
+_LARGEST_SUM = {Schema: 8 * 1024 * 1024, Channel: 64 * 1024 * 1024}
 #: Records that are passed over, whatever their length
 _PASSED_OVER = (
     Opcode.MESSAGE_INDEX,
@@ -67,6 +75,10 @@ _LARGEST_WINDOW = 64 * 1024 * 1024
 _UNPACKED_PIECE = 1024 * 1024  # bytes unpacked at a time; the allowance is checked in between
 # Bytes given to zstd at a time; what comes of it, 32 MB at most, is in memory at once.
 _PACKED_PIECE = 1024
+
+
+_AT_ONCE = 10_000  # messages that are Python's objects at a time
+_MESSAGE = int(Opcode.MESSAGE)
 
 
 def parse(kind: Any, body: bytes) -> Any:
@@ -215,40 +227,6 @@ def open_storage(path: Path) -> tuple[IO[bytes], bool]:
     return unpacked, bool(press.eof)
 
 
-class Heads(NamedTuple):
-    """The messages in a piece of memory: their channels, log times (ns), starts of their bodies."""
-
-    channels: array[int]
-    times: array[int]
-    starts: array[int]
-
-
-def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Heads:
-    """Return the messages among records in memory.
-
-    learn: called with opcode and body of every other record. Raises ValueError: a record is broken.
-    """
-    channels, times, starts = Heads(array("H"), array("Q"), array("Q"))
-    unpack_head, unpack_message_head = HEAD.unpack_from, MESSAGE_HEAD.unpack_from
-    following, end = 0, len(records)
-    while following < end:
-        opcode, length = unpack_head(records, following)
-        start = following + HEAD.size
-        following = start + length
-        if following > end:
-            raise ValueError("a record inside a chunk extends beyond its end")
-        if opcode != Opcode.MESSAGE:
-            learn(opcode, records[start:following])
-            continue
-        if length < MESSAGE_HEAD.size:
-            raise ValueError("a message is shorter than its head")
-        channel, _, log_ns, _ = unpack_message_head(records, start)
-        channels.append(channel)
-        times.append(log_ns)
-        starts.append(start)
-    return Heads(channels, times, starts)
-
-
 class BagMessage(NamedTuple):
     """One message of a bag; times in ns since the Unix epoch."""
 
@@ -259,12 +237,86 @@ class BagMessage(NamedTuple):
     data: bytes  #: the message, serialized
 
 
-def message_at(records: bytes, start: int, topic: str) -> BagMessage:
-    """Return the message whose body starts there among records in memory."""
-    _, length = HEAD.unpack_from(records, start - HEAD.size)
-    _, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(records, start)
-    data = records[start + MESSAGE_HEAD.size : start + length]
-    return BagMessage(topic, log_ns, publish_ns, sequence, data)
+class Block(NamedTuple):
+    """Some messages after the other, field by field, as those of :class:`BagMessage`."""
+
+    topics: list[str]
+    log_ns: list[int]
+    publish_ns: list[int]
+    sequences: list[int]
+    data: list[bytes]
+
+    def messages(self) -> Iterator[BagMessage]:
+        """Yield them."""
+        return map(BagMessage, *self)
+
+
+class Messages(NamedTuple):
+    """The messages among records in memory."""
+
+    records: bytes
+    starts: npt.NDArray[np.int64]  #: of their records
+    heads: npt.NDArray[np.void]  #: the fields of each besides its data
+
+    def chosen(self, which: Any) -> Messages:
+        """Return some of them."""
+        return Messages(self.records, self.starts[which], self.heads[which])
+
+
+def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Messages:
+    """Return the messages among records in memory.
+
+    learn: called with opcode and body of every other record, and of messages that are too short.
+    Raises ValueError: a record is broken.
+    """
+    found = array("q")
+    unpack, following, end = HEAD.unpack_from, 0, len(records)
+    while following < end:
+        start = following
+        opcode, length = unpack(records, start)
+        following += HEAD.size + length
+        if following > end:
+            raise ValueError("a record inside a chunk extends beyond its end")
+        if opcode == _MESSAGE and following - start >= SMALLEST_MESSAGE:
+            found.append(start)
+        else:
+            learn(opcode, records[start + HEAD.size : following])
+    starts = np.frombuffer(found, np.int64)
+    heads = np.empty(len(starts), _MESSAGE_HEAD)
+    for at in range(0, len(starts), _AT_ONCE):
+        piece = slice(at, at + _AT_ONCE)
+        places = starts[piece, None] + np.arange(SMALLEST_MESSAGE)
+        heads[piece] = np.frombuffer(records, np.uint8)[places].view(_MESSAGE_HEAD)[:, 0]
+    return Messages(records, starts, heads)
+
+
+Part = tuple[Messages, Mapping[int, str]]
+"""Messages, and the topics of their channels."""
+
+
+def merged(parts: Sequence[Part], in_time: bool = True) -> Iterator[Block]:
+    """Yield messages in order of time; those of one time, or without that, as the parts have them.
+
+    A block has 10 000 of them at most.
+    """
+    counts = [len(messages.starts) for messages, _ in parts]
+    part_of = np.repeat(np.arange(len(parts)), counts)
+    starts = np.concatenate([messages.starts for messages, _ in parts])
+    heads = np.concatenate([messages.heads for messages, _ in parts])
+    order = np.argsort(heads["log_ns"], kind="stable") if in_time else np.arange(len(heads))
+    for at in range(0, len(order), _AT_ONCE):
+        piece = order[at : at + _AT_ONCE]
+        own, first = heads[piece], starts[piece] + SMALLEST_MESSAGE
+        end = first + own["length"].astype(np.int64) - MESSAGE_BYTES
+        of = [parts[number] for number in part_of[piece].tolist()]
+        channels, spans = own["channel"].tolist(), zip(first.tolist(), end.tolist(), strict=True)
+        yield Block(
+            [names[channel] for (_, names), channel in zip(of, channels, strict=True)],
+            own["log_ns"].tolist(),
+            own["publish_ns"].tolist(),
+            own["sequence"].tolist(),
+            [one.records[a:b] for (one, _), (a, b) in zip(of, spans, strict=True)],
+        )
 
 
 class Channels:
@@ -275,13 +327,16 @@ class Channels:
         self.topics: dict[int, TopicDescription] = {}  #: by the number of their channel
         self.metadata_text = ""  #: what rosbag2 left in the file last, "" if nothing
         self._known: dict[tuple[type, int], Any] = {}
-        self._size = 0
+        self._texts: dict[int, str] = {}  # of the schemas, one for all their topics
+        self._left = dict(_LARGEST_SUM)
 
     def learn(self, opcode: int, body: bytes) -> None:
         """Take a schema, channel or metadata record; other records are passed over.
 
-        Raises ValueError: it is broken, or another one had that number.
+        Raises ValueError: it is broken, a message, or another one had that number.
         """
+        if opcode == Opcode.MESSAGE:
+            raise ValueError("a message is shorter than its head")
         if opcode == Opcode.METADATA:
             found = parse(Metadata, body)
             if found.name == "rosbag2":
@@ -293,12 +348,16 @@ class Channels:
         record = parse(kind, body)
         known = self._known.get((kind, record.id))
         if known is None:
-            self._size += len(body)
-            if self._size > _LARGEST_TOPICS:
-                raise ValueError(f"more than {_LARGEST_TOPICS} bytes of schemas and channels")
-            self._known[kind, record.id] = record
-            if kind is Channel:
+            self._left[kind] -= len(body)
+            if self._left[kind] < 0:
+                raise ValueError(
+                    f"more than {_LARGEST_SUM[kind]} bytes of {kind.__name__.lower()}s"
+                )
+            if kind is Schema:
+                self._texts[record.id] = record.data.decode()
+            else:
                 self.topics[record.id] = self._topic(record)
+            self._known[kind, record.id] = record
         elif known != record:
             raise ValueError(f"two {kind.__name__.lower()}s have the number {record.id}")
 
@@ -309,7 +368,7 @@ class Channels:
         return TopicDescription(
             name=channel.topic,
             type=schema.name if schema else "",
-            schema=schema.data.decode() if schema else "",
+            schema=self._texts[channel.schema_id] if schema else "",
             type_hash=channel.metadata.get("topic_type_hash", ""),
             offered_qos=qos_profiles(channel.metadata.get("offered_qos_profiles", "")),
             schema_encoding=schema.encoding if schema else "",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +28,11 @@ CDR = "cdr"
 OUTER_KEY = "rosbag2_bagfile_information"
 """The key of ``metadata.yaml`` that holds the metadata of a bag."""
 
-# No more of a ``metadata.yaml`` needs to be read; what is longer is refused.
-_METADATA_BYTES = 4 * 1024 * 1024
+# As much YAML as is read anywhere. That of 1500 topics is longer, but can be done without.
+_METADATA_BYTES = 1024 * 1024
 #: Ends of the names of storage files, by the word of ``metadata.yaml`` for their kind
 _ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
+_STARTS = {b"\x89MCAP0": "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
 
 
 @dataclass(frozen=True)
@@ -127,14 +129,16 @@ class StoredMetadata:
 
     def completed(self, topic: TopicDescription) -> TopicDescription:
         """Return a topic with the hash and the QoS given here if its file does not give any."""
-        for stored in self.topics:
-            if stored.name == topic.name:
-                return replace(
-                    topic,
-                    type_hash=topic.type_hash or stored.type_hash,
-                    offered_qos=topic.offered_qos or stored.offered_qos,
-                )
-        return topic
+        stored = self._by_name.get(topic.name, topic)
+        return replace(
+            topic,
+            type_hash=topic.type_hash or stored.type_hash,
+            offered_qos=topic.offered_qos or stored.offered_qos,
+        )
+
+    @cached_property
+    def _by_name(self) -> dict[str, TopicDescription]:
+        return {topic.name: topic for topic in self.topics}
 
 
 def parse_metadata(text: str) -> StoredMetadata:
@@ -177,7 +181,7 @@ def _topic(entry: Any) -> TopicDescription:
 
 
 def stored_metadata(path: Path) -> StoredMetadata | None:
-    """Read the ``metadata.yaml`` of a bag, None if there is none.
+    """Read the ``metadata.yaml`` of a bag, None if there is none, or one too long to be read.
 
     Raises BagError: it cannot be read or is broken.
     """
@@ -185,7 +189,9 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
     if not path.is_dir() or not file.exists():
         return None
     with reading(file), open_regular(file) as stream:
-        content = stream.read(_METADATA_BYTES)
+        content = stream.read(_METADATA_BYTES + 1)
+    if len(content) > _METADATA_BYTES:
+        return None
     try:
         return parse_metadata(content.decode())
     except ValueError as error:
@@ -210,16 +216,29 @@ def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path
     by_kind = {
         kind: [file for file in files if file.name.endswith(ends)] for kind, ends in _ENDS.items()
     }
-    kind = (stored and stored.storage) or ("mcap" if by_kind["mcap"] else "sqlite3")
-    if by_kind.get(kind):
-        return by_kind[kind]
-    if stored and stored.storage != "mcap":
+    wanted = by_kind.get(stored.storage if stored else "")  # what is said may be wrong
+    if found := wanted or by_kind["mcap"] or by_kind["sqlite3"]:
+        return found
+    if stored and stored.storage not in _ENDS:
         raise BagError(
             f"{path} is stored as {stored.storage}, of which it has no file that can be read; make "
             f"an MCAP bag of it with `ros2 bag convert -i {path} -o OPTIONS.yaml`, where "
             "OPTIONS.yaml says output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
         )
-    raise BagError(f"there is no .mcap file in {path}; name the folder of a bag")
+    raise BagError(f"there is no .mcap or .db3 file in {path}; name the folder of a bag")
+
+
+def storage_of(file: Path) -> str:
+    """Return what a storage file is, as ``metadata.yaml`` calls it, or "ros1"; by its first bytes.
+
+    One that begins as none of them is what its name says, mcap without a word of it.
+
+    Raises ReadError, OSError: it cannot be read.
+    """
+    with open_regular(file) as stream:
+        start = stream.read(16)
+    by_start = next((kind for mark, kind in _STARTS.items() if start.startswith(mark)), "")
+    return by_start or {".db3": "sqlite3", ".bag": "ros1"}.get(file.suffix, "mcap")
 
 
 def _numbered(path: Path) -> list[tuple[int, str]]:

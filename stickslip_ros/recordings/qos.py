@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import yaml
@@ -119,11 +120,28 @@ class OfferedQos:
 
 def qos_yaml(profiles: Sequence[OfferedQos]) -> str:
     """Return the YAML list that goes into the metadata of an MCAP channel."""
+    return _qos_yaml(tuple(profiles))
+
+
+@lru_cache(maxsize=256)  # thousands of topics offer the same
+def _qos_yaml(profiles: tuple[OfferedQos, ...]) -> str:
     return yaml_text([profile.as_json() for profile in profiles])
 
 
 def yaml_text(value: Any) -> str:
-    """Return plain values as YAML."""
+    """Return plain values as YAML.
+
+    The entries of lists in a mapping are written one by one: the nodes of thousands of topics, all
+    at once, fill the memory.
+    """
+    if isinstance(value, dict):
+        parts = [
+            f"{key}:\n{''.join(yaml_text([one]) for one in inner)}"
+            if isinstance(inner, list) and inner
+            else str(yaml.dump({key: inner}, Dumper=_DUMPER, sort_keys=False))
+            for key, inner in value.items()
+        ]
+        return "".join(parts) or "{}\n"
     return str(yaml.dump(value, Dumper=_DUMPER, sort_keys=False))
 
 
@@ -134,8 +152,15 @@ def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:
 
     Raises ValueError: it is no such list.
     """
-    if isinstance(value, str):
-        value = load_texts(value) if value.strip() else []
+    return _qos_in(value) if isinstance(value, str) else _qos_of(value)
+
+
+@lru_cache(maxsize=256)
+def _qos_in(text: str) -> tuple[OfferedQos, ...]:
+    return _qos_of(load_texts(text) if text.strip() else [])
+
+
+def _qos_of(value: Any) -> tuple[OfferedQos, ...]:
     return tuple(_profile(YamlFields(one, "a QoS profile")) for one in items(value, "QoS profiles"))
 
 

@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import logging
+import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.errors import printable
 from stickslip_ros.opening import Allowance, open_regular
 from stickslip_ros.recordings.errors import BagError, damaged, reading, short
 from stickslip_ros.recordings.mcap_reader import McapFiles, Wanted
-from stickslip_ros.recordings.mcap_records import BagMessage, unpack_message
+from stickslip_ros.recordings.mcap_records import BagMessage, Block, unpack_message
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
     METADATA_VERSION,
@@ -20,6 +22,7 @@ from stickslip_ros.recordings.metadata import (
     StoredMetadata,
     TopicDescription,
     storage_files,
+    storage_of,
     stored_metadata,
 )
 from stickslip_ros.recordings.qos import OfferedQos
@@ -50,8 +53,16 @@ class BagReader:
         self.warnings: list[str] = []  #: what may be missing, a sentence each; none if nothing is
         with reading(self.path):
             stored = stored_metadata(self.path)
+            if not stored and self.path.is_dir() and (self.path / METADATA_FILE).exists():
+                self._warn(f"{self.path / METADATA_FILE} is too long; its bag is read without it")
             files = self._storage_files(stored)
-            by_rosbags = files[0].suffix in (".db3", ".bag")
+            kind = storage_of(files[0])
+            by_rosbags = kind != "mcap"
+            if stored and stored.storage != kind:
+                self._warn(
+                    f"{METADATA_FILE} of {self.path} says {stored.storage or 'nothing'} of its "
+                    f"storage, but {files[0].name} is {kind}, and is read as that"
+                )
             if stored:
                 _check_supported(self.path, stored, by_rosbags)
             self._storage = (RosbagsFiles if by_rosbags else McapFiles)(self.path, files)
@@ -97,6 +108,7 @@ class BagReader:
         return named
 
     def _warn(self, what: str) -> None:
+        what = printable(what)
         self.warnings.append(what)
         _LOG.warning(what)  # on stderr, unless the program says otherwise
 
@@ -145,6 +157,16 @@ class BagReader:
         end: ns since the Unix epoch, the first time not to take.
         Raises BagError: a topic is not in the bag; while reading: a file is damaged.
         """
+        blocks = self.blocks(topics, start, end)
+        return (message for block in blocks for message in block.messages())
+
+    def blocks(
+        self,
+        topics: Iterable[str] | None = None,
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Iterator[Block]:
+        """Yield the same messages, many at a time."""
         wanted = Wanted(
             None if topics is None else frozenset(topics),
             0 if start is None else start,
@@ -156,17 +178,20 @@ class BagReader:
                 raise BagError(f"{self.path} has no topic {name}; it has {known}")
         return self._read(wanted)
 
-    def _read(self, wanted: Wanted) -> Iterator[BagMessage]:
+    def _read(self, wanted: Wanted) -> Iterator[Block]:
         """Yield messages; a whole topic with fewer or more than are counted is an error."""
         packed = self.metadata.compression_mode == "message"
         allowance = Allowance(self.path, sum(file.size for file in self.files))
         found = 0
-        for message in self._storage.messages(wanted):
-            found += 1
-            if packed:
+        for block in self._storage.blocks(wanted):
+            found += len(block.data)
+            if not packed:
+                yield block
+                continue
+            for topic, log_ns, publish_ns, number, data in block.messages():
                 with reading(self.path):
-                    message = message._replace(data=unpack_message(message.data, allowance))
-            yield message
+                    data = unpack_message(data, allowance)
+                yield Block([topic], [log_ns], [publish_ns], [number], [data])
         topics = self.counts if wanted.topics is None else wanted.topics
         counted = sum(self.counts[name] for name in topics)
         if wanted == Wanted(wanted.topics) and found != counted:
@@ -214,10 +239,12 @@ class RosbagsFiles:
         self.compressions: list[str] = []
         for file in files:
             open_regular(file).close()
+        self._links = tempfile.TemporaryDirectory(prefix="stickslip-")
         try:
+            named = [self._named(file, number) for number, file in enumerate(files)]
             # Definitions stand in bags of ROS 1 and, since Iron, in those of ROS 2.
-            store = None if path.suffix == ".bag" else get_typestore(Stores.LATEST)
-            reader = AnyReader(files, default_typestore=store)
+            store = None if named[0].suffix == ".bag" else get_typestore(Stores.LATEST)
+            reader = AnyReader(named, default_typestore=store)
             reader.open()
             self._reader = reader
             self._describe(files)
@@ -230,6 +257,16 @@ class RosbagsFiles:
         if self._reader is not None:
             self._reader.close()
             self._reader = None
+        self._links.cleanup()
+
+    def _named(self, file: Path, number: int) -> Path:
+        """Return a file under a name that tells `rosbags` what it is."""
+        end = {"sqlite3": ".db3", "ros1": ".bag"}.get(storage_of(file), file.suffix)
+        if file.suffix == end:
+            return file
+        link = Path(self._links.name, f"{number}{end}")
+        link.symlink_to(file)
+        return link
 
     def _describe(self, files: list[Path]) -> None:
         reader = self._reader
@@ -260,7 +297,7 @@ class RosbagsFiles:
             offered_qos=() if self._reader.is2 else (OfferedQos(),),
         )
 
-    def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
+    def blocks(self, wanted: Wanted) -> Iterator[Block]:
         """Yield messages in order of time.
 
         Raises BagError: a file is damaged.
@@ -279,7 +316,7 @@ class RosbagsFiles:
                 if not reader.is2:
                     message = reader.deserialize(data, connection.msgtype)
                     data = reader.typestore.serialize_cdr(message, connection.msgtype)
-                yield BagMessage(connection.topic, ns, ns, 0, bytes(data))
+                yield Block([connection.topic], [ns], [ns], [0], [bytes(data)])
         except Exception as error:  # as when opening
             raise self._unreadable(error) from error
 

@@ -11,16 +11,20 @@ import contextlib
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
+import numpy as np
 from mcap.records import Statistics
 
+from stickslip_ros.errors import printable
 from stickslip_ros.files import whole_folder
 from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
-from stickslip_ros.recordings.mcap_file import McapFile
+from stickslip_ros.recordings.mcap_file import McapFile, Piece
 from stickslip_ros.recordings.mcap_records import (
-    BagMessage,
-    message_at,
+    MESSAGE_BYTES,
+    Block,
+    merged,
     messages_in,
     unpack_message,
 )
@@ -30,6 +34,7 @@ from stickslip_ros.recordings.metadata import (
     TopicDescription,
     parse_metadata,
     storage_files,
+    storage_of,
     stored_metadata,
 )
 from stickslip_ros.recordings.writer import BagWriter
@@ -81,7 +86,8 @@ def recover(
     out = Path(out).expanduser().absolute() if out else recovered_name(bag)
     with reading(bag):
         files = storage_files(bag)
-    if files[0].suffix == ".db3":
+        kinds = [storage_of(file) for file in files]
+    if kinds[0] == "sqlite3":
         raise BagError(
             f"{files[0]} is a SQLite file, of which SQLite itself takes what is whole: "
             f"sqlite3 {files[0].name} .recover | sqlite3 NEW.db3"
@@ -99,7 +105,8 @@ def _rewrite(
     try:
         stored = stored_metadata(bag)
         if stored is None and bag.is_dir():
-            findings.append(f"{METADATA_FILE} is missing")
+            there = (bag / METADATA_FILE).exists()
+            findings.append(f"{METADATA_FILE} is {'too long to be read' if there else 'missing'}")
     except BagError as error:
         findings.append(f"{METADATA_FILE} is broken: {error}")
     packed = stored is not None and stored.compression_mode == "message"
@@ -111,16 +118,12 @@ def _rewrite(
         topics: dict[str, TopicDescription] = {}
         for source in sources:
             writer.split()
-            for topic, message in source.messages(on_bytes):
-                if topics.setdefault(topic.name, topic).type != topic.type:
-                    source.dropped_bytes += len(message.data)
-                    continue
-                if not writer.has_topic(topic.name):
-                    writer.add_topic(stored.completed(topic) if stored else topic)
-                _, log_ns, publish_ns, number, data = message
-                writer.write(
-                    topic.name, data, log_ns=log_ns, publish_ns=publish_ns, sequence=number
-                )
+            for block in source.blocks(topics, on_bytes):
+                for name, log_ns, publish_ns, number, data in block.messages():
+                    if not writer.has_topic(name):
+                        topic = topics[name]
+                        writer.add_topic(stored.completed(topic) if stored else topic)
+                    writer.write(name, data, log_ns=log_ns, publish_ns=publish_ns, sequence=number)
         if not writer.message_count and not any(
             source.begins_right or not source.size for source in sources
         ):
@@ -139,7 +142,8 @@ def _rewrite(
         writer.close()
     dropped = sum(source.dropped_bytes for source in sources)
     unprotected = sum(source.unprotected for source in sources)
-    return Recovered(new, writer.message_count, dropped, unprotected, tuple(findings))
+    said = tuple(map(printable, findings))
+    return Recovered(new, writer.message_count, dropped, unprotected, said)
 
 
 class _DamagedFile(McapFile):
@@ -150,51 +154,33 @@ class _DamagedFile(McapFile):
         #: messages found that no checksum protects, or not the name of their topic
         self.unprotected = 0
         self._packed_messages = packed_messages
+        self._doubtful: set[int] = set()  # channels whose names no checksum protects
 
     def compression(self) -> str:
         """Return the word for the compression of the first whole chunk."""
         dropped = self.dropped_bytes
-        found = next((block.chunk for block in self.blocks() if block.chunk), None)
+        found = next((piece.chunk for piece in self.pieces() if piece.chunk), None)
         self.dropped_bytes = dropped
         return (found and found.compression) or "none"
 
-    def messages(
-        self, on_bytes: Callable[[int], object]
-    ) -> Iterator[tuple[TopicDescription, BagMessage]]:
-        """Yield every message that is whole, in the order of the file."""
+    def blocks(
+        self, topics: dict[str, TopicDescription], on_bytes: Callable[[int], object]
+    ) -> Iterator[Block]:
+        """Yield every message that is whole, in the order of the file.
+
+        topics: by name; takes those that are found.
+        """
         if not self.size:
             return
         # What stands in the index is known even if the chunk with its first description is lost.
         statistics = self._learn_from_index()
         kept = at = 0
-        doubtful: set[int] = set()  # channels whose names no checksum protects
-        for block in self.blocks():
-            on_bytes(block.place.end - at)
-            at = block.place.end
-            protected = bool(block.chunk and block.chunk.crc)
-            known = set(self.channels.topics)
-            try:
-                heads = messages_in(block.records, self.channels.learn)
-            except BROKEN:
-                self.dropped_bytes += len(block.records)
-                continue
-            finally:
-                doubtful |= set() if protected else self.channels.topics.keys() - known
-            for channel, start in zip(heads.channels, heads.starts, strict=True):
-                topic = self.channels.topics.get(channel)
-                message = message_at(block.records, start, topic.name if topic else "")
-                try:
-                    if self._packed_messages:
-                        data = unpack_message(message.data, self.allowance)
-                        message = message._replace(data=data)
-                except ValueError:
-                    topic = None
-                if topic is None:
-                    self.dropped_bytes += len(message.data)
-                    continue
-                kept += 1
-                self.unprotected += not protected or channel in doubtful
-                yield topic, message
+        for piece in self.pieces():
+            on_bytes(piece.end - at)
+            at = piece.end
+            for block in self._blocks_of(piece, topics):
+                yield block
+                kept += len(block.data)
         on_bytes(self.size - at)
         if self.dropped_bytes:
             self.find(f"is damaged: {self.dropped_bytes} bytes were left out")
@@ -202,6 +188,51 @@ class _DamagedFile(McapFile):
             self.find(f"had {statistics.message_count} messages by its index, {kept} were found")
         if self.unprotected and self.findings:
             self.find(f"has no checksum for {self.unprotected} of these messages or their topics")
+
+    def _blocks_of(self, piece: Piece, topics: dict[str, TopicDescription]) -> Iterator[Block]:
+        """Yield the messages in a piece of the file whose topics are known."""
+        protected = bool(piece.chunk and piece.chunk.crc)
+        try:
+            found = messages_in(piece.records, partial(self._learn, protected))
+        except BROKEN:
+            self.dropped_bytes += len(piece.records)
+            return
+        channels = found.heads["channel"]
+        names = {one: self._name_of(one, topics) for one in np.unique(channels).tolist()}
+        known = np.isin(channels, [one for one, name in names.items() if name])
+        lost = found.heads["length"][~known].astype(np.int64)
+        self.dropped_bytes += int(lost.sum()) - MESSAGE_BYTES * len(lost)
+        found = found.chosen(known)
+        doubtful = np.isin(found.heads["channel"], list(self._doubtful))
+        self.unprotected += int(doubtful.sum()) if protected else len(doubtful)
+        for block in merged([(found, names)], in_time=False):
+            if not self._packed_messages:
+                yield block
+                continue
+            for name, log_ns, publish_ns, number, data in block.messages():
+                try:
+                    data = unpack_message(data, self.allowance)
+                except ValueError:
+                    self.dropped_bytes += len(data)
+                    self.unprotected -= not protected
+                else:
+                    yield Block([name], [log_ns], [publish_ns], [number], [data])
+
+    def _learn(self, protected: bool, opcode: int, body: bytes) -> None:
+        """Learn what a record says; one that is broken is passed over."""
+        known = len(self.channels.topics)
+        try:
+            self.channels.learn(opcode, body)
+        except BROKEN:
+            self.dropped_bytes += len(body)
+        if not protected and len(self.channels.topics) > known:
+            self._doubtful.add(next(reversed(self.channels.topics)))
+
+    def _name_of(self, channel: int, topics: dict[str, TopicDescription]) -> str:
+        """Return the topic of a channel; empty if it is not known, or of another type before."""
+        topic = self.channels.topics.get(channel)
+        known = topic and topics.setdefault(topic.name, topic)
+        return topic.name if topic and known and known.type == topic.type else ""
 
     def _learn_from_index(self) -> Statistics | None:
         """Learn topics; return the counts that the index holds, None without a checksum."""
@@ -221,6 +252,8 @@ class _DamagedFile(McapFile):
 
 def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:
     """Yield the differences between metadata.yaml and the files."""
+    if stored.storage != "mcap":
+        yield f"{METADATA_FILE} says {stored.storage or 'nothing'} of the storage, which is mcap"
     names = {Path(name).name for name in stored.files}
     found = {file.name for file in files}
     for name in sorted(names - found):

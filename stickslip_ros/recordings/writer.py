@@ -10,7 +10,8 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import IO, Any
+from textwrap import indent
+from typing import IO
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
@@ -32,6 +33,7 @@ from stickslip_ros.version import __version__
 # 64 KiB that may be lost at most when the process dies.
 _CHUNK_BYTES = 48 * 1024
 _INDEX_BYTES = 256 * 1024  # of the index are kept in memory, five minutes at 1 kHz
+_MOST_IN_FILE = 1000  # topics that are named in the metadata inside a file
 #: Brings files to the disk, one after the other.
 _DISK = ThreadPoolExecutor(1, thread_name_prefix="fsync")
 #: After a write that memory did not suffice for, the file may hold half a record as well.
@@ -69,7 +71,7 @@ class BagWriter:
         until the bag is closed.
         compression: of the chunks: "none", "lz4" (quick) or "zstd" (small).
         max_bytes: a file that has grown to this size is followed by a new one; 0: never.
-        max_duration_ns: so is one whose messages cover this time in ns; 0: never.
+        max_duration_ns: so is one during which the latest log time grew by so much, ns; 0: never.
         sync: bring what is flushed to the disk as well, so that it outlives a power cut.
         Raises BagError: the folder exists or cannot be made, or a value is out of range; nothing
         is left behind then.
@@ -93,6 +95,8 @@ class BagWriter:
         self._max_bytes = max_bytes
         self._max_duration_ns = max_duration_ns
         self._sync = sync
+        # Times may come from several clocks, or run back: the latest of all of them counts.
+        self._latest_ns = self._began_ns = 0
         self._finished: list[FileSummary] = []
         self._file: _McapWriter | None = None
         self._complete = False
@@ -171,10 +175,14 @@ class BagWriter:
             raise BagError(f"topic {topic_name} is not in the bag {self.folder}; add it first")
         if self._file is None:
             raise BagError(f"the bag {self.folder} is closed; write to a new one")
-        start_ns = self._file.start_ns if self._file.count else log_ns
+        self._latest_ns = max(self._latest_ns, log_ns)
+        if not self._file.count:
+            self._began_ns = self._latest_ns
+        lasted = self._latest_ns - self._began_ns
         large = self._max_bytes and self._file.size >= self._max_bytes
-        if large or (self._max_duration_ns and log_ns - start_ns >= self._max_duration_ns):
+        if large or (self._max_duration_ns and lasted >= self._max_duration_ns):
             self.split()
+            self._began_ns = self._latest_ns
         with self._naming("write"):
             self._file.write(topic, data, log_ns, publish_ns, sequence)
         self.counts[topic_name] += 1
@@ -187,7 +195,7 @@ class BagWriter:
         if self._file is None or not self._file.count:
             return
         with self._naming("write"):
-            metadata = self._metadata()
+            metadata = self._metadata(in_file=True)
             file, self._file = self._file, None  # if that fails, the bag takes no more
             self._finish(file, metadata)
             self._finished.append(file.summary(file.path.stat().st_size))
@@ -223,11 +231,10 @@ class BagWriter:
         file, self._complete = self._file, True
         try:
             with self._naming("close"):
-                metadata = self._metadata()
+                in_file, text = self._metadata(in_file=True), self._metadata()
                 if file is not None:
-                    self._finish(file, metadata)
-                text = yaml_text({OUTER_KEY: metadata})
-                write_text(self.folder / METADATA_FILE, text)
+                    self._finish(file, in_file)
+                write_text(self.folder / METADATA_FILE, f"{OUTER_KEY}:\n{indent(text, '  ')}")
         finally:
             self._file = None
             if file is not None:
@@ -244,13 +251,19 @@ class BagWriter:
             with contextlib.suppress(OSError):
                 parent.rmdir()
 
-    def _metadata(self) -> dict[str, Any]:
-        """Return the metadata of the bag as it is now."""
+    def _metadata(self, in_file: bool = False) -> str:
+        """Return the metadata of the bag as it is now, as YAML.
+
+        in_file: for a record, of which most readers take no more than a megabyte; a file names its
+        topics elsewhere, too.
+        """
         files = [*self._finished, *([self._file.summary()] if self._file else [])]
         topics = [(topic, self.counts[name]) for name, topic in self._topics.items()]
-        return bag_metadata(files, topics, self.ros_distro, self.custom_data)
+        if in_file and len(topics) > _MOST_IN_FILE:
+            topics = []
+        return yaml_text(bag_metadata(files, topics, self.ros_distro, self.custom_data))
 
-    def _finish(self, file: _McapWriter, metadata: dict[str, Any]) -> None:
+    def _finish(self, file: _McapWriter, metadata: str) -> None:
         """Finish and close a file; after a failure without an index, which would count too much."""
         try:
             if self._failure:
@@ -262,7 +275,7 @@ class BagWriter:
     def _new_file(self) -> _McapWriter:
         path = self.folder / f"{self.folder.name}_{len(self._finished)}.mcap"
         try:
-            return _McapWriter(path, self._metadata(), self._compression)
+            return _McapWriter(path, self._metadata(in_file=True), self._compression)
         except FileExistsError:  # somebody else's
             raise
         except _FAULTS:
@@ -290,7 +303,7 @@ class _McapWriter:
     if the disk does not take it.
     """
 
-    def __init__(self, path: Path, metadata: dict[str, Any], compression: str) -> None:
+    def __init__(self, path: Path, metadata: str, compression: str) -> None:
         """Create the file, with the state of the bag at this moment."""
         self.path = path
         #: earliest log time so far, if there is a message
@@ -309,7 +322,7 @@ class _McapWriter:
         self._channels: dict[str, int] = {}
         try:
             self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
             self._stream.flush()  # so that from here on it is a file that can be recovered
             synchronize(path.parent)
         except BaseException:
@@ -365,10 +378,10 @@ class _McapWriter:
             syncing, self._syncing = self._syncing, None
             syncing.result()
 
-    def finish(self, metadata: dict[str, Any]) -> None:
+    def finish(self, metadata: str) -> None:
         """Write the final metadata and the index, bring it to the disk; :meth:`abandon` closes."""
         self._writer.flush()
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": yaml_text(metadata)})
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
         self._writer.finish()
         self._stream.flush()
         self.wait_for_disk()

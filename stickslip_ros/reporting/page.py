@@ -21,7 +21,7 @@ import scipy
 from markupsafe import Markup
 
 from stickslip_ros.arrays import Array
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import StickslipError, printable
 from stickslip_ros.reporting import format_si
 from stickslip_ros.version import __version__
 
@@ -101,12 +101,18 @@ def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
         autoescape=True,
+        finalize=_finalized,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.filters["quantity"] = format_si
     return environment
+
+
+def _finalized(value: Any) -> Any:
+    """Return a value for a page; texts that are no Markup may come out of foreign files."""
+    return printable(value, "\n\t") if type(value) is str else value
 
 
 def plot_parts(figures: Mapping[str, Any]) -> dict[str, Markup]:

@@ -183,6 +183,7 @@ def declare_own(node: Node, row: OwnParameter) -> Any:
         elif given.type_ != kind:
             wanted = kind.name.lower().replace("string_array", "list of names, as [x, 'y']")
             raise UsageError(f"parameter {row.name} is {given.value!r}; give a {wanted}")
+        row.check(value)
         node.undeclare_parameter(row.name)
     descriptor = ParameterDescriptor(
         name=row.name, type=kind.value, description=row.description, read_only=True

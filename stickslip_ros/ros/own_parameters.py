@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 from stickslip_ros.emulator import CONTROLLERS
+from stickslip_ros.errors import UsageError
 
 
 @dataclass(frozen=True)
@@ -19,6 +21,23 @@ class OwnParameter:
     name: str
     default: Any
     description: str
+    unit: str = ""
+    #: a number lies between these, both included
+    low: float = -math.inf
+    high: float = math.inf
+    off: str = ""  #: what 0 stands for, which is allowed then
+
+    def check(self, value: Any) -> None:
+        """Raise UsageError for a number out of range."""
+        limited = -math.inf < self.low and isinstance(value, float)
+        if not limited or self.low <= value <= self.high or (self.off and value == 0.0):
+            return
+        unit = f" {self.unit}" if self.unit else ""
+        off = f", or be 0 for {self.off}" if self.off else ""
+        raise UsageError(
+            f"parameter {self.name} is {value:g}{unit}; "
+            f"it has to lie between {self.low:g} and {self.high:g}{unit}{off}"
+        )
 
 
 #: Parameters of the process, not of an axis. An empty name stands for no axes.

@@ -7,7 +7,6 @@ parameter ``wait`` it records from ``~/start`` to ``~/stop``, as often as it is 
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Callable, Sequence
@@ -50,11 +49,17 @@ PARAMETERS = (
     OwnParameter("axis", "", "full name of the axis node; empty: every axis that is found"),
     OwnParameter("axes", [""], "full names, where there are several axes"),
     OwnParameter("compression", "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
-    OwnParameter("max_size", 0.0, "MB after which a new file begins; 0: never"),
-    OwnParameter("max_duration", 0.0, "s after which a new file begins; 0: never"),
+    OwnParameter(
+        "max_size", 0.0, "MB after which a new file begins; 0: never", "MB", 0.05, 1e9, "never"
+    ),
+    OwnParameter(
+        "max_duration", 0.0, "s after which a new file begins; 0: never", "s", 0.1, 1e9, "never"
+    ),
     OwnParameter("fsync", True, "bring the bag to the disk twice a second; off: at its end"),
     OwnParameter("wait", False, "record from ~/start to ~/stop, as often as asked"),
-    OwnParameter("status_period", 10.0, "s between lines in the log; 0: none"),
+    OwnParameter(
+        "status_period", 10.0, "s between lines in the log; 0: none", "s", 0.1, 1e9, "none"
+    ),
 )
 
 
@@ -135,9 +140,6 @@ class RecorderNode(GuardedNode):
                 f"parameter compression is {given['compression']!r}; "
                 f"it has to be one of {', '.join(COMPRESSIONS)}"
             )
-        for name in ("max_size", "max_duration", "status_period"):
-            if not 0.0 <= given[name] < math.inf:
-                raise UsageError(f"parameter {name} is {given[name]:g}; it has to be 0 or more")
 
     # -- recordings
 

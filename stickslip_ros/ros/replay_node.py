@@ -22,12 +22,13 @@ from typing import Any, TypeVar
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from stickslip_ros.errors import UsageError
+from stickslip_ros.errors import UsageError, printable
 from stickslip_ros.recordings import OfferedQos, open_bag
 from stickslip_ros.ros.followed_clock import CLOCK_TOPIC, FollowedClock, follows
 from stickslip_ros.ros.guarded_node import GuardedNode
@@ -52,12 +53,14 @@ _SLEEP = 0.05
 
 PARAMETERS = (
     OwnParameter("bag", "", "folder of the bag, or one of its files"),
-    OwnParameter("rate", 1.0, "speed: 2 plays in half the time"),
+    OwnParameter("rate", 1.0, "speed: 2 plays in half the time", "", 1e-3, 1e6),
     OwnParameter("loop", False, "play again and again"),
-    OwnParameter("start", 0.0, "s after the beginning to start at"),
-    OwnParameter("duration", 0.0, "s to play; 0 plays to the end"),
+    OwnParameter("start", 0.0, "s after the beginning to start at", "s", 0.0, 1e9),
+    OwnParameter("duration", 0.0, "s to play; 0 plays to the end", "s", 1e-6, 1e9, "all"),
     OwnParameter("topics", [""], "topics to play; none: all"),
-    OwnParameter("clock", 0.0, "Hz at which /clock is published; 0: never"),
+    OwnParameter(
+        "clock", 0.0, "Hz at which /clock is published; 0: never", "Hz", 0.01, 1e4, "never"
+    ),
 )
 
 
@@ -111,14 +114,6 @@ class ReplayNode(GuardedNode):
         given = self._given
         if not given["bag"]:
             raise UsageError("parameter bag is empty; name the folder of a bag, -p bag:=FOLDER")
-        for name, limit, holds in (
-            ("rate", "above 0", given["rate"] > 0.0),
-            ("start", "0 or more", given["start"] >= 0.0),
-            ("duration", "0 or more", given["duration"] >= 0.0),
-            ("clock", "0 or more", given["clock"] >= 0.0),
-        ):
-            if not holds or given[name] == float("inf"):
-                raise UsageError(f"parameter {name} is {given[name]:g}; it has to be {limit}")
 
     def _end(self) -> int:
         """Return the first time (ns) not to play."""
@@ -147,11 +142,11 @@ class ReplayNode(GuardedNode):
             if name == "/clock" and self._given["clock"]:
                 continue  # this node publishes its own clock instead
             try:
-                kind = message_class(topic.type)
-            except UnknownTypeError as error:
-                self.get_logger().warning(f"not playing {name}: {error}")
-                continue
-            publishers[name] = self.create_publisher(kind, name, offered_qos(topic.offered_qos))
+                kind, qos = message_class(topic.type), offered_qos(topic.offered_qos)
+                publishers[name] = self.create_publisher(kind, name, qos)
+            except (UnknownTypeError, NameValidationException) as error:
+                why = " ".join(str(error).split())
+                self.get_logger().warning(printable(f"not playing {name}: {why}"))
         if not publishers:
             raise UsageError("nothing in the bag can be played")
         return publishers

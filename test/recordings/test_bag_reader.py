@@ -341,7 +341,7 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
         chunks.append(_chunk(9 + len(body), b"zstd", packed))
     _file_of(tmp_path / "bomb.mcap", *chunks)
     megabytes, (refusal,) = memory_to_read(tmp_path / "bomb.mcap")
-    assert "bytes of schemas and channels" in refusal
+    assert "bytes of schemas" in refusal
     assert megabytes < 100
 
 
@@ -444,7 +444,7 @@ def test_chunks_are_bounded_in_sum(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_a_bag_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path) -> None:
     refused(tmp_path / "gone", "there is no bag .*gone; check the name")
-    refused(tmp_path, "there is no .mcap file in")
+    refused(tmp_path, "there is no .mcap or .db3 file in")
     refused(tmp_path / ("x" * 300), "cannot read .*File name too long")
     (tmp_path / "run_0.db3").write_bytes(b"SQLite format 3")
     refused(tmp_path, "cannot be read: .*; .*`ros2 bag convert`")
@@ -484,14 +484,11 @@ NONSENSE = (
     (GOOD + "  custom_data: " + "[" * 5000 + "]" * 5000 + "\n", "nested more than"),
     (BILLION, "too long"),
     ("a: &a [*a]\n", "inside itself"),
-    (GOOD + "  # " + "x" * 2_000_000, "characters of YAML"),
     ("\x00\x01", "not YAML"),
     ("\udcff", "not what rosbag2 writes"),
     ("!!python/object/apply:os.getcwd []\n", "has to be a mapping"),
     (GOOD + "  relative_file_paths: [gone_0.mcap]\n", "lacks gone_0.mcap"),
     (GOOD + '  relative_file_paths: ["a\\0b", ..]\n', "lacks|is not a file"),
-    (GOOD.replace("mcap", "sqlite3"), "`ros2 bag convert"),
-    (GOOD.replace("mcap", "tape"), "is stored as tape, .*`ros2 bag convert"),
     (GOOD.replace("9", "10"), "version 10; the newest known version is 9"),
     (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "compressed with 'lz5'"),
 )
@@ -505,6 +502,15 @@ def test_metadata_that_makes_no_sense_is_refused(file: Path) -> None:
     yaml_file.unlink()
     with open_bag(file.parent) as bag:  # the cure that the text names
         assert bag.message_count == 200
+    for text, problem in (
+        (GOOD + "  # " + "x" * 2_000_000, "is too long; its bag is read without it"),
+        (GOOD.replace("mcap", "tape"), "says tape of its storage, but run_0.mcap is mcap"),
+    ):
+        yaml_file.write_text(text)
+        with open_bag(file.parent) as bag:
+            assert bag.message_count == 200 and problem in bag.warnings[0]
+    file.unlink()
+    refused(file.parent, "is stored as tape, .*`ros2 bag convert")
 
 
 def test_a_record_of_metadata_that_makes_no_sense_is_refused(file: Path) -> None:

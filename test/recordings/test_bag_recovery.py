@@ -6,6 +6,9 @@ import os
 import random
 import resource
 import signal
+import struct
+import sys
+import zlib
 from pathlib import Path
 
 import killed
@@ -25,13 +28,21 @@ from bags import (
     record,
     records_of,
     samples,
+    topic,
 )
 from child import python
 from mcap.opcode import Opcode
 from rosbags.rosbag2 import Reader
 
 from stickslip_ros.files import WriteError
-from stickslip_ros.recordings import BagError, BagWriter, Recovered, open_bag, recover
+from stickslip_ros.recordings import (
+    BagError,
+    BagWriter,
+    Recovered,
+    TopicDescription,
+    open_bag,
+    recover,
+)
 
 KILLS = os.environ.get("STICKSLIP_KILLS", "2")
 
@@ -156,7 +167,7 @@ def test_nothing_is_left_behind_when_there_is_nothing_to_recover(tmp_path: Path)
     with pytest.raises(BagError, match="there is no bag"):
         recover(bag)
     bag.mkdir()
-    with pytest.raises(BagError, match=r"there is no .mcap file in"):
+    with pytest.raises(BagError, match=r"there is no .mcap or .db3 file in"):
         recover(bag)
     (bag / "run_0.mcap").write_text("this is no recording at all")
     with pytest.raises(BagError, match="there is no part of a recording in"):
@@ -333,3 +344,79 @@ def test_what_a_full_disk_took_is_recovered(
     # 39 bytes a message, and 16 in the index after each chunk, of which the last is cut.
     assert len(found) > 0.9 * (200_000 - 64 * 1024) / (39 + 16)
     assert len(found) <= written + 1
+
+
+@pytest.mark.parametrize("chunks", [True, False])
+def test_the_work_of_a_recovery_grows_with_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, chunks: bool
+) -> None:
+    """Of many topics, and of many records: calls of Python's functions are counted, not time."""
+    calls = []
+    for count in (10, 100, 200, 400):  # the first one imports what is imported late
+        many = [
+            (topic(f"/t{k}", STEPS.type), START + k, int32(k))
+            for k in range(count)
+            for _ in range(3)
+        ]
+        file = tmp_path / f"{count}.mcap"
+        foreign(file, many, use_chunking=chunks, chunk_size=4000)
+        file.write_bytes(file.read_bytes()[:-100])  # its index does not count
+        calls.append(0)
+
+        def note(*_: object) -> None:
+            calls[-1] += 1
+
+        sys.setprofile(note)
+        try:
+            done = recover(file)
+        finally:
+            sys.setprofile(None)
+        assert done.messages == 3 * count
+        with open_bag(done.folder) as bag:
+            assert len(bag.topics) == count
+    _, first, second, third = calls
+    assert third - second < 2.2 * (second - first)
+
+
+def test_a_bag_of_more_topics_than_its_metadata_can_hold(tmp_path: Path) -> None:
+    """65 000 of them, as many as MCAP can number, made texts that filled the memory."""
+    qos = STEPS.offered_qos
+    many = [TopicDescription(f"/t{k}", STEPS.type, STEPS.schema, "", qos) for k in range(2000)]
+    with BagWriter(tmp_path / "run", custom_data={"seed": "7"}, sync=False) as bag:
+        for k, one in enumerate(many):
+            bag.add_topic(one)
+            bag.write(one.name, int32(k), log_ns=START + k, publish_ns=START)
+    assert (tmp_path / "run" / "metadata.yaml").stat().st_size > 1024 * 1024
+    data = (tmp_path / "run" / "run_0.mcap").read_bytes()
+    assert all(
+        int.from_bytes(data[at + 1 : at + 9], "little") < 10_000
+        for at in records_of(data, Opcode.METADATA)
+    )
+    with open_bag(tmp_path / "run") as bag:
+        assert len(bag.topics) == 2000 and bag.custom_data == {"seed": "7"}
+        assert "metadata.yaml is too long; its bag is read without it" in bag.warnings[0]
+    done = recover(tmp_path / "run")
+    assert done.findings == ("metadata.yaml is too long to be read",)
+    with Reader(done.folder) as reader:
+        assert reader.message_count == done.messages == 2000
+
+
+def test_false_chunks_inside_each_other_are_not_read_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of 60 000 claims all that is left of the file: 88 GB would be read."""
+    count, step = 60_000, 49
+    data = bytearray(b"\x89MCAP0\r\n")
+    for left in range(count * step, 0, -step):
+        data += struct.pack("<BQQQQIIQ", 6, left - 9, 0, 0, max(1, left - 49), 1, 0, left - 49)
+    (tmp_path / "run.mcap").write_bytes(data)
+    read = []
+    checksum = zlib.crc32
+
+    def counted(part: bytes, before: int = 0) -> int:
+        read.append(len(part))
+        return checksum(part, before)
+
+    monkeypatch.setattr("stickslip_ros.recordings.mcap_records.zlib.crc32", counted)
+    assert recover(tmp_path / "run.mcap").messages == 0
+    assert sum(read) < 300_000_000

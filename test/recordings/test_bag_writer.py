@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import yaml
-from bags import int32, topic
+from bags import SECOND, START, STEPS, int32, topic
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Chunk
@@ -207,3 +207,19 @@ def test_a_new_file_begins_exactly_when_the_old_one_is_full(tmp_path: Path) -> N
         (2, 9),
         (1, 0),
     ]
+
+
+def test_one_clock_decides_when_a_new_file_begins(tmp_path: Path) -> None:
+    """Times of two clocks, one of them since the start of the machine, made 251 files of 500."""
+    with BagWriter(tmp_path / "two", max_duration_ns=SECOND, sync=False) as bag:
+        bag.add_topic(STEPS)
+        for number in range(500):
+            ns = number * SECOND // 100 + (START if number % 2 else 0)
+            bag.write(STEPS.name, int32(number), log_ns=ns, publish_ns=ns)
+        assert bag.file_count == 1 + 5  # the second clock takes over, and runs for 5 s
+    with BagWriter(tmp_path / "back", max_duration_ns=SECOND, sync=False) as bag:
+        bag.add_topic(STEPS)
+        for number in range(300):
+            ns = START + number * SECOND // 100 - (100 * SECOND if number >= 150 else 0)
+            bag.write(STEPS.name, int32(number), log_ns=ns, publish_ns=ns)
+        assert bag.file_count == 2  # the clock was set back after 1.5 s

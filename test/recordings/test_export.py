@@ -14,6 +14,7 @@ from bags import (
     START,
     STEPS,
     STORE,
+    event,
     foreign,
     int32,
     joint_state,
@@ -146,3 +147,92 @@ def test_topics_that_cannot_be_decoded_are_left_out_and_named(
     assert main(["bag", "info", str(tmp_path / "run")]) == 0
     shown = capsys.readouterr().out
     assert shown.count("cannot be decoded") >= 2
+
+
+ODD = "/a\x1b[2J\n\u202eb\x9b"
+
+
+@pytest.mark.parametrize("action", ["info", "info --report page.html", "export", "recover"])
+def test_characters_that_a_terminal_obeys_are_escaped(
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    action: str,
+) -> None:
+    """In every text of a foreign file: names, types, encodings, schemas, metadata."""
+    monkeypatch.chdir(tmp_path)
+    good = TopicDescription(ODD, STEPS.type, STEPS.schema)
+    bad = TopicDescription(f"{ODD}c", ODD, ODD, schema_encoding=ODD, encoding=ODD)
+    with BagWriter("run", custom_data={ODD: ODD}, ros_distro=ODD) as bag:
+        for one in (good, bad):
+            bag.add_topic(one)
+            bag.write(one.name, int32(1), log_ns=START, publish_ns=START)
+    name, *options = action.split()
+    main(["bag", name, "run", *options])
+    said = capfd.readouterr()
+    texts = [said.out, said.err, *(file.name for file in tmp_path.rglob("*"))]
+    texts += [file.read_text() for file in tmp_path.glob("*.html")]
+    assert any("\\x1b" in text for text in texts) or name == "recover"
+    for text in texts:
+        assert not set(text) & {"\x1b", "\u202e", "\x9b"}
+        assert "\n\\u202eb" not in text  # no line of its own
+
+
+def test_topics_with_one_name_for_their_files_have_two(tmp_path: Path) -> None:
+    names = ["/a/b", "/a.b", "/" + 200 * "c", "/" + 201 * "c"]
+    samples = [(topic(name, STEPS.type), START, int32(k)) for k, name in enumerate(names)]
+    foreign(tmp_path / "run.mcap", samples)
+    assert main(["bag", "export", str(tmp_path / "run.mcap")]) == 0
+    files = list((tmp_path / "run_tables").iterdir())
+    assert sorted(table(file)[0]["data"] for file in files) == ["0", "1", "2", "3"]
+
+
+def test_columns_that_come_late_are_empty_before(tmp_path: Path) -> None:
+    """Rows are written before all columns are known."""
+    events = [event(START + k, **{f"key {k}": "a,\r\nb"}) for k in range(4)]
+    foreign(tmp_path / "run.mcap", [(EVENTS, START + k, one) for k, one in enumerate(events)])
+    for out in ("tables", "all.csv"):
+        assert (
+            main(["bag", "export", str(tmp_path / "run.mcap"), "--out", str(tmp_path / out)]) == 0
+        )
+    rows = table(tmp_path / "tables" / "axis.events.csv")
+    for k, row in enumerate(rows):
+        assert [row[f"key {n}"] for n in range(4)] == ["a,\r\nb" * (n == k) for n in range(4)]
+        assert None not in row and None not in row.values()
+    joined = table(tmp_path / "all.csv")
+    assert [row["/axis/events/key 3"] for row in joined] == ["", "", "", "a,\r\nb"]
+
+
+def test_more_columns_than_any_disk_takes_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A key of its own in each message is a table whose size grows with their square."""
+    with BagWriter(tmp_path / "run", sync=False) as bag:
+        for one in (EVENTS, STEPS):
+            bag.add_topic(one)
+        bag.write(STEPS.name, int32(1), log_ns=START, publish_ns=START)
+        for k in range(11):
+            values = {f"{k}.{n}": "" for n in range(1000)}
+            bag.write(EVENTS.name, event(START, **values), log_ns=START, publish_ns=START)
+    assert main(["bag", "export", str(tmp_path / "run")]) == 1
+    assert "more than 10000 columns" in capsys.readouterr().err
+    assert [file.name for file in (tmp_path / "run_tables").iterdir()] == ["axis.command.steps.csv"]
+
+
+def test_a_message_that_is_none_costs_its_topic_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Found when rows of it and of others are written already."""
+    other = topic("/other", JOINTS.type)
+    joints = [
+        (one, START + k, joint_state(START, 0.0)) for k in range(50) for one in (JOINTS, other)
+    ]
+    foreign(tmp_path / "run.mcap", [*joints, (JOINTS, START + 99, b"\0\1\0\0\xff"), *joints[1:2]])
+    for out in ("tables", "all.csv"):
+        assert (
+            main(["bag", "export", str(tmp_path / "run.mcap"), "--out", str(tmp_path / out)]) == 1
+        )
+        assert f"left out: a message on topic {JOINTS.name}" in capsys.readouterr().err
+    assert [file.name for file in (tmp_path / "tables").iterdir()] == ["other.csv"]
+    assert len(table(tmp_path / "all.csv")) == 51
+    assert not any(JOINTS.name in name for name in table(tmp_path / "all.csv")[0])

@@ -2,6 +2,7 @@
 """Bags of sqlite3 and of ROS 1, written by ``rosbags``: they read as ours do."""
 
 import json
+import re
 import sqlite3
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.recordings import BagError, OfferedQos, decoder_for, open_bag, statuses
+from stickslip_ros.recordings import BagError, OfferedQos, decoder_for, open_bag, recover, statuses
 from stickslip_ros.recordings.message_types import nanoseconds
 
 
@@ -180,3 +181,30 @@ def test_without_the_library_the_cure_is_told(tmp_path: Path) -> None:
     )
     child = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert "pip install 'stickslip_ros[formats]'" in child.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("what", ["sqlite3", "mcap"])
+@pytest.mark.parametrize("end", [".mcap", ".db3"])
+def test_a_bag_is_read_by_what_its_files_are(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, what: str, end: str
+) -> None:
+    """Whatever metadata.yaml, and the names of the files, say of the storage."""
+    plugin = StoragePlugin.SQLITE3 if what == "sqlite3" else StoragePlugin.MCAP
+    written = by_rosbags(Writer(tmp_path / "run", version=9, storage_plugin=plugin), 100)
+    (file,) = (tmp_path / "run").glob("run*")
+    file.rename(renamed := file.with_suffix(end))
+    yaml_file = tmp_path / "run" / "metadata.yaml"
+    text = yaml_file.read_text().replace(file.name, renamed.name)
+    wrong = "mcap" if what == "sqlite3" else "sqlite3"
+    yaml_file.write_text(re.sub("storage_identifier: .*", f"storage_identifier: {wrong}", text))
+    with open_bag(tmp_path / "run") as bag:
+        assert [one.data for one in bag.messages()] == [data for _, _, data in written]
+        (warning,) = bag.warnings
+        assert caplog.messages == [warning]
+    assert f"says {wrong} of its storage, but {renamed.name} is {what}" in warning
+    if what == "mcap":
+        done = recover(tmp_path / "run")
+        assert done.messages == 100 and "says sqlite3 of the storage" in done.findings[0]
+        return
+    with pytest.raises(BagError, match="is a SQLite file"):
+        recover(tmp_path / "run")

@@ -198,7 +198,10 @@ def test_the_subscription_follows_the_publishers(
         ("output:=run topics:=3", "parameter topics is 3; give a list of names"),
         ("output:=run regex:=(", "parameter regex: '(' is not a regular expression"),
         ("output:=run compression:=zip", "it has to be one of none, lz4, zstd"),
-        ("output:=run max_size:=-1.0", "parameter max_size is -1; it has to be 0 or more"),
+        (
+            "output:=run max_size:=-1.0",
+            "max_size is -1 MB; it has to lie between 0.05 and 1e+09 MB, or be 0 for never",
+        ),
         ("bag_folder", "unknown argument 'bag_folder'"),
     ],
 )

@@ -126,12 +126,29 @@ def test_what_is_kept_for_late_subscribers_comes_first_and_no_time_is_no_wait(
 
 
 @pytest.mark.usefixtures("ros_domain")
+def test_topics_without_a_valid_name_are_left_out_and_named(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """One of them ended the player with an exception, and its name reached the terminal."""
+    schema = schema_text("std_msgs/msg/Int32", message_definition)
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in ("/numbers", "/a\x1b[2J b"):
+            writer.add_topic(TopicDescription(name, "std_msgs/msg/Int32", schema))
+            data = serialize_message(Int32(data=1))
+            writer.write(name, data, log_ns=START_NS, publish_ns=START_NS)
+    assert main(["replay_node", "--ros-args", "-p", f"bag:={tmp_path / 'bag'}"]) == 0
+    said = capfd.readouterr().err
+    assert "not playing /a\\x1b[2J b: " in said and "\x1b[2J" not in said
+    assert "played 1 messages" in said
+
+
+@pytest.mark.usefixtures("ros_domain")
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
         ("", "parameter bag is empty"),
         ("bag:=nowhere", "there is no bag"),
-        ("bag:=bag rate:=0.0", "parameter rate is 0; it has to be above 0"),
+        ("bag:=bag rate:=0.0", "parameter rate is 0; it has to lie between 0.001 and 1e+06"),
         ("bag:=bag start:=3", "the bag is 0.995 s long; start earlier"),
         ("bag:=bag topics:=[/none]", "no topic /none in the bag; it has /joint_states"),
         ("bag:=bag sped:=1.0", "unknown parameter 'sped'"),

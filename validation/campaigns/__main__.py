@@ -102,6 +102,10 @@ CAMPAIGNS: dict[str, Campaign] = {
     "endings": Campaign(
         "recorders and axes that end at random", (f"{_STUDIES}endings", "--moments", "300")
     ),
+    "kills": Campaign(
+        "recorders that are killed, each recovered to what it had flushed last",
+        (f"{_STUDIES}endings", "--moments", "100", "--only", "recorder, KILL"),
+    ),
     "floods": Campaign(
         "hostile bytes on all that two axes and a recorder hear", (f"{_STUDIES}floods",)
     ),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorders and axes that end at random moments: what is kept, what is said, what goes on.
 
-    python -m validation.campaigns.endings [--moments 300] [--seed 1]
+    python -m validation.campaigns.endings [--moments 300] [--seed 1] [--only "recorder, KILL"]
 
 A recorder takes a topic of 500 messages a second, an axis jogs; after up to three seconds it is
 killed, gets a signal or two, loses its folder, or its disk is full (of 4 MB, where one may be
@@ -25,6 +25,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
 
 from rclpy.node import Node
@@ -161,7 +162,10 @@ def _last_kept(folder: Path) -> float:
         bag = open_bag(recover(folder / BAG).folder)
     with bag:
         decode = decoder_for(bag.topics["/numbers"])
-        return max((float(decode(one.data).data) for one in bag.messages()), default=0.0)
+        found = list(bag.messages())
+        gaps = sum(b.sequence != a.sequence + 1 for a, b in pairwise(found))
+        assert not gaps, f"{gaps} gaps between {len(found)} messages"
+        return max((float(decode(one.data).data) for one in found), default=0.0)
 
 
 def an_axis(how: str, lot: random.Random, folder: Path) -> list[str]:
@@ -222,8 +226,8 @@ def _signals_for_children() -> Iterator[None]:
 
 
 @_signals_for_children()
-def study(moments: int, seed: int) -> int:
-    """Try so many ends; print those that were bad and return how many there were."""
+def study(moments: int, seed: int, only: str = "") -> int:
+    """Try so many ends, all or only those of a name; print the bad ones, return their number."""
     choose_domain()
     compile_axis()
     lot, bad, tried = random.Random(seed), 0, Counter[str]()
@@ -237,7 +241,9 @@ def study(moments: int, seed: int) -> int:
             of_axis = number % 3 == 2
             kinds = sorted(AXIS) if of_axis else recorder_kinds
             how = kinds[(number // 3 if of_axis else number - number // 3) % len(kinds)]
-            name = f"{'axis' if of_axis else 'recorder'}, {how}"
+            name = only or f"{'axis' if of_axis else 'recorder'}, {how}"
+            who, _, how = name.partition(", ")
+            of_axis = who == "axis"
             with tempfile.TemporaryDirectory() as made, _disk(Path(made), how) as folder:
                 found = (
                     an_axis(how, lot, folder) if of_axis else a_recorder(how, lot, folder, numbers)
@@ -255,8 +261,8 @@ def study(moments: int, seed: int) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study; return 1 if an end was bad."""
-    args = arguments(__doc__, argv, moments=300, seed=1)
-    return int(study(args.moments, args.seed) > 0)
+    args = arguments(__doc__, argv, moments=300, seed=1, only="")
+    return int(study(args.moments, args.seed, args.only) > 0)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mutated bags, each opened, read, decoded and recovered, in a process with little memory.
+"""Mutated bags, each read, recovered, and given to every command, in a process of little memory.
 
 ``python mutations.py FOLDER FIRST COUNT`` prints one JSON object about what came of the bags of
-that many seeds; a bag that takes more CPU time than :data:`PATIENCE` counts as hanging.
+that many seeds; a bag that takes more CPU time than :data:`PATIENCE` counts as hanging. A third of
+them are whole as files, and their messages are wrong: bytes, times, order, number.
 """
 
+import contextlib
+import io
 import json
 import os
 import random
@@ -16,20 +19,25 @@ import sys
 import time
 import traceback
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from bags import foreign, record, samples
+from bags import EVENTS, JOINTS, STEPS, foreign, record, samples
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType
+from test_bag_resimulation import record_axis
 
-from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
+from stickslip_ros.cli.main import main as main_of_stickslip
+from stickslip_ros.recordings import BagError, BagWriter, decoder_for, open_bag, recover
 
-PATIENCE = 5.0  # s of CPU time for one bag
-MEMORY = 300 * 1000 * 1000  # bytes of data of the process
+PATIENCE = 10.0  # s of CPU time for one bag
+MEMORY = 1000 * 1000 * 1000  # bytes of data of the process; the libraries take a half
+COMMANDS = ("info", "info --json", "export", "export --out {}.csv", "resimulate", "recover")
 
 EVIL = [0, 1, 8, 21, 22, 255, 2**15, 2**16 - 1, 2**24, 2**26, 2**26 + 1, 2**31 - 1, 2**31]
+TYPES = [JOINTS.type, EVENTS.type, STEPS.type, "a/msg/B"]
 EVIL += [2**32 - 1, 2**32, 2**40, 2**62, 2**63 - 1, 2**63, 2**64 - 2, 2**64 - 1]
 
 
@@ -45,6 +53,7 @@ def originals(folder: Path) -> list[Path]:
     for compression in ("none", "lz4", "zstd"):
         record(folder / compression, 120, flush_every=40, compression=compression)
     record(folder / "split", 120, flush_every=40, max_duration_ns=50_000_000)
+    record_axis(folder / "axis")
     foreign(folder / "plain.mcap", list(samples(60)), use_chunking=False)
     foreign(folder / "bare.mcap", list(samples(60)), enable_crcs=False, chunk_size=3000)
     foreign(
@@ -55,7 +64,7 @@ def originals(folder: Path) -> list[Path]:
         compression=CompressionType.ZSTD,
     )
     return [
-        *(folder / name for name in ("none", "lz4", "zstd", "split")),
+        *(folder / name for name in ("none", "lz4", "zstd", "split", "axis")),
         *(folder / f"{name}.mcap" for name in ("plain", "bare", "zstd")),
     ]
 
@@ -128,6 +137,53 @@ def mutate(original: Path, copy: Path, dice: random.Random) -> None:
         (copy / "metadata.yaml").unlink()
 
 
+def rewrite(original: Path, copy: Path, dice: random.Random) -> None:
+    """Make a whole bag of messages that are wrong."""
+    with open_bag(original) as bag, BagWriter(copy, sync=False) as writer:
+        for topic in bag.topics.values():
+            if dice.random() < 0.1:
+                cut = dice.randrange(len(topic.schema) + 1)
+                topic = replace(topic, schema=topic.schema[:cut], type=dice.choice(TYPES))
+            writer.add_topic(topic)
+        found = list(bag.messages())
+        for _ in range(dice.choice([1, 1, 5, 50])):
+            at, other = dice.randrange(len(found)), dice.randrange(len(found))
+            one, kind = found[at], dice.randrange(6)
+            if kind == 0:
+                found.insert(other, one)
+            elif kind == 1 and len(found) > 10:
+                found.pop(at)
+            elif kind == 2:
+                found[at], found[other] = found[other], one
+            elif kind == 3:
+                found[at] = one._replace(log_ns=dice.choice(EVIL))
+            elif kind == 4:
+                found[at] = one._replace(topic=found[other].topic)
+            else:
+                found[at] = one._replace(data=mutated(one.data, dice))
+        for name, log_ns, publish_ns, number, data in found:
+            writer.write(name, data, log_ns=log_ns, publish_ns=publish_ns, sequence=number)
+
+
+def command(words: str, bag_path: Path, out: Path) -> str:
+    """Give a bag to a command; return its exit code. A refusal is one line."""
+    action, *options = words.format(out).split()
+    if action == "export" and not options:
+        options = ["--out", str(out)]
+    if action == "recover":
+        options = ["--out", str(out.with_name("recovered"))]
+    said, told = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(told):
+        code = main_of_stickslip(["bag", action, str(bag_path), *options])
+    assert code in (0, 1, 2, 3), code
+    if code == 2:
+        line = told.getvalue().splitlines()[-1]
+        assert line.startswith(f"stickslip bag {action}: "), told.getvalue()
+    text = said.getvalue() + told.getvalue()
+    assert "Traceback" not in text and all(one in "\n" or one.isprintable() for one in text), text
+    return f"{action} {code}"
+
+
 def use(bag_path: Path) -> str:
     """Open, read and decode a bag; return how that ended."""
     try:
@@ -170,6 +226,11 @@ def mend(bag_path: Path, out: Path, original: Counter[Message]) -> str:
     return "recovered"
 
 
+def _remove(folder: Path, *names: str) -> None:
+    for place in [folder / name for name in names]:
+        shutil.rmtree(place) if place.is_dir() else place.unlink(missing_ok=True)
+
+
 def main() -> None:
     """Run the seeds that the command line names."""
     folder, first, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
@@ -177,6 +238,7 @@ def main() -> None:
     bags = originals(folder)
     whole = {bag: contents(bag) for bag in bags}
     found: dict[str, Any] = {"read": 0, "refused": 0, "recovered": 0, "lost": 0}
+    codes: Counter[str] = Counter()
     failures: list[str] = []
     slowest = 0.0
     resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
@@ -189,20 +251,28 @@ def main() -> None:
         dice = random.Random(seed)
         original = dice.choice(bags)
         copy = folder / f"mutant{original.suffix}"
-        mutate(original, copy, dice)
+        reference = whole[original]
+        if seed % 3 == 0 and original.is_dir():
+            rewrite(original, copy, dice)
+            reference = contents(copy)
+        else:
+            mutate(original, copy, dice)
         begin = time.process_time()
         signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
         try:
             found[use(copy)] += 1
-            found[mend(copy, folder / "mended", whole[original])] += 1
+            found[mend(copy, folder / "mended", reference)] += 1
+            for words in COMMANDS:
+                codes[command(words, copy, folder / "out")] += 1
+                _remove(folder, "out", "out.csv", "recovered")
         except Exception:
             failures.append(f"seed {seed}, {original.name}: {traceback.format_exc()}")
         finally:
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         slowest = max(slowest, time.process_time() - begin)
-        shutil.rmtree(copy) if copy.is_dir() else copy.unlink()
-        shutil.rmtree(folder / "mended", ignore_errors=True)
+        _remove(folder, copy.name, "mended", "out", "out.csv", "recovered")
     found["failures"] = failures
+    found["exit codes"] = dict(sorted(codes.items()))
     found["slowest (s)"] = slowest
     peak = re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())
     assert peak
