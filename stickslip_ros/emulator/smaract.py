@@ -323,7 +323,7 @@ _UM = 1e-6
 #: A command, the number of its channel, and letters with a number or a direction each.
 _SCU_COMMAND = re.compile(r"([A-Z]+)(\d?)((?:[A-Z](?:-?\d{1,12}(?:\.\d{1,9})?|[UD]))*)")
 _VALUE = re.compile(r"([A-Z])(-?\d+(?:\.\d+)?|[UD])")
-_BAUD = re.compile(r"CB\d{4,6}")
+_BAUD = re.compile(r"^CB\d{4,6}$")
 #: Letter of what a channel does in a state; in others M while it moves and S at rest
 _SCU_STATUS = {TARGETING: "T", HOLDING: "H", SCANNING: "A", FAULT: "S", DISABLED: "S"}
 
@@ -370,13 +370,11 @@ class ScuDialogue(Dialogue):
 
     def _answer_command(self, text: str) -> bytes:
         found = _SCU_COMMAND.fullmatch(text)
-        if text in SCU_CONTROLLER:
+        if (name := _BAUD.sub("CB", text)) in SCU_CONTROLLER:
             try:
-                return _line(SCU_CONTROLLER[text](self.controller))
+                return _line(SCU_CONTROLLER[name](self.controller))
             except CommandRefused:
                 return _scu_error("", self.reasons.impossible)
-        if _BAUD.fullmatch(text):
-            return b""  # TCP has no rate
         if not found:
             return _scu_error("", Code.SYNTAX)
         name, number, values = found.groups()
@@ -462,6 +460,7 @@ SCU_CONTROLLER: dict[str, Callable[[Scu], str | None]] = {
     "I": lambda c: f"ISmarAct CU-{len(c.channels)}D",
     "GID": lambda c: "ID1",
     "R": _reset,
+    "CB": lambda c: None,  # TCP has no rate
 }
 
 SCU_CHANNEL: dict[str, ScuCommand] = {

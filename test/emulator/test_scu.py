@@ -58,6 +58,7 @@ def test_what_cannot_be_is_answered(emulate: Callable[..., Any]) -> None:
             (":U0F1000", ":E0C5"),
             (":GP", ":E-1C5"),
             (":GP1", ":E1C7"),
+            (":CB9600:GP0", ":P0P0.0000"),  # the rate of the line, which has no answer
             (":U0F18501A400S1", ":E0C7"),
             (":U0F1000A149S1", ":E0C7"),
             (":U0F1000A400S0", ":E0C7"),
