@@ -19,6 +19,7 @@ from pathlib import Path
 from stickslip_ros.axis.command import FLOAT64, INT32, STATES, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
+from stickslip_ros.emulator import CONTROLLERS, commands_of
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.parameters import PARAMETERS, NodeParameters
 from stickslip_ros.ros.own_parameters import OF_PROCESS
@@ -83,6 +84,22 @@ def _faults() -> Iterator[Sequence[str]]:
         yield f"`{name}`", value, fault.meaning
 
 
+def _protocols() -> Iterator[Sequence[str]]:
+    yield "controller", "emulated", "answered as unsupported"
+    for name in CONTROLLERS:
+        known = commands_of(name)
+        yield (
+            f"`{name}`",
+            *(_names(one for one in known if known[one] is emulated) for emulated in (True, False)),
+        )
+
+
+def _names(names: Iterable[str]) -> str:
+    """Return names of commands in order; a byte that cannot be shown as its number."""
+    shown = (one if one.isprintable() else f"#{ord(one)}" for one in names)
+    return ", ".join(f"`{one}`" for one in sorted(shown))
+
+
 def _metrics() -> Iterator[Sequence[str]]:
     yield "metric", "limit", "tolerance at least", "what it is"
     for row in METRICS:
@@ -143,6 +160,7 @@ TABLES: dict[str, list[Callable[[], str]]] = {
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
     "compare.md": [_table(_metrics)],
+    "emulator.md": [_table(_protocols)],
     # What an axis offers, publishes and hears; what a recorder hears; what a commander may ask;
     # what a twin publishes, and hears of other programs.
     "../config/sros2_policy.xml": [

@@ -5,23 +5,32 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.emulator import OwnAxes, ServerThread, controller_of
+from stickslip_ros.emulator import OwnAxes, Recorder, ServerThread, controller_of
 
 TIMEOUT = 20.0  # s
 
 
 class Emulated:
-    """A controller with its axes, served on a free port."""
+    """A controller with its axes, served on a free port, and recorded if a folder is named."""
 
-    def __init__(self, name: str, axes: list[Axis]) -> None:
-        own = OwnAxes(axes)
+    def __init__(self, name: str, axes: list[Axis], record: Path | None = None) -> None:
+        own, controller = OwnAxes(axes), controller_of(name, axes)
         own.begin()
         self.axes = axes
-        self.server = ServerThread(controller_of(name, axes), own.run)
+        self._recorder = controller.recorder = Recorder(record, name, axes) if record else None
+        own.forgets = record is None
+        self.server = ServerThread(controller, own.run)
         self.port = self.server.port
+
+    def close(self) -> None:
+        """Hang up and close the recording."""
+        self.server.close()
+        if self._recorder:
+            self._recorder.close()
 
     def look(self, what: Callable[[], Any]) -> Any:
         """Return something of the axes at the present time."""

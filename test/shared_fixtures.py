@@ -291,11 +291,12 @@ def emulate() -> Iterator[Callable[..., Any]]:
 
     started: list[Emulated] = []
 
-    def start(name: str, *parameters: dict[str, Any]) -> Emulated:
-        emulated = Emulated(name, [Axis({**TABLE_1, **values}) for values in parameters or ({},)])
+    def start(name: str, *parameters: dict[str, Any], record: Path | None = None) -> Emulated:
+        axes = [Axis({**TABLE_1, **values}) for values in parameters or ({},)]
+        emulated = Emulated(name, axes, record)
         started.append(emulated)
         return emulated
 
     yield start
     for emulated in started:
-        emulated.server.close()
+        emulated.close()

@@ -7,18 +7,18 @@ import argparse
 import asyncio
 import contextlib
 import errno
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import add_parameters, flag, option, parameters_from
 from stickslip_ros.emulator import CONTROLLERS, kind_for
-from stickslip_ros.errors import UsageError
+from stickslip_ros.errors import UsageError, ending_signals
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from rich.table import Table
 
     from stickslip_ros.axis import Axis
@@ -41,6 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--axes", "NAMES", "names of the axes (default: x,y,z; x where there is one)")
     flag(parser, "--watch", "show where the axes are, live on a terminal, as lines in a pipe")
     flag(parser, "--page", "show them on a page of this machine; its address is printed")
+    option(parser, "--record", "BAG", "record what programs do, and the axes, into a new bag", Path)
     add_parameters(parser)
 
 
@@ -68,6 +69,12 @@ def run(args: argparse.Namespace) -> int:
     what = f"axes {', '.join(names)}: {_setting(args.config, axes[0])}"
     watched = axes if args.watch else []
     with contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:  # the usual end
+        if args.record:
+            from stickslip_ros.emulator import Recorder
+
+            controller.recorder = Recorder(args.record, args.controller, axes)
+            stack.enter_context(controller.recorder)
+            own.forgets = False
         if args.page:
             print(f"the axes are shown at {_show(stack, what, names, axes)}", flush=True)
         server = Server(controller, own.run)
@@ -108,12 +115,28 @@ async def _serve(
             ) from None
         print(f"{controller} listens on {host} port {port}, {what}", flush=True)
         watching = asyncio.create_task(_watch(names, watched))
-        try:
+        with _ended_by_signals(), contextlib.suppress(asyncio.CancelledError):
             await server.failed()
-        finally:
-            watching.cancel()
+        watching.cancel()
     finally:
         await server.close()
+
+
+@contextlib.contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Cancel the running task at the signals that ask to end, and never inside a command."""
+    loop, task = asyncio.get_running_loop(), asyncio.current_task()
+    assert task
+    before = {number: signal.getsignal(number) for number in ending_signals()}
+    heard = [number for number, handler in before.items() if handler != signal.SIG_IGN]
+    for number in heard:
+        loop.add_signal_handler(number, task.cancel)
+    try:
+        yield
+    finally:
+        for number in heard:
+            loop.remove_signal_handler(number)
+            signal.signal(number, before[number])
 
 
 def _show(

@@ -16,9 +16,19 @@ from stickslip_ros.parameters import ParameterError
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis
     from stickslip_ros.emulator.controller import Controller
+    from stickslip_ros.emulator.recorder import Recorder
     from stickslip_ros.emulator.server import OwnAxes, Server, ServerThread
 
-__all__ = ["CONTROLLERS", "Controller", "OwnAxes", "Server", "ServerThread", "controller_of"]
+__all__ = [
+    "CONTROLLERS",
+    "Controller",
+    "OwnAxes",
+    "Recorder",
+    "Server",
+    "ServerThread",
+    "commands_of",
+    "controller_of",
+]
 
 
 class Kind(NamedTuple):
@@ -29,6 +39,7 @@ class Kind(NamedTuple):
     port: int  #: that its clients expect
     most_axes: int
     text: str
+    tables: str = "OF"  #: how the names of its tables in the module begin
 
 
 #: What help texts show, which load no controller.
@@ -36,8 +47,8 @@ CONTROLLERS = {
     "anc300": Kind(
         "anc300", "Anc300", 7230, 7, "attocube ANC300, console over TCP, password 123456"
     ),
-    "scu": Kind("smaract", "Scu", 5001, 3, "SmarAct SCU, ASCII interface"),
-    "mcs": Kind("smaract", "Mcs", 5000, 18, "SmarAct MCS, ASCII interface"),
+    "scu": Kind("smaract", "Scu", 5001, 3, "SmarAct SCU, ASCII interface", "SCU"),
+    "mcs": Kind("smaract", "Mcs", 5000, 18, "SmarAct MCS, ASCII interface", "MCS"),
     "mcs2": Kind("mcs2", "Mcs2", 55551, 18, "SmarAct MCS2, SCPI interface"),
     "amc": Kind("amc", "Amc", 9090, 3, "attocube AMC, JSON interface"),
     "e871": Kind("gcs", "Gcs", 50000, 1, "PI E-871, GCS 2"),
@@ -54,6 +65,14 @@ def kind_for(name: str, axes: int) -> Kind:
     if not 1 <= axes <= kind.most_axes:
         raise ParameterError(f"{axes} axes for {name}; it has {kind.most_axes} at most: name fewer")
     return kind
+
+
+def commands_of(name: str) -> dict[str, bool]:
+    """Return every command that is known of a controller, with whether it is emulated."""
+    kind = CONTROLLERS[name]
+    module = import_module(f"{__name__}.{kind.module}")
+    of_all, of_one = (getattr(module, f"{kind.tables}_{n}") for n in ("CONTROLLER", "CHANNEL"))
+    return {one: not getattr(r, "lacking", "") for one, r in {**of_all, **of_one}.items()}
 
 
 def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
@@ -73,6 +92,7 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
 
 _PLACES = {
     "controller": "Controller",
+    "recorder": "Recorder",
     "server": "OwnAxes Server ServerThread",
 }
 if not TYPE_CHECKING:

@@ -17,10 +17,12 @@ from stickslip_ros.axis.command import FAULT, STOPPED
 from stickslip_ros.emulator.controller import (
     Controller,
     Dialogue,
+    Lines,
     Reasons,
     Refused,
     Request,
     Waiting,
+    lacking,
     require,
     stored,
 )
@@ -36,9 +38,20 @@ CAPACITANCE_NF = 1000.0
 _MEASURING_S = 1.0  # that a measurement of the capacitance takes
 _TRIES = 3  # for the password
 _PATIENCE_S = 60.0  # for the password
+_SLOTS = 7  # of the chassis; those without a module answer as such
 # Telnet: the console will echo, and will not wait for go-aheads. Drivers skip these bytes.
 _NEGOTIATION = b"\xff\xfb\x01\xff\xfb\x03"
-_TELNET = re.compile(rb"\xff[\xfb-\xfe].|\xff[\xf0-\xfa]", re.DOTALL)
+#: What clients send of Telnet's own (RFC 854): options, parameters of one from IAC SB to IAC SE, in
+#: which anything may stand, other commands. The end of a line, or their length, ends parameters
+#: without IAC SE; what is left of that line is no command.
+_PARAMETERS = rb"\xff\xfa(?:[^\xff]|\xff[^\xf0]){0,512}"
+_TELNET = re.compile(
+    rb"\xff[\xfb-\xfe].|"
+    + _PARAMETERS
+    + rb"\xff\xf0|(\xff\xfa.{0,512}?(?=\r\n))|\xff[\xf0-\xf9\xff]",
+    re.DOTALL,
+)
+_BEGUN = re.compile(rb"(?:\xff[\xfb-\xfe]?|" + _PARAMETERS + rb"\xff?)\Z", re.DOTALL)
 _PROMPT = "> "
 _RANGE = "Value out of range"
 _LABELS = {"aci": "acin", "dci": "dcin", "tu": "trigger", "td": "trigger"}
@@ -74,8 +87,8 @@ class Module:
         """Set the amplitude (V); 0 leaves the axis without motion."""
         require(0.0 <= volts <= MOST_VOLTS, _RANGE)
         if volts:
-            self._silent = math.nan
             self.axis.command_amplitude(volts)
+            self._silent = math.nan
         else:
             self._silent = self.axis.status.amplitude
             if self.axis.moving:
@@ -153,6 +166,22 @@ class Module:
             self.axis.stop()
 
 
+class TelnetLines(Lines):
+    """Cuts the lines of a client, without what it says to the Telnet below."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        super().__init__()
+        self._begun = b""  # of Telnet's own
+
+    def take(self, data: bytes) -> list[bytes | None]:
+        """Return the lines that end in the data, however they and Telnet's commands are cut."""
+        data = _TELNET.sub(lambda found: b"?" * bool(found[1]), self._begun + data)
+        begun = _BEGUN.search(data)
+        self._begun = begun[0] if begun else b""
+        return super().take(data.removesuffix(self._begun))
+
+
 class Console(Dialogue):
     """The console that one client sees."""
 
@@ -160,7 +189,7 @@ class Console(Dialogue):
     patience: float | None = _PATIENCE_S
     reasons = Reasons(
         unknown="Unknown command",
-        no_channel="Wrong axis number",
+        no_channel="Wrong axis type",
         too_few="Wrong number of arguments",
         too_many="Wrong number of arguments",
         locked="",
@@ -174,12 +203,15 @@ class Console(Dialogue):
         self._tries = 0
         self._echo = True
 
-    def answer(self, line: bytes | None) -> bytes | Waiting:
+    def cutter(self) -> Lines:
+        """Cut lines out of a Telnet session."""
+        return TelnetLines()
+
+    def answer(self, said: bytes | None) -> bytes | Waiting:
         """Return the answer to a line: echo, lines, OK or ERROR, prompt."""
-        said = None if line is None else _TELNET.sub(b"", line)
         if not self._authorized:
             return self._authorize(said or b"")
-        text = "" if said is None else said.decode("ascii", "replace").strip()
+        text = "" if said is None else said.replace(b"\0", b"").decode("ascii", "replace").strip()
         echo = f"{text}\r\n" if self._echo else ""
         if said is not None and not text:
             return self._ended(echo)
@@ -200,6 +232,11 @@ class Console(Dialogue):
         """Return whether the password was wrong too often."""
         return self._tries >= _TRIES
 
+    def set_echo(self, word: str) -> None:
+        """Send lines back, or not."""
+        require(word in ("on", "off"), "Unknown command")
+        self._echo = word == "on"
+
     def _ended(self, text: str) -> bytes:
         return (text + (_PROMPT if self._echo else "")).encode("ascii", "replace")
 
@@ -216,19 +253,15 @@ class Console(Dialogue):
         """Return the lines of the answer to a command, or wait; raises Refused."""
         name, *rest = words
         name = name.lower()
-        if name in _OF_CONTROLLER:
-            return _OF_CONTROLLER[name]
-        if name == "echo" and rest in (["on"], ["off"]):
-            self._echo = rest == ["on"]
-            return ""
-        if name == "help":
-            return _help(*rest[:1])
-        require(rest or name not in OF_MODULE, "Axis number missing")
+        if name in OF_CONTROLLER:
+            return self.carry_out(OF_CONTROLLER[name], self, rest) or ""
+        require(rest or name not in OF_CHANNEL, "Axis number missing")
         module = None
-        if name in OF_MODULE:
+        if name in OF_CHANNEL:
             numbered = rest[0].isascii() and rest[0].isdigit()
-            module = self.channel(int(rest[0][:9]) - 1 if numbered else -1)
-        return self.carry_out(OF_MODULE.get(name), module, rest[1:]) or ""
+            require(numbered and 1 <= int(rest[0][:9]) <= _SLOTS, "Wrong axis number")
+            module = self.channel(int(rest[0][:9]) - 1)
+        return self.carry_out(OF_CHANNEL.get(name), module, rest[1:]) or ""
 
 
 class Anc300(Controller):
@@ -292,7 +325,7 @@ def _reading(name: str, unit: str, read: Callable[[Module], float]) -> Request:
     return Request(lambda module: _value(name, read(module), unit))
 
 
-OF_MODULE: dict[str, Request] = {
+OF_CHANNEL: dict[str, Request] = {
     "setm": Request(lambda m, mode: m.set_mode(mode), 1),
     "getm": Request(lambda m: f"mode = {m.mode}\r\n"),
     "setv": Request(lambda m, volts: m.set_voltage(_number(volts)), 1),
@@ -316,28 +349,31 @@ OF_MODULE: dict[str, Request] = {
     "setpd": Request(_set_pattern, len(_RAMP)),
 }
 for _name in _LABELS:
-    OF_MODULE |= _switch(_name)
+    OF_CHANNEL |= _switch(_name)
+OF_CHANNEL |= lacking("Wrong axis type", "getfil setfil")  # a filter that other modules have
 
-_OF_CONTROLLER = {
-    "ver": f"attocube ANC300 controller version {__version__} (stickslip_ros)\r\n",
-    "getcser": "SIM-0\r\n",
+OF_CONTROLLER: dict[str, Request] = {
+    "ver": Request(
+        lambda _: f"attocube ANC300 controller version {__version__} (stickslip_ros)\r\n"
+    ),
+    "getcser": Request(lambda _: "SIM-0\r\n"),
+    "echo": Request(Console.set_echo, 1),
+    "help": Request(lambda _, asked=None: _help(asked), optional=1),
 }
+_ARGUMENTS = {"echo": "on|off", "help": "[<command>]"}
 
 
 def _usage(name: str) -> str:
-    command = OF_MODULE.get(name)
+    command = OF_CHANNEL.get(name)
     if not command:
         return f"{name} {_ARGUMENTS.get(name, '')}".rstrip()
     needed = "<value> " * min(command.fewest, 1) + "... " * (command.fewest > 1)
     return f"{name} <axis> {needed}{'[<value>]' * command.optional}".rstrip()
 
 
-_ARGUMENTS = {"echo": "on|off", "help": "[<command>]"}
-
-
-def _help(asked: str | None = None) -> str:
+def _help(asked: str | None) -> str:
     """Return the commands with their arguments, or the one that is asked for."""
-    names = sorted([*OF_MODULE, *_OF_CONTROLLER, *_ARGUMENTS])
+    names = sorted(n for n, one in {**OF_CHANNEL, **OF_CONTROLLER}.items() if not one.lacking)
     found = names if asked is None else [name for name in names if name == asked.lower()]
     require(found, "Unknown command")
     return "".join(f"{_usage(name)}\r\n" for name in found)

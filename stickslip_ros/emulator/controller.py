@@ -6,15 +6,21 @@ Everything here is called in one thread, with all axes advanced to the present.
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.command import DISABLED, FAULT, HOLDING, TARGETING
+from stickslip_ros.parameters import ParameterError
 
+if TYPE_CHECKING:
+    from stickslip_ros.emulator.recorder import Recorder
+
+_LOG = logging.getLogger(__name__)
 LONGEST_LINE = 4096  # bytes; a pattern of 256 numbers takes a thousand
 
 
@@ -48,6 +54,20 @@ class Request(NamedTuple):
     fewest: int = 0  #: arguments that have to follow
     optional: int = 0  #: arguments that may follow these
     moves: bool = False  #: refused while the channel may not move
+    #: Name of a command that the device has and the emulator has not; run gives the reason.
+    lacking: str = ""
+
+
+def lacking(reason: Any, names: str, room: str = "") -> dict[str, Request]:
+    """Return commands that a device has and nothing is simulated for, by name.
+
+    names has them all, room goes before each. They are refused with the reason, whatever follows
+    them, and the log tells each once.
+    """
+    return {
+        f"{room}{name}": Request(lambda *_: reason, lacking=f"{room}{name}")
+        for name in names.split()
+    }
 
 
 def within(low: float, high: float, reason: Any) -> Callable[..., Any]:
@@ -98,6 +118,7 @@ class Dialogue:
     def __init__(self, controller: Any) -> None:
         """Begin the dialogue of a client with a `Controller`."""
         self.controller = controller
+        self.number = 0  #: of the client, from 1 on
 
     def cutter(self) -> Lines:
         """Return what cuts the client's stream."""
@@ -106,6 +127,10 @@ class Dialogue:
     def answer(self, line: bytes | None) -> bytes | Waiting:
         """Return the answer to a line without its end; None: one that was too long to keep."""
         raise NotImplementedError
+
+    def news(self) -> bytes:
+        """Return what the client is told without asking; called many times a second."""
+        return b""
 
     def over(self) -> bool:
         """Return whether the controller hangs up."""
@@ -124,6 +149,9 @@ class Dialogue:
         """Return the answer to a command of a channel or the controller. Raises Refused."""
         if command is None:
             raise Refused(self.reasons.unknown)
+        if command.lacking:
+            self._tell_once(command.lacking)
+            raise Refused(command.run())
         require(len(values) >= command.fewest, self.reasons.too_few)
         require(len(values) <= command.fewest + command.optional, self.reasons.too_many)
         values = [self.read(value) for value in values]
@@ -132,6 +160,14 @@ class Dialogue:
             return command.run(whose, *values)
         except CommandRefused as refusal:
             raise Refused(self.reasons.impossible) from refusal
+
+    def _tell_once(self, name: str) -> None:
+        """Log that a program has sent a command that the device has and the emulator has not."""
+        controller = self.controller
+        if name not in controller.told:
+            controller.told.add(name)
+            kind = type(controller).__name__
+            _LOG.warning("%s: %s is not emulated; it is refused (docs/emulator.md)", kind, name)
 
 
 class Controller:
@@ -143,15 +179,43 @@ class Controller:
     def __init__(self, axes: Sequence[Axis]) -> None:
         """Make a channel for each axis."""
         self.channels = [type(self).channel(axis) for axis in axes]
+        self.recorder: Recorder | None = None  #: hears everything, where somebody records
+        self._clients = 0
+        self.told: set[str] = set()  #: commands that the log says are not emulated
 
     def connect(self) -> Dialogue:
         """Return the dialogue with a new client."""
-        return self.dialogue(self)
+        dialogue = self.dialogue(self)
+        self._clients = dialogue.number = self._clients + 1
+        self._record(dialogue, "(connects)")
+        return dialogue
+
+    def disconnect(self, dialogue: Dialogue) -> None:
+        """Note that a client has gone; what it began goes on, as on the device."""
+        self._record(dialogue, "(disconnects)")
+
+    def hear(self, dialogue: Dialogue, line: bytes | None) -> bytes | Waiting:
+        """Return the answer of a dialogue to a line."""
+        answer = dialogue.answer(line)
+        shown = b"(waits)" if isinstance(answer, Waiting) else answer
+        self._record(dialogue, _shown(b"(too long)" if line is None else line), shown)
+        return answer
+
+    def _record(self, dialogue: Dialogue, said: str, answer: bytes = b"") -> None:
+        if self.recorder:
+            self.recorder.hear(dialogue.number, said, _shown(answer))
 
     def tick(self) -> None:
         """Do the work that is due without a command; called many times a second."""
+        if self.recorder:
+            self.recorder.take()
         for channel in self.channels:
             channel.tick()
+
+
+def _shown(data: bytes) -> str:
+    """Return data as a text in which everything but plain characters is escaped."""
+    return data.decode("latin-1").encode("unicode_escape").decode()
 
 
 class Lines:
@@ -201,6 +265,9 @@ class Channel:
         self._target = math.nan  # of the closed loop that was begun here, m
         self._hold_s = math.inf  # that it is kept
         self._held_since: float | None = None
+        self.referenced = False  #: where the position counts from is known
+        self._seeking = False  # its reference mark is on its way
+        self._zeroes = False  # the mark will count as 0
         if axis.status.amplitude > self.most_volts:
             axis.command_amplitude(self.most_volts)
 
@@ -225,6 +292,19 @@ class Channel:
         """Target of the closed loop, m; the position if there is none."""
         target = self.axis.status.target
         return self.position if math.isnan(target) else target - self._origin
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Lowest and highest position that the limits allow, m."""
+        low, high = self.axis.config.reach
+        return low - self._origin, high - self._origin
+
+    def check_target(self, x: float) -> None:
+        """Raise CommandRefused for a position (m) that the limits do not allow."""
+        try:
+            self.axis.config.check_target(x + self._origin)
+        except ParameterError as error:
+            raise CommandRefused(str(error)) from None
 
     def limit(self, name: str) -> float:
         """Return a soft limit, "soft_low" or "soft_high", as positions count, m."""
@@ -267,16 +347,41 @@ class Channel:
 
     def go_to(self, x: float, hold_s: float) -> None:
         """Go to a position (m) in closed loop, hold it for a time (s)."""
-        target = x + self._origin
+        self._go(x + self._origin, hold_s)
+
+    def _go(self, target: float, hold_s: float) -> None:
+        """Go to a position as the axis itself counts it (m), hold it for a time (s)."""
         self.axis.command_position(target)
         self._target, self._hold_s, self._held_since = target, hold_s, None
+        self._seeking = False
+
+    def find_reference(self, hold_s: float, zero: bool) -> None:
+        """Go to the reference mark, where the axis itself counts 0, and hold it for a time (s).
+
+        zero: the mark counts as 0 from then on.
+        """
+        self._go(0.0, hold_s)
+        self.referenced, self._seeking, self._zeroes = False, True, zero
+
+    @property
+    def referencing(self) -> bool:
+        """Whether it is on its way to the reference mark."""
+        return self._seeking and self.axis.mode == TARGETING
 
     def tick(self) -> None:
-        """End the hold of a target after its time, unless another client began it."""
+        """End the way to the mark, and the hold of a target after its time.
+
+        Both unless another client, or a topic, has taken the axis elsewhere meanwhile.
+        """
         axis = self.axis
-        if axis.mode != HOLDING or axis.status.target != self._target:
-            self._held_since = None
+        if axis.mode == TARGETING and axis.status.target == self._target:
             return
+        if axis.mode != HOLDING or axis.status.target != self._target:
+            self._held_since, self._seeking = None, False
+            return
+        if self._seeking:
+            self.referenced, self._seeking = True, False
+            self._origin = 0.0 if self._zeroes else self._origin
         if self._held_since is None:
             self._held_since = axis.state.t
         if axis.state.t - self._held_since >= self._hold_s:

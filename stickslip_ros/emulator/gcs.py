@@ -13,7 +13,7 @@ from collections.abc import Callable
 from enum import IntEnum
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.command import HOLDING, TARGETING
+from stickslip_ros.axis.command import TARGETING
 from stickslip_ros.emulator.controller import (
     Channel,
     Controller,
@@ -22,6 +22,7 @@ from stickslip_ros.emulator.controller import (
     Reasons,
     Refused,
     Request,
+    lacking,
     require,
     stored,
     within,
@@ -62,20 +63,10 @@ class GcsAxis(Channel):
     def __init__(self, axis: Axis) -> None:
         """Start in open loop, without a reference."""
         super().__init__(axis)
-        self.servo = self.referenced = False
-        self.referencing = False  #: a reference move runs
+        self.servo = False
         self.needs_reference = True  #: before closed-loop moves
         self.steps = 0.0  #: commanded last, in open loop
         self.home = 0.0  #: where the position was that counts as 0, mm
-
-    def tick(self) -> None:
-        """End a reference move: its end counts as 0."""
-        if self.referencing and self.axis.mode != TARGETING:
-            self.referencing = False
-            if self.axis.mode == HOLDING:
-                self.referenced, self._origin = True, 0.0
-                if not self.servo:
-                    self.axis.stop()
 
     def set_servo(self, on: float) -> None:
         """Switch the closed loop; off stops the axis."""
@@ -88,7 +79,6 @@ class GcsAxis(Channel):
 
     def halt(self) -> None:
         """Stop."""
-        self.referencing = False
         self.axis.stop()
 
     def move(self, mm: float) -> None:
@@ -98,11 +88,9 @@ class GcsAxis(Channel):
         require(low <= mm <= high, Code.LIMITS)
         self.go_to(_MM * mm, math.inf)
 
-    def find_reference(self) -> None:
-        """Go where the axis itself counts 0, and count it as 0."""
-        self._origin = 0.0
-        self.go_to(0.0, math.inf)
-        self.referenced, self.referencing = False, True
+    def seek(self) -> None:
+        """Go to the reference mark, which counts as 0; hold it if the servo is on."""
+        self.find_reference(math.inf if self.servo else 0.0, zero=True)
 
     def count_as(self, mm: float) -> None:
         """Let the position count as one (mm), which is a reference, too."""
@@ -119,11 +107,11 @@ class GcsAxis(Channel):
         """Run whole steps in open loop."""
         require(not self.servo, Code.SERVO_ON)
         require(steps == int(steps) and abs(steps) < 2**31, Code.RANGE)
-        self.steps = steps
         if steps:
             self.axis.command_steps(int(steps))
         else:
             self.halt()
+        self.steps = steps
 
     def register(self, number: float) -> str:
         """Return the one register, of the state."""
@@ -140,12 +128,8 @@ class GcsAxis(Channel):
     @property
     def range(self) -> tuple[float, float]:
         """Lowest and highest position, mm."""
-        limits = self.axis.parameters.limits
-        low, high = (
-            max(limits.travel_low, limits.soft_low),
-            min(limits.travel_high, limits.soft_high),
-        )
-        return (low - self._origin) / _MM, (high - self._origin) / _MM
+        low, high = self.reach
+        return low / _MM, high / _MM
 
     @property
     def on_target(self) -> bool:
@@ -206,13 +190,11 @@ class GcsDialogue(Dialogue):
     def _answer(self, words: list[str]) -> str:
         controller: Gcs = self.controller
         name, rest = words[0].upper(), words[1:]
-        if name == "ERR?":
-            error, controller.error = controller.error, Code.NONE
-            return f"{error:d}\n"
         if name in OF_CONTROLLER:
             return OF_CONTROLLER[name](controller) or ""
-        require(name in OF_AXIS, Code.UNKNOWN)
-        command, axes = OF_AXIS[name], controller.axes
+        command, axes = OF_CHANNEL.get(name), controller.axes
+        if command is None or command.lacking:
+            return self.carry_out(command, controller, [])
         each = 1 + command.fewest
         rest = rest or (list(axes) if each == 1 else [])
         require(rest and len(rest) % each == 0, Code.COUNT)
@@ -249,6 +231,11 @@ class Gcs(Controller):
             axis.halt()
         self.error = Code.STOPPED
 
+    def tell_error(self) -> str:
+        """Return the error and forget it."""
+        error, self.error = self.error, Code.NONE
+        return f"{error:d}\n"
+
     def restart(self) -> None:
         """Begin as at power-on."""
         for axis in self.channels:
@@ -264,13 +251,13 @@ def _parameter(axis: GcsAxis, number: float) -> str:
     return f"{value:.0f}" if kind == "INT" else f"{value:.6f}"
 
 
-OF_AXIS: dict[str, Request] = {
+OF_CHANNEL: dict[str, Request] = {
     "CST?": Request(lambda a: f"SIM-{a.axis.parameters.node.axis_name}"),
     "DFH": Request(GcsAxis.define_home),
     "DFH?": Request(lambda a: f"{a.home:.7f}"),
     "FNL": Request(lambda a: require(False, Code.NO_LIMIT_SWITCH), moves=True),
     "FPL": Request(lambda a: require(False, Code.NO_LIMIT_SWITCH), moves=True),
-    "FRF": Request(GcsAxis.find_reference, moves=True),
+    "FRF": Request(GcsAxis.seek, moves=True),
     "FRF?": Request(lambda a: f"{a.referenced:d}"),
     "GOH": Request(lambda a: a.move(0.0), moves=True),
     "HLT": Request(GcsAxis.halt),
@@ -304,14 +291,21 @@ for _name, _setting, _most, _code in (
     ("DEC", 0xC, _PARAMETERS[0x4B][2], Code.RANGE),
     ("VEL", "velocity", _PARAMETERS[0xA][2], Code.VELOCITY),
 ):
-    OF_AXIS[_name], OF_AXIS[f"{_name}?"] = stored(
+    OF_CHANNEL[_name], OF_CHANNEL[f"{_name}?"] = stored(
         _setting, within(0.0, _most, _code), show="{:.6f}".format
     )
+OF_CHANNEL |= lacking(
+    Code.UNKNOWN,
+    "CCL CPY CTO CTO? DEL DIO DIO? DRC DRC? DRR? DRT DRT? FED HDR? IFC IFC? IFS IFS? JAX JAX? JDT "
+    "JLT JLT? JON JON? MAC MAC? MEX OAC OAC? OAD OAD? ODC ODC? OMA OMA? RMC? RPA RTR RTR? SAI SEP "
+    "SEP? TAC? TAV? TIO? TNR? TRI TRI? TRO TRO? TWC VAR VAR? VLS VLS? WAC WPA",
+)
 
 
 def _help(_: Gcs) -> str:
     single = {"\x04": "#4", "\x05": "#5", "\x07": "#7", "\x18": "#24"}
-    names = sorted({*OF_AXIS, *(single.get(name, name) for name in OF_CONTROLLER), "ERR?"})
+    known = [name for name, one in OF_CHANNEL.items() if not one.lacking]
+    names = sorted([*known, *(single.get(name, name) for name in OF_CONTROLLER)])
     return " \n".join(["The following commands are valid:", *names, "end of help"]) + "\n"
 
 
@@ -330,6 +324,7 @@ OF_CONTROLLER: dict[str, Callable[[Gcs], str | None]] = {
     "*IDN?": lambda c: f"(c)stickslip_ros Physik Instrumente, E-871.1A1, SIM-0, {__version__}\n",
     "CCL?": lambda c: "0\n",
     "CSV?": lambda c: "2.0\n",
+    "ERR?": Gcs.tell_error,
     "HLP?": _help,
     "HPA?": _parameters,
     "RBT": Gcs.restart,

@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
+from functools import reduce
+from operator import or_
 from typing import Any
 
 from stickslip_ros.axis import Axis
@@ -22,10 +24,11 @@ from stickslip_ros.emulator.controller import (
     Reasons,
     Refused,
     Request,
+    lacking,
     require,
     stored,
 )
-from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
+from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel, Code
 from stickslip_ros.version import __version__
 
 _MOST_ERRORS = 20
@@ -33,10 +36,18 @@ _LEVELS, _MOST_HERTZ, _MOST_STEPS = 65535, 20000, 100000
 _PM = 1e-12
 _OF_MODULE = 3  # channels of a bus module
 _FOR_EVER = (-1, 0xFFFFFFFF)  # ms
+_AUTO_ZERO = 0x4  # of the options of a search for the reference mark
 ABSOLUTE, RELATIVE, SCAN_ABSOLUTE, SCAN_RELATIVE, STEP = range(5)
 MOVING, CLOSED_LOOP, SENSOR, CALIBRATED = 0x1, 0x2, 0x20, 0x40
-END_STOP, MOVE_FAILED = 0x100, 0x800
-LOCKED, _NO_SENSOR, _OUT_OF_RANGE = 262, 259, -222
+REFERENCING, REFERENCED = 0x8, 0x80
+END_STOP, RANGE_LIMIT, MOVE_FAILED = 0x100, 0x200, 0x800
+LOCKED, _NO_MARK, _OUT_OF_RANGE, _LACKING = 262, 259, -222, 32765
+#: The bit of the state and the error of a limit
+_LIMITS: dict[Code | None, tuple[int, int]] = {
+    None: (0, 0),
+    Code.END_STOP: (END_STOP, 512),
+    Code.RANGE_LIMIT: (RANGE_LIMIT, 514),
+}
 ERRORS = {
     0: "No error",
     -101: "Invalid character",
@@ -48,8 +59,11 @@ ERRORS = {
     -350: "Queue overflow",
     -363: "Input buffer overrun",
     34: "Invalid channel index",
-    _NO_SENSOR: "No sensor present",
+    _NO_MARK: "No sensor present",
     LOCKED: "Movement locked",
+    512: "End stop reached",
+    514: "Range limit reached",
+    _LACKING: "Feature not supported",
 }
 _LINE = re.compile(r"(:?[A-Za-z*][A-Za-z0-9:*]*\??)(?:\s+(.*))?", re.DOTALL)
 #: Names as SCPI writes them: the capitals are the short form, all letters the long one
@@ -58,7 +72,8 @@ _MNEMONICS = (
     "POSition", "TARGet", "CURRent", "RLIMit", "MINimum", "MAXimum", "STATe", "PTYPe", "FERRor",
     "ERRor", "TEMPerature", "VELocity", "ACCeleration", "OPTion", "SDIRection", "SENSor",
     "DEVice", "SNUMber", "NOCHannels", "NOBModules", "SYSTem", "COUNt", "CALibrate", "MODule",
-    "TUNing", "RESolution", "MTYPe", "RTYPe", "ACTuator", "ENABled",
+    "TUNing", "RESolution", "MTYPe", "RTYPe", "ACTuator", "ENABled", "INPosition", "THReshold",
+    "DELay", "TREached", "DIAGnostic", "AVERage", "OFFSet", "INVersion", "LSCale",
 )  # fmt: skip
 _SHORT = {name.upper(): "".join(filter(str.isupper, name)) for name in _MNEMONICS}
 _LONG = re.compile("|".join(sorted(_SHORT, key=len, reverse=True)))
@@ -66,8 +81,9 @@ _CHANNEL = re.compile(r"(CHAN(?=\d+:)|MOD(?=\d+:)|MOVE|STOP|REF|CAL)(\d{1,4})(?=
 #: Settings that are stored and reported, without an effect on the motion
 _KEPT = {
     **dict.fromkeys(
-        ("VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "ACT:MODE"), 0
+        ("VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "ACT:MODE", "INP:THR"), 0
     ),
+    **dict.fromkeys(("INP:DEL", "TUN:THR:TRE", "DIAG:CLF:MAX", "DIAG:CLF:AVER"), 0),
     "PTYP": 300,
     "SENS:MODE": 1,
 }
@@ -96,13 +112,22 @@ class Mcs2Channel(Channel):
     def state(self) -> int:
         """The status bits of the channel."""
         mode, steps = self.axis.mode, self.axis.moving and self.axis.mode != HOLDING
+        limit, _ = _LIMITS[self.stopped_by]
         bits = (
             (steps or mode in (JOGGING, TARGETING, SCANNING), MOVING),
             (mode in (TARGETING, HOLDING), CLOSED_LOOP),
+            (self.referencing, REFERENCING),
+            (self.referenced, REFERENCED),
             (bool(self.axis.status.held_at), END_STOP),
+            (bool(limit), limit),
             (self.locked, MOVE_FAILED),
         )
-        return SENSOR | CALIBRATED | sum(bit for true, bit in bits if true)
+        return reduce(or_, (bit for true, bit in bits if true), SENSOR | CALIBRATED)
+
+    @property
+    def error(self) -> int:
+        """The error of the last motion."""
+        return LOCKED if self.locked else _LIMITS[self.stopped_by][1]
 
     def move(self, value: float) -> None:
         """Move as the move mode says: pm, levels or steps."""
@@ -113,12 +138,24 @@ class Mcs2Channel(Channel):
         elif self.mode in (SCAN_ABSOLUTE, SCAN_RELATIVE):
             level = value + (self.scan_level if self.mode == SCAN_RELATIVE else 0.0)
             require(0 <= round(level) <= _LEVELS, _OUT_OF_RANGE)
+            self.begin()
             self.axis.command_scan(min(level * FULL_SCALE_V / _LEVELS, FULL_SCALE_V))
         else:
             start = self.target if self.mode == RELATIVE else 0.0
-            hold = math.inf if self.hold_ms in _FOR_EVER else 1e-3 * self.hold_ms
             self.set_drive(volts, hertz)
-            self.go_to(start + _PM * value, hold)
+            self.approach(start + _PM * value, self.hold_s)
+
+    @property
+    def hold_s(self) -> float:
+        """Time that a target is held, s."""
+        return math.inf if self.hold_ms in _FOR_EVER else 1e-3 * self.hold_ms
+
+    def find_mark(self) -> None:
+        """Go to the reference mark; the options say whether it counts as 0."""
+        try:
+            self.seek(self.hold_s, bool(int(self.settings["REF:OPT"]) & _AUTO_ZERO))
+        except Refused:
+            raise Refused(_NO_MARK) from None
 
     def switch(self, value: float) -> None:
         """Switch the amplifier; switched on it leaves a fault."""
@@ -165,7 +202,7 @@ class Mcs2Dialogue(Dialogue):
     def reset(self) -> None:
         """Stop all channels, switch them on, forget the errors."""
         for channel in self.controller.channels:
-            channel.axis.stop()
+            channel.halt()
             channel.switch(1.0)
         self.errors.clear()
 
@@ -248,9 +285,9 @@ def _limit(header: str, name: str) -> dict[str, Request]:
 
 OF_CHANNEL: dict[str, Request] = {
     "MOVE": Request(lambda c, value: c.move(value), 1, moves=True),
-    "STOP": Request(lambda c: c.axis.stop()),
+    "STOP": Request(Mcs2Channel.halt),
     "CAL": Request(lambda c: None),
-    "REF": Request(lambda c: require(False, _NO_SENSOR)),  # it has no reference mark
+    "REF": Request(Mcs2Channel.find_mark, moves=True),
     **_attribute("MMOD", "mode", ABSOLUTE, STEP),
     **_attribute("STEP:FREQ", "hertz", LEAST_HERTZ, _MOST_HERTZ),
     **_attribute("STEP:AMPL", "level", 1, _LEVELS),
@@ -269,14 +306,15 @@ OF_CHANNEL: dict[str, Request] = {
     "STAT?": Request(lambda c: c.state),
     "PTYP:NAME?": Request(lambda c: '"SL-S1I1E1"'),
     "FERR?": Request(lambda c: round((c.target - c.position) / _PM)),
-    "ERR?": Request(lambda c: LOCKED if c.locked else 0),
+    "ERR?": Request(lambda c: c.error),
     "TEMP?": Request(lambda c: 25),
     "TUN:MTYP?": Request(lambda c: 0),  # linear
-    "TUN:RTYP?": Request(lambda c: 0),  # no reference mark
+    "TUN:RTYP?": Request(lambda c: 2),  # one reference mark
     "TUN:BASE:UNIT?": Request(lambda c: 2),  # m
     "TUN:BASE:RES?": Request(lambda c: -12),
     "MOD:STAT?": Request(lambda c: 0),  # of the bus module of a channel
     "MOD:TEMP?": Request(lambda c: 25),
+    **lacking(_LACKING, "LSC:INV LSC:INV? LSC:OFFS LSC:OFFS? SCAN:VEL SCAN:VEL?"),
 }
 for _header in _KEPT:
     OF_CHANNEL[_header], OF_CHANNEL[f"{_header}?"] = stored(_header, int)

@@ -46,6 +46,7 @@ class Server:
         self._tick_s = tick_s
         self._most = most_clients
         self._clients: set[asyncio.Task[Any]] = set()
+        self._talks: dict[Dialogue, asyncio.StreamWriter] = {}
         self._server: asyncio.Server | None = None
         self._ticker: asyncio.Task[NoReturn] | None = None
 
@@ -74,8 +75,17 @@ class Server:
 
     async def _tick(self) -> NoReturn:
         while True:
-            await self._run(self._controller.tick)
+            for dialogue, news in await self._run(self._work):
+                writer = self._talks.get(dialogue)
+                if writer and not (writer.is_closing() or _is_behind(writer)):
+                    writer.write(news)
             await asyncio.sleep(self._tick_s)
+
+    def _work(self) -> list[tuple[Dialogue, bytes]]:
+        """Do what is due without a command; return what clients are told without asking."""
+        self._controller.tick()
+        found = [(dialogue, dialogue.news()) for dialogue in list(self._talks)]
+        return [one for one in found if one[1]]
 
     async def _meet(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
@@ -84,7 +94,13 @@ class Server:
             if len(self._clients) < self._most:
                 self._clients.add(task)
                 writer.transport.set_write_buffer_limits(high=_UNREAD)
-                await self._talk(self._controller.connect(), reader, writer)
+                dialogue = self._controller.connect()
+                self._talks[dialogue] = writer
+                try:
+                    await self._talk(dialogue, reader, writer)
+                finally:
+                    del self._talks[dialogue]
+                    self._controller.disconnect(dialogue)
         except (TimeoutError, ConnectionError):
             pass  # gone, silent for too long, or too slow to read
         except asyncio.CancelledError:
@@ -117,7 +133,7 @@ class Server:
     async def _answer(
         self, dialogue: Dialogue, line: bytes | None, reader: asyncio.StreamReader
     ) -> bytes:
-        answer = await self._run(lambda: dialogue.answer(line))
+        answer = await self._run(lambda: self._controller.hear(dialogue, line))
         if not isinstance(answer, Waiting):
             return bytes(answer)
         while not await self._run(answer.done):
@@ -137,6 +153,7 @@ class OwnAxes:
     def __init__(self, axes: Sequence[Axis], clock_ns: Callable[[], int] = time.monotonic_ns):
         """Take axes at time 0; clock_ns: a steady clock (ns)."""
         self.axes = axes
+        self.forgets = True  #: what happens to the axes; off where somebody records it
         self._clock_ns = clock_ns
         self._pace: Pace | None = None
 
@@ -154,8 +171,9 @@ class OwnAxes:
             self.begin()
         assert self._pace
         self._pace.catch_up(self._clock_ns())
-        for axis in self.axes:
-            axis.take_events()  # nobody reads them, and they would pile up
+        if self.forgets:
+            for axis in self.axes:
+                axis.take_events()  # nobody reads them, and they would pile up
         return action()
 
 

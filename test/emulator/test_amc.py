@@ -15,10 +15,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from live import wait_until
-from table_1 import table_1
 
-from stickslip_ros.emulator.amc import Objects
-from stickslip_ros.motion.steps import run_steps
+from stickslip_ros.emulator.amc import ERRORS, Objects
 
 AMC = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0}
 
@@ -51,25 +49,6 @@ class Driver:
         end = time.monotonic() + 20.0
         while self(method, 0) != value:
             assert time.monotonic() < end, method
-
-
-def test_it_steps_as_simulate_does(emulate: Callable[..., Any]) -> None:
-    emulated = emulate("amc", AMC, AMC)
-    amc = Driver(emulated)
-    amc("control.setControlAmplitude", 0, 45000)
-    amc("control.setControlFrequency", 0, 2000000)
-    amc("control.setControlOutput", 0, True)
-    amc("move.setNSteps", 0, False, 20)
-    amc.wait("status.getStatusMoving", 0)
-    drive = table_1(**{**AMC, "amplitude": 45.0, "frequency": 2000.0})
-    status = emulated.look(lambda: emulated.axes[0].status)
-    assert status.mean_step * 20 == pytest.approx(run_steps(drive, 20).position[-1], abs=1e-11)
-    assert amc("move.getPosition", 0) == pytest.approx(1e9 * status.position, abs=100)
-    amc("move.writeNSteps", 0, 5)
-    amc("move.performNSteps", 0, True)
-    amc.wait("status.getStatusMoving", 0)
-    assert emulated.look(lambda: emulated.axes[0].status.step_count) == 15
-    assert amc("control.getPositionsAndVoltages")[1:] == [0, 0, 0, 0, 0]
 
 
 def test_the_closed_loop_and_motion_without_end(emulate: Callable[..., Any]) -> None:
@@ -116,6 +95,7 @@ def test_the_requests_of_the_epics_driver(emulate: Callable[..., Any]) -> None:
 
 def test_what_is_no_request_is_answered(emulate: Callable[..., Any]) -> None:
     with emulate("amc").client() as client:
+        move = '{"method": "com.attocube.amc.move.'
         for asked, code in [
             ("not json", -32700),
             ("[1]", -32600),
@@ -124,29 +104,61 @@ def test_what_is_no_request_is_answered(emulate: Callable[..., Any]) -> None:
             ("}", -32700),
             ('{"a": "' + "x" * 5000 + '"}', -32700),
             ('{"method": "com.attocube.amc.fly.away"}', -32601),
-            ('{"method": "com.attocube.amc.move.getPosition"}', -32602),
-            ('{"method": "com.attocube.amc.move.getPosition", "params": [1]}', -32602),
-            ('{"method": "com.attocube.amc.move.getPosition", "params": {"axis": 0}}', -32602),
-            ('{"method": "com.attocube.amc.move.setNSteps", "params": [0, true]}', -32602),
-            ('{"method": "com.attocube.amc.move.setNSteps", "params": [0, true, NaN]}', -32602),
-            ('{"method": "com.attocube.amc.move.writeNSteps", "params": [0, 1e999]}', -32602),
+            ('{"method": "getLockStatus", "id": [1]}', -32600),
+            (move + 'getPosition"}', -32602),
+            (move + 'getPosition", "params": ["0"]}', -32602),
+            (move + 'getPosition", "params": [true]}', -32602),
+            (move + 'getPosition", "params": [0.0]}', -32602),
+            (move + 'getPosition", "params": {"axis": 0}}', -32602),
+            (move + 'getPosition", "params": 0}', -32602),
+            (move + 'setNSteps", "params": [0, true]}', -32602),
+            (move + 'setNSteps", "params": [0, 2, 5]}', -32602),
+            (move + 'setNSteps", "params": [0, true, true]}', -32602),
+            (move + 'setNSteps", "params": [0, true, 1.5]}', -32602),
+            (move + 'setNSteps", "params": [0, true, NaN]}', -32700),
+            (move + 'setControlTargetPosition", "params": [0, null]}', -32602),
+            (move + 'writeNSteps", "params": [0, 1e999]}', -32602),
         ]:
             assert json.loads(client.ask(asked))["error"]["code"] == code, asked
             after = json.loads(client.ask('{"method": "getLockStatus"}'))
             assert after["result"] == [0, False, True], asked
 
 
-def test_what_cannot_be_is_an_error_with_a_text(emulate: Callable[..., Any]) -> None:
-    amc = Driver(emulate("amc"))
-    for method, values, text in (
-        ("move.setNSteps", (0, True, 5), "Output not enabled"),
-        ("control.setControlAmplitude", (0, 60001), "Value out of range"),
-        ("control.setControlFrequency", (0, 0), "Value out of range"),
-        ("control.searchReferencePosition", (0,), "No reference mark"),
-    ):
-        (number,) = amc.request(f"com.attocube.amc.{method}", *values)["result"]
-        told = amc.request("com.attocube.system.errorNumberToString", 0, number)["result"]
-        assert told == [0, text]
+def test_what_cannot_be_is_an_error_with_a_text_and_changes_nothing(
+    emulate: Callable[..., Any],
+) -> None:
+    emulated = emulate("amc", {**AMC, "soft_high": 5e-6})
+    amc = Driver(emulated)
+
+    def kept() -> list[Any]:
+        names = "move.getControlTargetPosition", "control.getControlMove", "move.getNSteps"
+        drive = "control.getControlAmplitude", "control.getControlFrequency"
+        return [amc(name, 0) for name in (*names, "control.getControlTargetRange", *drive)]
+
+    for on in (False, True):
+        amc("control.setControlOutput", 0, on)
+        amc("control.setControlMove", 0, on)
+        for method, values, number, text in (
+            ("control.setControlAmplitude", (0, 60001), 7, "Parameter out of range"),
+            ("control.setControlFrequency", (0, 0), 7, "Parameter out of range"),
+            ("control.setControlTargetRange", (0, -1), 7, "Parameter out of range"),
+            ("control.MultiAxisPositioning", (1, 1, 0, 2000, 0, 0), 7, "Parameter out of range"),
+            ("control.MultiAxisPositioning", (1, 0, 0, 5001, 0, 0), 7, "Parameter out of range"),
+            ("move.writeNSteps", (0, 0), 7, "Parameter out of range"),
+            ("move.setControlTargetPosition", (0, 5001), 7, "Parameter out of range"),
+            ("move.getPosition", (8,), 7, "Parameter out of range"),
+            ("move.moveReference", (0,), 3 if on else 2, "No reference" if on else ERRORS[2]),
+            ("rtin.getGpioMode", (), 10, "Feature not available"),
+        ):
+            before = kept()
+            assert amc.request(f"com.attocube.amc.{method}", *values)["result"] == [number], method
+            told = amc.request("com.attocube.system.errorNumberToString", 0, number)["result"]
+            assert told == [0, text], method
+            assert kept() == before, method
+    amc("control.setControlOutput", 0, False)
+    assert amc.request("com.attocube.amc.move.setNSteps", 0, True, 5)["result"] == [2]
+    emulated.look(lambda: emulated.axes[0].trip("tried out"))
+    amc("move.setControlContinuousFwd", 0, False)  # a stop is never refused
 
 
 @pytest.mark.slow

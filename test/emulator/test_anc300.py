@@ -19,6 +19,7 @@ from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
+from stickslip_ros.emulator.anc300 import TelnetLines
 
 PASSWORD = "123456"
 DRIVE = {"amplitude": 120.0, "frequency": 400.0}
@@ -208,6 +209,8 @@ def test_the_dialogue_from_the_first_byte_on(emulate: Callable[..., Any]) -> Non
         client.send(b"echo off\r\ngetf 1\n")
         assert client.until(b"OK\r\n") == b"echo off\r\nOK\r\n"
         assert client.until(b"OK\r\n") == b"frequency = 100 Hz\r\nOK\r\n"
+        client.send(b" \x0b\x00\r\ngetm 1\n")  # a blank is no command
+        assert client.until(b"OK\r\n") == b"mode = gnd\r\nOK\r\n"
 
 
 def test_help_names_the_arguments(emulate: Callable[..., Any]) -> None:
@@ -216,6 +219,19 @@ def test_help_names_the_arguments(emulate: Callable[..., Any]) -> None:
         assert {"setv <axis> <value>", "stepu <axis> [<value>]", "ver", "echo on|off"} <= set(lines)
         assert client.ask("help SETPU", b"OK\r\n") == "setpu <axis> <value> ...\r\n"
         assert client.ask("help fly", b"ERROR\r\n") == "Unknown command\r\n"
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+def test_what_is_of_telnet_is_no_command(size: int) -> None:
+    """In the middle of a command, with line ends inside, in pieces, and without an end."""
+    windows = b"\xff\xfa\x1f\x00\x0d\x00\x0a\xff\xf0"
+    unended = b"step\xff\xfa\x18u 1 c\r\n" + b"\xff\xfa" + b"x" * 600 + b"\nver\n"
+    stream = b"\xff\xfd\x03step" + windows + b"u 1 \xff\xf1c\r\n" + unended
+    lines = TelnetLines()
+    found = [one for k in range(0, len(stream), size) for one in lines.take(stream[k : k + size])]
+    assert found[:2] == [b"stepu 1 c", b"step?"]
+    assert found[2].endswith(b"xx")
+    assert found[3:] == [b"ver"]
 
 
 def test_three_wrong_passwords_end_it(emulate: Callable[..., Any]) -> None:
@@ -229,7 +245,11 @@ def test_what_cannot_be_is_answered_with_error(emulate: Callable[..., Any]) -> N
         for line, complaint in [
             ("fly 1", "Unknown command"),
             ("getm", "Axis number missing"),
-            ("getm 2", "Wrong axis number"),
+            ("getm 2", "Wrong axis type"),  # an empty slot
+            ("stepu 7 c", "Wrong axis type"),
+            ("getm 8", "Wrong axis number"),
+            ("getm 0", "Wrong axis number"),
+            ("getfil 1", "Wrong axis type"),
             ("getm ²", "Wrong axis number"),
             ("getm 1 2", "Wrong number of arguments"),
             ("setv 1", "Wrong number of arguments"),

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines are cut the same however they come in; many, slow and rude clients are served."""
 
+import csv
 import io
+import json
 import random
 import re
 import select
@@ -27,10 +29,29 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stickslip_ros import Axis, ParameterError
-from stickslip_ros.emulator import OwnAxes, ServerThread, controller_of
+from stickslip_ros.cli.main import main
+from stickslip_ros.emulator import (
+    CONTROLLERS,
+    OwnAxes,
+    ServerThread,
+    commands_of,
+    controller_of,
+)
 from stickslip_ros.emulator.controller import Lines
 from stickslip_ros.emulator.server import MOST_CLIENTS
 
+#: A command that a device has and the emulator has not, and its answer
+LACKING = {
+    "anc300": (b"setfil 1 16", b"Wrong axis type\r\nERROR\r\n"),
+    "scu": (b":GA0", b":E0C143\n"),
+    "mcs": (b":GTP0", b":E0,2\n"),
+    "mcs2": (b":CHAN0:SCAN:VEL?", b'32765,"Feature not supported"\r\n'),
+    "amc": (
+        b'{"method": "com.attocube.amc.rtin.apply", "id": 1}',
+        b'{"jsonrpc": "2.0", "result": [10], "id": 1}\r\n',
+    ),
+    "e871": (b"MAC BEG x", b""),
+}
 STREAMS = st.lists(st.sampled_from([b"a", b"bc", b"\r", b"\n", b"\r\n", b"\xff"]), max_size=40)
 
 
@@ -217,6 +238,45 @@ def test_the_command_says_where_it_listens_and_ends_with_0(
 
 
 @pytest.mark.slow
+def test_what_a_program_did_is_a_bag_that_every_tool_reads(
+    start: Callable[..., subprocess.Popen[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "bag"
+    process = start(
+        "mcs", "--port", "0", "--axes", "a,b", "--set", "gain=5e-9", "--record", f"{bag}"
+    )
+    with Client(port_of(process)) as client:
+        assert client.ask(":MST0,30,4095,1000") == ":E0,0"
+        client.send(b"\x00\xff\n")  # escaped, as bags hold text
+        assert client.ask(":GS1") == ":E-1,1"
+        while client.ask(":GS0") != ":S0,0":
+            pass
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(20.0) == 0
+    assert main(["bag", "info", f"{bag}", "--json"]) == 0
+    axes = json.loads(capsys.readouterr().out)["axes"]
+    assert {name: axis["axis_name"] for name, axis in axes.items()} == {
+        "/a/events": "a",
+        "/b/events": "b",
+    }
+    assert main(["bag", "resimulate", f"{bag}"]) == 0
+    assert capsys.readouterr().out.count("bit for bit") == 2
+    assert main(["bag", "export", f"{bag}", "--out", f"{tmp_path / 'tables'}"]) == 0
+    lines = list(csv.DictReader((tmp_path / "tables" / "mcs.commands.csv").open()))
+    said = [(line["line"], line["answer"]) for line in lines if line["client"] == "1"]
+    assert said[:3] == [
+        ("(connects)", ""),
+        (":MST0,30,4095,1000", ":E0,0\\n"),
+        ("\\x00\\xff", ":E-1,1\\n"),
+    ]
+    assert said[-1] == ("(disconnects)", "")
+    again = start("mcs", "--port", "0", "--record", f"{bag}")
+    assert again.wait(60.0) != 0
+    assert again.stderr
+    assert "exists already; name another one" in again.stderr.read()
+
+
+@pytest.mark.slow
 def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> None:
     process = start("scu", "--port", "0", "--axes", "a", "--watch", "--page", "--set", "gain=5e-9")
     assert process.stdout
@@ -270,6 +330,24 @@ def test_time_begins_with_the_first_command() -> None:
 def test_names_are_no_axes() -> None:
     with pytest.raises(ParameterError, match=r"'x' is no axis; make one with stickslip_ros.Axis"):
         controller_of("anc300", ["x", "y"])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_command_that_is_not_emulated_is_told_once(
+    name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Each answers as the device does with what it does not have."""
+    said, answer = LACKING[name]
+    controller = controller_of(name, [Axis({"frequency": 1000.0})])
+    dialogue = controller.connect()
+    if name == "anc300":
+        dialogue.answer(b"123456")
+        dialogue.answer(b"echo off")
+    for _ in range(2):
+        assert dialogue.answer(said) == answer
+    assert len(caplog.messages) == 1
+    (lacking,) = [one for one, emulated in commands_of(name).items() if f" {one} " in caplog.text]
+    assert not commands_of(name)[lacking]
 
 
 @pytest.mark.slow
