@@ -21,7 +21,8 @@ from stickslip_ros.cli.options import (
     report_left_out,
     yaml_lines,
 )
-from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
+from stickslip_ros.cli.outputs import PICTURES, add_outputs, check_outputs, put_out
+from stickslip_ros.errors import UsageError
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Parameters, yaml_text
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines
@@ -103,18 +104,30 @@ def shape_arguments(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser)
     text = "write the parameters, for --config and ROS"
     option(parser, "--out", "FILE.yaml", text, Path)
+    text = "write time and voltage of a cycle, for a generator or `waveform: table`, or draw it"
+    option(parser, "--waveform", "FILE.csv|svg|pdf|png", text, Path)
+    text = "of the points in that file (default: the corners of the waveform)"
+    option(parser, "--generator-rate", "HZ", text, quantity("Hz"))
     add_outputs(parser, "the runner before and with what was found, in its third cycle from rest")
 
 
 def run_shape(args: argparse.Namespace) -> int:
     """Search, write and print the waveform."""
-    check_outputs(args, args.out)
+    check_outputs(args, args.out, args.waveform)
+    if args.generator_rate is not None and not args.waveform:
+        raise UsageError("--generator-rate is of the points in a --waveform FILE.csv; give it, too")
+    if args.waveform and args.waveform.suffix.lower() not in (".csv", *PICTURES):
+        raise UsageError(
+            f"--waveform is {args.waveform}; its name has to end with .csv, {', '.join(PICTURES)}"
+        )
     p = parameters_from(args)
     found, wanted = (_shape if args.command == "shape" else _elongate)(p)
     report_left_out(args.command, found.left_out)
     whole = p.replace(**wanted)
     if args.out:
         write_text(args.out, yaml_text(whole))
+    if args.waveform:
+        _save_waveform(args.waveform, whole, args.generator_rate)
     content = {**asdict(found), "parameters": whole.flat()}
     put_out(
         args, content, lambda: f"{found.report()}\n\n{yaml_lines(wanted)}",
@@ -137,6 +150,25 @@ def _draw(before: Parameters, after: Parameters, axes: Axes) -> None:
         t, x = trace.t[shown], trace.x[shown]
         lines.append((t - t[0], x - x[0], "-", colour, name))
     draw_lines(axes, lines, "time in the cycle (s)", "runner (m)")
+
+
+def _save_waveform(path: Path, p: Parameters, rate: float | None) -> None:
+    """Write time and voltage of a cycle, or their picture. Raises ParameterError, WriteError."""
+    import numpy as np  # as all that computes, only when it is asked for
+
+    from stickslip_ros.model.waveforms import shape_of
+    from stickslip_ros.waveforms.table import OF_GENERATOR, generator_rows
+
+    rows = generator_rows(p.drive, shape_of(p.drive), rate)
+    if path.suffix.lower() == ".csv":
+        write_text(path, "\n".join([OF_GENERATOR, *(f"{t!r}, {v!r}" for t, v in rows), ""]))
+        return
+    from stickslip_ros.reporting.picture import picture_of, save_picture
+
+    times, volts = np.array(rows).T
+    line = (times, volts, "-", SIMULATED, p.drive.waveform)
+    drawn = picture_of(lambda axes: draw_lines(axes, [line], "time (s)", "voltage (V)"))
+    save_picture(path, drawn)
 
 
 def _shape(p: Parameters) -> tuple[ShapedSlip, Mapping[str, Any]]:

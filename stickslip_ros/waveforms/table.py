@@ -3,23 +3,27 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
 from stickslip_ros.parameters import DriveParameters, ParameterError
-from stickslip_ros.parameters.bounded_files import FileVersion, read_rows
+from stickslip_ros.parameters.bounded_files import FileVersion, read_rows, read_small_text
 from stickslip_ros.waveforms.built_in import Shape
 
 _FORM = "one column of levels, or two of time share and level"
+#: First line of a file with times and voltages
+OF_GENERATOR = "# time (s), voltage (V)"
 
 
 def table_shape(d: DriveParameters) -> Shape:
     """Return the waveform in the file ``waveform_table``, stretched over the period.
 
     The file holds levels from 0 to 1 of the amplitude at equal spacing, or time shares from 0 to 1
-    with levels. The last level is the first one. Raises ParameterError.
+    with levels, or below `OF_GENERATOR` times (s) and voltages (V), which are stretched likewise.
+    The last level is the first one. Raises ParameterError.
     """
     if d.waveform_table is None:
         raise ParameterError(
@@ -47,6 +51,10 @@ def _read(file: FileVersion) -> tuple[list[float], list[float]]:
     lines, rows = read_rows(path, (1, 2), _FORM)
     if len(rows) < 3:
         raise ParameterError(f"{path} holds {len(rows)} points; a waveform has 3 or more")
+    if read_small_text(path).startswith(OF_GENERATOR) and len(rows[0]) == 2:
+        last, highest = rows[-1][0], max(row[1] for row in rows)
+        if last > 0.0 and highest > 0.0:  # or it is refused below
+            rows = [[time / last, volts / highest] for time, volts in rows]
     levels = [row[-1] for row in rows]
     for line, level in zip(lines, levels, strict=True):
         if not 0.0 <= level <= 1.0:
@@ -97,3 +105,42 @@ def _slip_of(changes: Sequence[float], spans: Sequence[float]) -> tuple[int, int
         if changes[k] < 0.0:
             last = k
     return first, last + 1
+
+
+def generator_rows(
+    d: DriveParameters, shape: Shape, rate: float | None
+) -> list[tuple[float, float]]:
+    """Return times (s) and voltages (V) of a cycle, the first point again at its end.
+
+    At the corners of the shape, or at even times, rate (Hz) of them a second, as many as the period
+    has room for. Raises ParameterError for fewer than three.
+    """
+    times, volts = [0.0], [shape.start * d.amplitude]
+    for duration, change in zip(shape.durations, shape.changes, strict=True):
+        times.append(times[-1] + duration)
+        volts.append(volts[-1] + change * d.amplitude)
+    volts = [min(max(one, 0.0), d.amplitude) for one in volts]  # rounding
+    volts[-1] = volts[0]
+    corners = dict(zip(times, volts, strict=True))  # a segment may take no time
+    if rate is None:
+        return list(corners.items())
+    count = round(rate / d.frequency)
+    if not 3 <= count <= MOST_POINTS:
+        raise ParameterError(
+            f"{rate:g} Hz makes {count} points of a cycle of {d.frequency:g} Hz; a waveform has 3 "
+            f"to {MOST_POINTS}: {'raise' if count < 3 else 'lower'} the rate"
+        )
+    even = [k / rate for k in range(count)]
+    return [*((t, _level(t, times, volts)) for t in even), (count / rate, volts[0])]
+
+
+#: Points of a generator
+MOST_POINTS = 1_000_000
+
+
+def _level(t: float, times: Sequence[float], volts: Sequence[float]) -> float:
+    """Return the voltage (V) at a time (s) between corners."""
+    k = min(bisect_right(times, t), len(times) - 1)
+    span = times[k] - times[k - 1]
+    share = (t - times[k - 1]) / span if span > 0.0 else 1.0
+    return volts[k - 1] + min(share, 1.0) * (volts[k] - volts[k - 1])
