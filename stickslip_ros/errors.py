@@ -10,8 +10,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-#: Characters of an error; of more the middle is left out, as a file may hold a value of a megabyte
-LONGEST_MESSAGE = 300
+#: Characters of an error that is longer than those of ours, which hold a table at most: it repeats
+#: a value of a file, which may have a megabyte, and its middle is left out
+LONGEST_MESSAGE, _LONGEST_OF_OURS = 300, 1000
 
 
 def printable(text: str, keep: str = "") -> str:
@@ -33,8 +34,9 @@ class StickslipError(Exception):
 
     def __str__(self) -> str:
         """Return the text, as it may be shown anywhere."""
-        text = printable(super().__str__())
-        return text if len(text) <= LONGEST_MESSAGE else f"{text[:180]} ... {text[-115:]}"
+        text = super().__str__()
+        text = text if len(text) <= _LONGEST_OF_OURS else f"{text[:180]} ... {text[-115:]}"
+        return printable(text, "\n")
 
 
 class UsageError(StickslipError):

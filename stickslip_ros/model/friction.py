@@ -78,7 +78,7 @@ def _cure_of_rise(c: FrictionParameters, contact: Contact) -> str:
     """Return how z_ss gets above z_ba: by a preload, where the law calculates it from that."""
     if contact.kind == ELASTOPLASTIC_CALC:
         enough = c.preload * contact.z_ba / _lowest_z_ss(contact)
-        enough = float(f"{1.02 * enough:.2g}") if enough < 1e3 else enough  # as somebody types it
+        enough = float(f"{1.02 * enough:.3g}")  # as somebody types it
         if is_defined(contact_columns(replace(c, preload=enough))):
             return f"raise preload to {enough:g} N"
     return "raise z_ss (or preload, where the law calculates it)"

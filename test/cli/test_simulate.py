@@ -64,6 +64,7 @@ def test_the_json_object_is_the_contract(as_json: Simulate) -> None:
         "backstep",
         "mean_speed",
         "zero_amplitude",
+        "growth",
         "parameters",
     ]
     assert result["steps"] == -9

@@ -152,13 +152,13 @@ def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None
         ),
         (
             {"model": "lugre", "mu_k": 0.2, "mu_s": 0.3, "v_stribeck": 1e3},
-            r"v_stribeck is 1000 m/s, 10 m/s is the upper limit.*measured.*lower it",
+            r"v_stribeck is 1000 m/s; it has to lie between 1e-06 and 10 m/s: measured",
         ),
         (
             {"mass": 1e-6, "force": -1000.0},
             r"load of -1000 N .* by 1e\+09 m/s\^2, 1e\+06 m/s\^2 is the upper limit.*lower force",
         ),
-        ({"spring": 1e9}, r"spring is 1e\+09 N/m, 1e\+08 N/m is the upper limit.*steel.*lower it"),
+        ({"spring": 1e9}, r"spring is 1e\+09 N/m; it has to lie between 0 and 1e\+08 N/m.*steel"),
         ({"z_ba": 1e-100}, "z_ba is 1e-100 m"),
         ({"sigma_0ss": 5e-324}, "sigma_0ss is 4.94066e-324 N/m.*between 1 and"),
         ({"sigma_0ss": 1.0}, "z_k of the contact is 0.08 m.*change sigma_0ss"),
@@ -169,10 +169,6 @@ def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None
 def test_what_no_axis_has_is_refused(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
         Plant.of(Parameters.of(values))
-
-
-def test_without_a_curve_any_stribeck_velocity_will_do() -> None:
-    Plant.of(Parameters.of({"model": "lugre", "mu_k": 0.2, "mu_s": 0.2, "v_stribeck": 1e3}))
 
 
 def test_a_narrow_stribeck_curve_is_that_of_another_integrator() -> None:
