@@ -13,7 +13,7 @@ from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
 from stickslip_ros.identification.intervals import listed
 from stickslip_ros.pages.measured import RESIDUAL, motion_and_residual
-from stickslip_ros.parameters import parameter
+from stickslip_ros.parameters import Parameters, parameter
 from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import (
     Figure,
@@ -32,6 +32,9 @@ _POINTS, _PHASES, _ABREAST = 6000, 100, 3
 _POINTS_BETWEEN, _GAP = 60, 0.2
 #: The highest rise of the deviance that is shown.
 _SHOWN = 8.0
+#: What a fit rests on, shown whatever it is; of these groups also what somebody has set.
+_ALWAYS = ("model", "preload", "mass", "gain", "waveform", "amplitude", "frequency", "slewrate")
+_PHYSICS = ("friction", "runner", "actuator", "drive", "sensor")
 _FOLDED = (
     "What the fit leaves at each place of the cycle, and its mean over the cycles. The slip is at "
     "0 and 1. Noise has a mean near 0 everywhere."
@@ -44,12 +47,12 @@ _PROFILES = (
 
 def fit_page(found: Fit) -> ResultPage:
     """Return the page of a fit."""
+    values, usual = found.base.flat(), Parameters().flat()
     known = {
-        name: f"{value:g} {parameter(name).unit}".strip()
-        for name, value in found.base.flat().items()
-        if isinstance(value, float)
-        and name not in found.parameters
-        and not (value == 0.0 and parameter(name).optional)
+        name: f"{value:g} {parameter(name).unit}".strip() if isinstance(value, float) else value
+        for name, value in values.items()
+        if name not in found.parameters
+        and (name in _ALWAYS or (value != usual[name] and parameter(name).group in _PHYSICS))
     }
     parts = {"found": found, "sources": found.sources, "known": known}
     return ResultPage("identify.html", _plots(found), parts)

@@ -42,6 +42,9 @@ def test_the_fitted_file_loads_and_says_how_sure_it_is(
     assert main([*arguments, "--out", str(out), "--report", str(page), "--laws", "ceim"]) == 0
     check_page(page)
     assert "Friction laws, the best first" in page.read_text(encoding="utf-8")
+    taken = page.read_text(encoding="utf-8").partition("What was taken as known")[2]
+    assert "slewrate" in taken
+    assert "max_frequency" not in taken  # what has its default does not matter: there were seventy
     told = json.loads(capsys.readouterr().out)
     sigma_0 = told["parameters"]["sigma_0"]
     assert sigma_0["value"] == pytest.approx(9.5e6, rel=0.01)
