@@ -32,11 +32,14 @@ def printable(text: str, keep: str = "") -> str:
 class StickslipError(Exception):
     """An error that the caller can correct; the text is one line with the cure."""
 
+    #: What of a text is no line but may stay: a file's text may hold a line that looks like ours
+    _keeps = ""
+
     def __str__(self) -> str:
         """Return the text, as it may be shown anywhere."""
         text = super().__str__()
         text = text if len(text) <= _LONGEST_OF_OURS else f"{text[:180]} ... {text[-115:]}"
-        return printable(text, "\n")
+        return printable(text, self._keeps)
 
 
 class UsageError(StickslipError):

@@ -20,6 +20,8 @@ _TIMEOUT = 60.0  # s
 class ChildError(StickslipError):
     """A process did not do its part; the message holds its last words."""
 
+    _keeps = "\n"
+
 
 class ChildProcess:
     """A node that runs; `child_node` makes it."""

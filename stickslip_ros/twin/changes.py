@@ -48,6 +48,10 @@ _CUT = 3.0
 _SOLVED, _ROUNDS, _BROAD = 9, 4, 5
 #: Sizes of a cause of which it is looked whether there is such an axis
 _TRIED = 65
+#: Readings at rest from which on those between do not count
+_LEAST_STILL = 10
+#: Change of a logarithm for a slope, within which the phase of the ringing hardly turns
+_NEAR = 2e-3
 #: A cause less likely than this is left out of those that cannot be told apart
 _LEAST = 0.01
 #: Readings between pauses
@@ -126,13 +130,13 @@ class Cause:
 
 
 CAUSES: Mapping[str, Cause] = {
-    "preload": Cause("preload", -0.9, 0.7),
-    # The mass turns the phase of the ringing at the next slip, several times from low to high.
+    # Mass and stiffness turn the phase of the ringing at the next slip, several times.
+    "preload": Cause("preload", -0.9, 0.7, solved=65),
     "payload": Cause("mass", -0.5, 0.9, solved=65),
     "amplifier": Cause("gain", -0.4, 0.3),
     "sensor gain": Cause("", -0.3, 0.3),
     "temperature": Cause("temperature", -40.0, 60.0, "K"),
-    "place": Cause("preload", -0.9, 0.7, local=True),
+    "place": Cause("preload", -0.9, 0.7, local=True, solved=65),
 }
 
 
@@ -193,41 +197,98 @@ class ReadingsSince:
                 best[name], evidence[name] = yield from self._likeliest(cause, low, high, blurs)
         top, *_ = ranked = sorted(evidence, key=lambda name: -evidence[name])
         shares = {name: math.exp(evidence[name] - evidence[top]) for name in ranked}
-        total, count = sum(shares.values()), len(self.seen) - 1
+        total, count = sum(shares.values()), sum(self._counts)
         after = {name: CAUSES[name].applied(p, size) for name, size in best.items()}
         own = yield from self._blurs(Model(after[top]))  # another mass rings otherwise
-        moves = yield from self._moves(CAUSES[top], np.array([best[top]]))
-        _, squares = yield from self._likelihood(moves, own)
-        explained = bool(squares[0] <= count + MISFIT * math.sqrt(2.0 * count))
+        _, squares = yield from self._judge_size(CAUSES[top], best[top], own)
+        explained = bool(squares <= count + MISFIT * math.sqrt(2.0 * count))
         posterior = {name: share / total for name, share in shares.items()}
         return Attribution(posterior, best, after, explained, self.settings.certainty)
 
     def _likeliest(
         self, cause: Cause, low: float, high: float, blurs: Sequence[Blur]
     ) -> Pieces[tuple[float, float]]:
-        """Return the likeliest size of a cause from low to high, and its logarithmic evidence."""
+        """Return the likeliest size of a cause from low to high, and its logarithmic evidence.
+
+        Sizes are sought with the slopes of before the change, which hold for others only roughly;
+        the best are judged by slopes of their own.
+        """
         reach, count = (low, high), cause.solved
-        for _ in range(_ROUNDS):
-            solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
-            moves = yield from self._moves(cause, solved)
-            logs, _ = yield from self._likelihood(CubicSpline(solved, moves)(sizes), blurs)
-            k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
-            mean = float(np.exp(logs - logs[k]).sum()) * width
-            if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
-                break
-            low, high = max(reach[0], sizes[k] - width), min(reach[1], sizes[k] + width)
-            count = _SOLVED
+        for judged in (False, True):
+            for _ in range(_ROUNDS):
+                if judged:
+                    sizes = np.linspace(low, high, _SOLVED)
+                    logs = yield from self._judge(cause, sizes, blurs)
+                else:
+                    solved = np.linspace(low, high, count)
+                    sizes = np.linspace(low, high, 2 * count + 3)
+                    moves = yield from self._moves(self.before.model.p, cause, solved)
+                    moves = CubicSpline(solved, moves)(sizes)
+                    logs, _ = yield from self._likelihood(moves, blurs, self._slopes_before)
+                k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
+                mean = float(np.exp(logs - logs[k]).sum()) * width
+                if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
+                    break
+                low, high = max(reach[0], sizes[k] - width), min(reach[1], sizes[k] + width)
+                count = _SOLVED
+            likely = np.flatnonzero(logs > logs[k] - 8.0)
+            low = max(reach[0], float(sizes[likely[0]]) - width)
+            high = min(reach[1], float(sizes[likely[-1]]) + width)
         return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
 
-    def _moves(self, cause: Cause, sizes: Array) -> Pieces[Array]:
-        """Return the moves (sizes, readings - 1) of a cause, m."""
+    def _judge(self, cause: Cause, sizes: Array, blurs: Sequence[Blur]) -> Pieces[Array]:
+        """Return logarithms of likelihoods of sizes (sizes,), each with slopes of its own."""
+        logs = np.empty(len(sizes))
+        for k, size in enumerate(sizes.tolist()):
+            logs[k], _ = yield from self._judge_size(cause, size, blurs)
+        return logs
+
+    def _judge_size(
+        self, cause: Cause, size: float, blurs: Sequence[Blur]
+    ) -> Pieces[tuple[float, float]]:
+        """Return the logarithm of the likelihood of a size, and its sum of squares."""
+        at, model = np.array([size]), self.before.model
+        moves = yield from self._moves(model.p, cause, at)
+        slopes = self._slopes_before.copy()
+        for i, name in enumerate(self.before.names):
+            ends = []
+            for by in (_NEAR, -_NEAR):
+                near = model.moved({name: by})
+                try:
+                    ends.append((yield from self._moves(near.p, cause, at))[0] if near else None)
+                except ParameterError:  # at the end of what its law allows
+                    ends.append(None)
+            up, down = ends
+            if up is not None and down is not None:
+                slopes[:, i] = (up - down) / (2.0 * _NEAR)
+        logs, squares = yield from self._likelihood(moves, blurs, slopes)
+        return float(logs[0]), float(squares[0])
+
+    @cached_property
+    def _counts(self) -> list[bool]:
+        """Which readings count: those at rest, where the ringing is over, if there are any.
+
+        While the axis steps, readings lie in the ringing, whose phase is known to nobody after tens
+        of its periods: a wrong cause that happens to follow it would be named with certainty.
+        """
+        motions = [one.motion for one in self.seen[1:]]
+        still = [one.direction == 0 and one.blur.ringing < self.settings.noise for one in motions]
+        return still if sum(still) >= _LEAST_STILL else [True] * len(still)
+
+    @cached_property
+    def _slopes_before(self) -> Array:
+        """Slopes of the moves by the logarithms of parameters, (readings - 1, parameters), m."""
+        return np.array([one.motion.slope for one in self.seen[1:]])
+
+    def _moves(self, p: Parameters, cause: Cause, sizes: Array) -> Pieces[Array]:
+        """Return the moves (sizes, readings - 1) after a cause of an axis of parameters p, m."""
         if not cause.parameter or cause.local:
-            before = yield from self._moves_with(self.before.model.p)  # without a change
+            before = yield from self._moves_with(p)  # without a change
             if not cause.parameter:
                 return np.asarray(before * np.exp(sizes)[:, None])
         moves = np.empty((len(sizes), len(self.seen) - 1))
         for k, size in enumerate(sizes.tolist()):
-            moves[k] = yield from self._moves_with(cause.applied(self.before.model.p, size))
+            moves[k] = yield from self._moves_with(cause.applied(p, size))
         if not cause.local:
             return moves
         positions = np.array([one.reading for one in self.seen[1:]])
@@ -255,14 +316,18 @@ class ReadingsSince:
                 yield None
         return found
 
-    def _likelihood(self, moves: Array, blurs: Sequence[Blur]) -> Pieces[tuple[Array, Array]]:
+    def _likelihood(
+        self, moves: Array, blurs: Sequence[Blur], slopes: Array
+    ) -> Pieces[tuple[Array, Array]]:
         """Return logarithms of likelihoods and sums of squares of moves, (sizes,) each."""
         likely = ReadingFilter(len(self.before.names), self.settings.noise, moves.shape[:1])
         likely.covariance[THETA, THETA] = self.before.covariance[THETA, THETA]
         likely.anchor(self.seen[0].reading, blurs[0])
         logs, squares = np.zeros(len(moves)), np.zeros(len(moves))
         for k, one in enumerate(self.seen[1:]):
-            likely.move(moves[:, k], one.motion.slope, one.motion.scatter)
+            likely.move(moves[:, k], slopes[k], one.motion.scatter)
+            if not self._counts[k]:
+                continue
             _, deviation, z = likely.read(one.reading, blurs[k + 1])
             logs -= 0.5 * z**2 + math.log(deviation)
             squares += z**2

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import StickslipError, printable
 from stickslip_ros.parameters.row import PREFIXES
 
 _LONG_PREFIXES = {
@@ -161,6 +161,8 @@ _INDICES = ("sample", "samples", "index", "no", "no.", "nr", "nr.", "n", "#", "r
 class MeasurementError(StickslipError, ValueError):
     """A measurement that cannot be read; the message names the place and the cure."""
 
+    _keeps = "\n"  # of how a file begins, and of its columns
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -260,7 +262,7 @@ class Table:
 
 def _short(text: str) -> str:
     """Return a text of the file as messages hold it: where the header is no header, it is long."""
-    return text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}..."
+    return printable(text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}...")
 
 
 def _check(column: Column, values: NDArray[np.float64]) -> None:
