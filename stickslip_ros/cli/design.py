@@ -124,10 +124,10 @@ def run_shape(args: argparse.Namespace) -> int:
     found, wanted = (_shape if args.command == "shape" else _elongate)(p)
     report_left_out(args.command, found.left_out)
     whole = p.replace(**wanted)
+    if args.waveform:  # first, as a rate may be refused
+        _save_waveform(args.waveform, whole, args.generator_rate)
     if args.out:
         write_text(args.out, yaml_text(whole))
-    if args.waveform:
-        _save_waveform(args.waveform, whole, args.generator_rate)
     content = {**asdict(found), "parameters": whole.flat()}
     put_out(
         args, content, lambda: f"{found.report()}\n\n{yaml_lines(wanted)}",

@@ -31,6 +31,7 @@ from stickslip_ros.laws.law import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.plant import NEARLY_SLIDING, Plant
 from stickslip_ros.parameters import ActuatorParameters, Parameters
+from stickslip_ros.parameters.groups import SolverParameters
 from stickslip_ros.waveforms.built_in import PER_MICROSECOND
 
 #: Largest deviation (m) of the pieces from the curve, for the whole chain, near turns
@@ -44,8 +45,6 @@ _FIRM = 0.15
 #: Deflection (m) at which a contact slides from which on it does not feel the deviation. For a
 #: smaller one the lines are finer in proportion, down to this fraction.
 _FELT, _FINEST = 5e-10, 0.01
-#: Tolerance (m) of the solver that the deviation suits; it falls with a smaller one
-USUAL_TOLERANCE = 1e-11
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
 #: Motion (m) below which the actuator is still; relative rounding error of sums
@@ -93,7 +92,8 @@ class Chain(NamedTuple):
             places = range(_DECADES * _PER_DECADE)
             times = np.array([first * 10.0 ** ((k + 0.5) / _PER_DECADE) for k in places])
         error, mean_only_rate, runner = limits_of_pieces(p, plant)
-        finer = min(1.0, parameters.solver.tolerance / USUAL_TOLERANCE)
+        # The deviation suits the default; it falls with a smaller tolerance.
+        finer = min(1.0, parameters.solver.tolerance / SolverParameters.tolerance)
         slew = PER_MICROSECOND * (p.amplifier_slew or 0.0)  # V/s
         return cls(
             lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,

@@ -10,7 +10,7 @@ from typing import Any
 from stickslip_ros.laws import LAWS, LEFT_TO_LAW
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import PARAMETERS, Parameters
-from stickslip_ros.waveforms import WAVEFORMS
+from stickslip_ros.waveforms import WAVEFORMS, of_others
 
 #: Parts of all names from which on they are a snapshot, which holds what is not in use, too
 _SNAPSHOT = 0.5
@@ -22,13 +22,13 @@ _OF_WAVEFORMS = {
     "latency": ("shaped",),
     "waveform_table": ("table",),
 }
-_BUILT_IN = ("sawtooth", "hold", "shaped", "triangle", "table")
 
 
 def idle_settings(p: Parameters, given: Collection[str]) -> str:
     """Return a sentence about settings that have no effect with the others; "" if all have.
 
-    given are the names that somebody set; those at their defaults ask for nothing.
+    given are the names that somebody set; those at their defaults ask for nothing. Raises
+    ParameterError for a law that is not known.
     """
     if len(given) > _SNAPSHOT * len(PARAMETERS):
         return ""
@@ -53,8 +53,8 @@ def _of_actuator(p: Parameters) -> Iterator[tuple[str, str]]:
 
 
 def _of_law(p: Parameters) -> Iterator[tuple[str, str]]:
-    friction = p.friction
-    own, used = LAWS[friction.model], constants_in_force(friction)
+    friction, used = p.friction, constants_in_force(p.friction)
+    own = LAWS[friction.model]
     for name in LEFT_TO_LAW:
         if getattr(used, name) is None:
             yield name, f"the law {friction.model} does not use it"
@@ -70,7 +70,7 @@ def _of_law(p: Parameters) -> Iterator[tuple[str, str]]:
 def _of_waveform(p: Parameters) -> Iterator[tuple[str, str]]:
     chosen = p.drive.waveform
     for name, used_by in _OF_WAVEFORMS.items():
-        if chosen in _BUILT_IN and chosen not in used_by:
+        if chosen not in used_by and chosen not in of_others():
             yield name, f"the waveform {chosen} does not use it"
     own = getattr(WAVEFORMS.get(chosen), "rows", None)
     for waveform in WAVEFORMS.values():

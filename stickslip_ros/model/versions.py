@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters.groups import SolverParameters
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def _is_finer(p: Parameters) -> bool:
     """Return whether the deflection behind effects follows the command more closely than usual."""
     stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
     follows = any(p.value(name) for name in ("actuator_memory", "creep", *stages))
-    return follows and p.solver.tolerance < 1e-11
+    return follows and p.solver.tolerance < SolverParameters.tolerance
 
 
 #: The version that 1.0.0 began with; what changed before it is not listed.

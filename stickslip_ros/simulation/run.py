@@ -141,7 +141,7 @@ class SimulatedRun:
     def growth(self) -> float:
         """How many times a small change of the start grows within the run, see `growth_of`."""
         with report_compilation():
-            return growth_of(self.parameters, self.count)
+            return growth_of(self.parameters, self.count, self.position)
 
     @property
     def unstable(self) -> bool:

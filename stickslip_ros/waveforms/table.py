@@ -124,12 +124,13 @@ def generator_rows(
     corners = dict(zip(times, volts, strict=True))  # a segment may take no time
     if rate is None:
         return list(corners.items())
-    count = round(rate / d.frequency)
-    if not 3 <= count <= MOST_POINTS:
+    wanted = rate / d.frequency
+    if not 3.0 <= wanted <= MOST_POINTS:
         raise ParameterError(
-            f"{rate:g} Hz makes {count} points of a cycle of {d.frequency:g} Hz; a waveform has 3 "
-            f"to {MOST_POINTS}: {'raise' if count < 3 else 'lower'} the rate"
+            f"{rate:g} Hz makes {wanted:g} points of a cycle of {d.frequency:g} Hz; a waveform has "
+            f"3 to {MOST_POINTS}: {'lower' if wanted > MOST_POINTS else 'raise'} the rate"
         )
+    count = round(wanted)
     even = [k / rate for k in range(count)]
     return [*((t, _level(t, times, volts)) for t in even), (count / rate, volts[0])]
 

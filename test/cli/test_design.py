@@ -95,4 +95,7 @@ def test_a_picture_of_the_waveform(tmp_path: Path) -> None:
     assert "voltage (V)" in (tmp_path / "wave.svg").read_text(encoding="utf-8")
     assert main(["shape", "--waveform", str(tmp_path / "wave.txt")]) == 2
     assert main(["shape", "--generator-rate", "1e6"]) == 2
-    assert main(["shape", "--waveform", str(tmp_path / "w.csv"), "--generator-rate", "1"]) == 2
+    for rate in ("1", "nan", "inf"):  # the last two were tracebacks
+        words = ["--waveform", str(tmp_path / "w.csv"), "--generator-rate", rate]
+        assert main(["shape", *words]) == 2
+        assert not (tmp_path / "w.csv").exists()

@@ -61,6 +61,12 @@ def test_files_of_ours_hold_no_idle_settings(file: Path) -> None:
     assert idle_settings(p, changed) == ""
 
 
+def test_a_law_that_is_not_known_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """It ended in a KeyError before the error that names what is known."""
+    assert main(["simulate", "--steps", "1", "--set", "model=coulomb"]) == 2
+    assert "model is 'coulomb'; known: ceim" in capsys.readouterr().err
+
+
 def test_a_command_says_it_once(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["predict", "--set", "hysteresis=0.2"]) == 0
     assert capsys.readouterr().err.count("without effect: hysteresis") == 1
