@@ -48,6 +48,7 @@ from stickslip_ros.ros.node_parameters import full_name, read_own_parameters, ru
 from stickslip_ros.ros.own_parameters import OwnParameter
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Forecast, Twin, TwinCommand, TwinSettings
+from stickslip_ros.twin.own_sensor import OwnSensor
 from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of, event_ns
 from stickslip_ros.twin.settings import ASKED, TwinError
 
@@ -99,8 +100,10 @@ class TwinNode(GuardedNode):
         self._followed = FollowedClock(self) if follows(self) else None
         self._origin: int | None = None  # ns that the twin's times count from: the oldest heard
         self._start: int | None = None  # ns, when the simulated time of the axis was 0
-        # What waits for its turn: time (ns), whether it is a reading, number of arrival, and itself
-        self._waiting: list[tuple[int, bool, int, TwinCommand | float]] = []
+        self._sensor = OwnSensor()
+        # What waits for its turn: time (ns), whether it is a reading, number of arrival, itself,
+        # and the joint whose state it is
+        self._waiting: list[tuple[int, bool, int, Event | TwinCommand | float, str]] = []
         self._arrived = 0
         self._told = 0
         latched = QoSProfile(depth=_QUEUE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -134,13 +137,13 @@ class TwinNode(GuardedNode):
 
     # -- hearing
 
-    def _wait(self, ns: int, what: TwinCommand | float) -> None:
+    def _wait(self, ns: int, what: Event | TwinCommand | float, joint: str = "") -> None:
         if len(self._waiting) >= _MOST:
             self.twin.troubles["messages of a flood"] += 1
             return
         self._arrived += 1
-        is_reading = not isinstance(what, TwinCommand)  # of one time, commands go first
-        heapq.heappush(self._waiting, (ns, is_reading, self._arrived, what))
+        is_reading = isinstance(what, float)  # of one time, commands go first
+        heapq.heappush(self._waiting, (ns, is_reading, self._arrived, what, joint))
 
     def _on_events(self, message: Any) -> None:
         published = nanoseconds(message.header.stamp)
@@ -152,8 +155,7 @@ class TwinNode(GuardedNode):
                 self._start = published
             # The message comes when the axis may have gone on already.
             ns = published if self._start is None else event_ns(self._start, event)
-            for command in commands_of(event, math.nan):
-                self._wait(ns, command)
+            self._wait(ns, event)
 
     def _on_command(self, name: str) -> Callable[[Any], None]:
         """Return what takes a command that says no time: it is given when it arrives."""
@@ -168,13 +170,13 @@ class TwinNode(GuardedNode):
         if not self._joint:
             self._joint = next((name for name in names if name.endswith(SLIDER)), "")
         if self._joint in names and len(message.position) == len(names):
-            ns = nanoseconds(message.header.stamp)
-            self._read(ns, message.position[names.index(self._joint)])
+            position = self._unit * message.position[names.index(self._joint)]
+            self._wait(nanoseconds(message.header.stamp), position, self._joint)
 
     def _on_point(self, message: PointStamped) -> None:
         place = message.point.x, message.point.y, message.point.z
         way = sum(one * along for one, along in zip(place, self._direction, strict=True))
-        self._read(nanoseconds(message.header.stamp), way)
+        self._wait(nanoseconds(message.header.stamp), self._unit * way)
 
     def _on_number(self, message: Float64) -> None:
         self._wait_unstamped(self._unit * message.data)
@@ -186,9 +188,6 @@ class TwinNode(GuardedNode):
         elif not self._followed.missing():
             self._wait(self._followed.reading(), what)
 
-    def _read(self, ns: int, position: float) -> None:
-        self._wait(ns, self._unit * position)
-
     def _poll(self) -> None:
         newest = max((ns for ns, *_ in self._waiting), default=0)
         self._take(newest - round(1e9 * self._patience), time.monotonic() + _READING_TIME)
@@ -199,14 +198,22 @@ class TwinNode(GuardedNode):
         What is not done at a deadline (s, of the monotonic clock) waits.
         """
         while self._waiting and self._waiting[0][0] <= until and time.monotonic() < deadline:
-            ns, _, _, what = heapq.heappop(self._waiting)
+            ns, _, _, what, joint = heapq.heappop(self._waiting)
             if self._origin is None:
                 self._origin = ns
             t = 1e-9 * (ns - self._origin)
             if isinstance(what, TwinCommand):
                 self.twin.command(replace(what, t=t))
                 continue
-            update = self.twin.measure(t, what)
+            if isinstance(what, Event):
+                self._sensor.hear(what, ns)
+                for command in commands_of(what, t):
+                    self.twin.command(command)
+                continue
+            taken = self._sensor.taken_ns(joint, ns)
+            if taken is None:
+                continue
+            update = self.twin.measure(1e-9 * (taken - self._origin), what)
             if update is None:
                 continue
             names = [self._joint, f"{self._joint}_measured"]

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import csv
+import heapq
 import io
 import math
 from collections import deque
 from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,7 @@ from stickslip_ros.opening import open_regular
 from stickslip_ros.parameters.groups import SLIDER
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.recordings.runs import recorded_runs
+from stickslip_ros.twin.own_sensor import OwnSensor
 from stickslip_ros.twin.settings import TwinError
 from stickslip_ros.twin.timeline import TwinCommand
 
@@ -81,14 +84,17 @@ def read_log(
     of_axis = [run for run in runs if run.node == of_joint[0].node]
     # Times count from what is oldest, as they do in the node: so they have the same bits.
     origin = min(first, *(run.start_ns for run in of_axis))
-    commands = [
-        command
-        for run in of_axis
-        for event in run.events
-        for command in commands_of(event, 1e-9 * (event_ns(run.start_ns, event) - origin))
-    ]
-    stamps = first - origin + np.rint(1e9 * motion.t).astype(np.int64)
-    return _merged(commands, np.asarray(1e-9 * stamps, np.float64), motion.x)
+    events = [(event_ns(run.start_ns, event), event) for run in of_axis for event in run.events]
+    stamps = (first + np.rint(1e9 * motion.t).astype(np.int64)).tolist()
+    log, sensor = Log(), OwnSensor()
+    readings = zip(stamps, motion.x.tolist(), strict=True)
+    for ns, what in heapq.merge(events, readings, key=itemgetter(0)):
+        if isinstance(what, Event):
+            sensor.hear(what, ns)
+            log += commands_of(what, 1e-9 * (ns - origin))
+        elif (taken := sensor.taken_ns(found.joint or "", ns)) is not None:
+            log.append((1e-9 * (taken - origin), what))
+    return log
 
 
 def event_ns(start_ns: int, event: Event) -> int:
