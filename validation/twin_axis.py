@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Somebody else's axis for a twin: the whole system left to a general integrator, and read.
 
-It changes in ways that the twin is not told: preload, payload, temperature, a worn place, an
-amplifier that weakens, a sensor that loses gain.
+It changes in ways that the twin is not told: preload, payload, force, breakaway distance,
+temperature, a worn place, an amplifier that weakens, a sensor that loses gain.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ class Hidden:
     amplifier: float = 1.0
     sensor: float = 1.0
     warmer: float = 0.0  #: K
+    force: float = 0.0  #: N
+    breakaway: float = 1.0
 
 
 #: time (s), position (m) -> what is hidden
@@ -89,7 +91,10 @@ class RealAxis:
             preload=self.p.friction.preload * hidden.preload,
             payload=self.p.runner.payload + hidden.payload,
             temperature=self.p.actuator.temperature + hidden.warmer,
+            force=self.p.runner.force + hidden.force,
         )
+        if hidden.breakaway != 1.0:
+            p = p.replace(z_ba=hidden.breakaway * Plant.of(p).contact.z_ba)
         self._hidden = hidden
         self._system.take(aged(p, 0.0, 0.0) if hidden.warmer else Plant.of(p))
 

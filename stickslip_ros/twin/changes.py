@@ -12,11 +12,12 @@ with the time w_k of stepping that reading k ends. M - t is then a martingale, s
 comes after a time of A in the mean at the earliest (Shiryaev 1963; Pollak 1985; for mixtures of
 alternatives as here, e-detectors: Shin, Ramdas, Rinaldo 2023, arXiv:2203.03532).
 
-Each cause is one parameter of unknown size, uniform over its range. The readings since the change
-have a likelihood for each size, from the same filter as `tracker`, which knows the parameters of
-before as well as that did; the mean over sizes is the evidence of the cause, and with equal odds
-beforehand its posterior follows (Kass, Raftery 1995). Two causes that move the step by the same
-share in all drives seen have the same evidence: they are named together.
+Each cause is one parameter of unknown size in a range. The readings since the change have a
+likelihood for each size, from the same filter as `tracker`, which knows the parameters of before as
+well as that did. Each cause counts by its likeliest size, with equal odds beforehand: the mean over
+sizes would hold a cause for unlikely only because few of its sizes fit, as of a payload, with which
+the phase of the ringing turns many times. Causes that explain the readings about as well are named
+together.
 """
 
 from __future__ import annotations
@@ -103,7 +104,7 @@ class ChangeDetector:
 class Cause:
     """One parameter of the axis or its sensor that may change, with sizes low to high."""
 
-    parameter: str  #: "": of the sensor
+    parameter: str  #: "": of the sensor; one that is 0 has the value that the law calculates
     low: float
     high: float
     unit: str = ""  #: of what is added to the parameter; without one a size is a logarithm
@@ -116,7 +117,9 @@ class Cause:
         """Return the parameters of the axis after the cause."""
         if not self.parameter:
             return p
-        value = float(p.value(self.parameter))
+        value = float(p.value(self.parameter) or 0.0)
+        if not (value or self.unit):
+            value = float(getattr(Plant.of(p).contact, self.parameter))
         return p.replace(**{self.parameter: value + size if self.unit else value * math.exp(size)})
 
     def sizes(self, p: Parameters) -> tuple[float, float]:
@@ -134,6 +137,8 @@ CAUSES: Mapping[str, Cause] = {
     "preload": Cause("preload", -0.9, 0.7, solved=65),
     "payload": Cause("mass", -0.5, 0.9, solved=65),
     "amplifier": Cause("gain", -0.4, 0.3),
+    "breakaway distance": Cause("z_ba", -0.7, 0.5, solved=17),
+    "force": Cause("force", -0.03, 0.03, "N", solved=17),
     "sensor gain": Cause("", -0.3, 0.3),
     "temperature": Cause("temperature", -40.0, 60.0, "K"),
     "place": Cause("preload", -0.9, 0.7, local=True, solved=65),
@@ -189,14 +194,14 @@ class ReadingsSince:
         warms = p.actuator.gain_temperature or p.friction.friction_temperature
         blurs = yield from self._blurs(self.before.model)
         best: dict[str, float] = {}
-        evidence: dict[str, float] = {}
+        fits: dict[str, float] = {}
         for name, cause in CAUSES.items():
             low, high = cause.sizes(p)
             yield None
             if low < high and (warms or name != "temperature"):
-                best[name], evidence[name] = yield from self._likeliest(cause, low, high, blurs)
-        top, *_ = ranked = sorted(evidence, key=lambda name: -evidence[name])
-        shares = {name: math.exp(evidence[name] - evidence[top]) for name in ranked}
+                best[name], fits[name] = yield from self._likeliest(cause, low, high, blurs)
+        top, *_ = ranked = sorted(fits, key=lambda name: -fits[name])
+        shares = {name: math.exp(fits[name] - fits[top]) for name in ranked}
         total, count = sum(shares.values()), sum(self._counts)
         after = {name: CAUSES[name].applied(p, size) for name, size in best.items()}
         own = yield from self._blurs(Model(after[top]))  # another mass rings otherwise
@@ -208,7 +213,7 @@ class ReadingsSince:
     def _likeliest(
         self, cause: Cause, low: float, high: float, blurs: Sequence[Blur]
     ) -> Pieces[tuple[float, float]]:
-        """Return the likeliest size of a cause from low to high, and its logarithmic evidence.
+        """Return the likeliest size of a cause from low to high, and its logarithmic likelihood.
 
         Sizes are sought with the slopes of before the change, which hold for others only roughly;
         the best are judged by slopes of their own.
@@ -226,7 +231,6 @@ class ReadingsSince:
                     moves = CubicSpline(solved, moves)(sizes)
                     logs, _ = yield from self._likelihood(moves, blurs, self._slopes_before)
                 k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
-                mean = float(np.exp(logs - logs[k]).sum()) * width
                 if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
                     break
                 low, high = max(reach[0], sizes[k] - width), min(reach[1], sizes[k] + width)
@@ -234,7 +238,7 @@ class ReadingsSince:
             likely = np.flatnonzero(logs > logs[k] - 8.0)
             low = max(reach[0], float(sizes[likely[0]]) - width)
             high = min(reach[1], float(sizes[likely[-1]]) + width)
-        return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
+        return float(sizes[k]), float(logs[k])
 
     def _judge(self, cause: Cause, sizes: Array, blurs: Sequence[Blur]) -> Pieces[Array]:
         """Return logarithms of likelihoods of sizes (sizes,), each with slopes of its own."""

@@ -139,6 +139,11 @@ class Model:
         self._curves: dict[OperatingPoint, CycleCurve] = {}
         self._slopes: dict[OperatingPoint, CycleCurve] = {}
 
+    @property
+    def drives(self) -> list[OperatingPoint]:
+        """The drives whose curves were made."""
+        return list(self._curves)
+
     def curve(self, drive: OperatingPoint) -> CycleCurve:
         """Return the curve of a drive."""
         if drive not in self._curves:

@@ -7,10 +7,11 @@ the kernel's curves say,
 
     x' = x + D + J (theta - theta_0),
 
-with D at theta_0, where the curve was made: it is made anew as the estimate leaves it. So this is
-an extended Kalman filter (Jazwinski 1970, section 8.3) whose model is the kernel. J stays that of
-the first estimate: slopes that turn with the estimate would feign knowledge of what no reading
-shows (Huang, Mourikis, Roumeliotis 2008).
+with D at theta_0, where the curve was made: it is made anew as the estimate leaves it, and the
+estimate is then put where the steps seen are the same in the new one. So this is an extended Kalman
+filter (Jazwinski 1970, section 8.3) whose model is the kernel. J stays that of the first estimate:
+slopes that turn with the estimate would feign knowledge of what no reading shows (Huang, Mourikis,
+Roumeliotis 2008).
 Steps scatter, and the parameters walk at random; what no reading shows keeps its mean.
 """
 
@@ -38,6 +39,8 @@ Parts = Sequence[tuple[Piece, float, float]]
 WALKING = ("preload", "gain")
 #: Change of a logarithm from which on the curves are made anew; beyond the last, there is no model
 _RECENTRE, FARTHEST = 0.04, math.log(3.0)
+#: Variance that is left to steps in a new model, as a fraction of what they have
+_BENT = 0.01
 #: Places of the logarithms and of the rate in the state, between position and ringing
 THETA, RATE = slice(1, -2), -2
 #: What the rate of the preload may be at the start and after a change, 1/s of stepping; its change
@@ -306,12 +309,31 @@ class Tracker(ReadingFilter):
 
         The last one stays where there is none.
         """
-        theta, self.lost = self.theta, False
+        theta, self.lost = self.theta.copy(), False
         if np.abs(theta - self._centre).max() > within:
             near = np.abs(theta).max() <= FARTHEST
             changes = dict(zip(self.names, theta.tolist(), strict=True))
             model = self._origin.moved(changes) if near else None
             self.lost = model is None
             if model is not None:
-                self.model, self._centre = model, theta.copy()
+                self._keep_steps(model)
+                self.model, self._centre = model, theta
         return self.model
+
+    def _keep_steps(self, model: Model) -> None:
+        """Move the estimates so that the steps of the drives seen stay those in a new model.
+
+        The readings said what the steps are. The ringing that outlasts a cycle makes them wavy
+        functions of the parameters, of which the slopes know nothing.
+        """
+        drives = self.model.drives
+        if not drives:
+            return
+        slopes = np.array([self._first.slopes(one, self.names).step for one in drives])
+        bent = np.array([float(model.curve(p).step - self.model.curve(p).step) for p in drives])
+        bent -= slopes @ (self.theta - self._centre)
+        shared = self.covariance[THETA, THETA] @ slopes.T
+        known = slopes @ shared
+        known += _BENT * np.diag(np.diag(known))  # two drives may not agree
+        self.state = self.state.copy()
+        self.state[THETA] -= shared @ np.linalg.lstsq(known, bent, rcond=None)[0]

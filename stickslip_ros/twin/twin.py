@@ -137,6 +137,7 @@ class Twin:
         self._lost = False  # whether it has to be: nobody knows where the axis has gone
         self._old = math.inf, math.inf  # first and last time (s) of old readings in a row
         self._doubtful = -math.inf  # s, until when there is disorder
+        self._jumped = -math.inf  # s, when the position jumped last
         self._astray = False  # whether its cycles are not known, until it rests
         self._still = math.nan, math.nan  # since when (s) and where (m) it has not moved
         self._steady = -math.inf  # since when nothing was reported, s
@@ -258,6 +259,10 @@ class Twin:
         self._excess += z**2 - 1.0
         if tracker.jumped:
             self.troubles["jumps of the position"] += 1
+            # Steps of another size add up to a deviation as well, but not to a whole one at once.
+            step = tracker.step_size(self._drive)[0] if self._drive and motion.direction else 0.0
+            if abs(reading - expected) > abs(step) + abs(motion.distance) * bool(motion.direction):
+                self._jumped = t
             self._doubtful = self._doubtful if motion.direction else t + _DOUBT
         changed = False
         if motion.direction:
@@ -288,7 +293,8 @@ class Twin:
 
     def _change(self, seen: ProcessedReading) -> None:
         """Tell a change, and let the estimates find what holds now."""
-        onset, tracker = self.detector.onset, self.tracker
+        # What makes the position jump came then, such as a sensor with another gain.
+        onset, tracker = max(self.detector.onset, self._jumped), self.tracker
         self._before = next((known for one, known in self._seen if one.t > onset), tracker)
         assert self._drive
         step = self._before.step_size(self._drive)[0]

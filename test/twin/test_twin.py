@@ -412,3 +412,47 @@ def test_a_reading_in_the_ringing_is_no_better_anchor_than_it_is() -> None:
     filtered.move(0.0, np.zeros(1), 0.0)
     *_, z = filtered.read(5e-9 + 1e-8, Blur())
     assert abs(z) == pytest.approx(1e-8 / math.sqrt(1e-16 + 8e-18))
+
+
+def _in_moves(changes: dict[str, float], moves: int, gain: float = 1.0) -> Twin:
+    """Return the twin of an axis in moves of 363 Hz to and fro, which changes after a quarter.
+
+    At this frequency the ringing outlasts a cycle. gain is that of the sensor from then on.
+    """
+    p, random, t = Parameters.of(preload=0.341, frequency=363.0, amplitude=288.0), _random(), 0.2
+    axis, twin, seen = Axis(p), Twin(p), 1.0
+    for number in range(moves):
+        steps = int((-1) ** number * random.integers(30, 200))
+        if number == moves // 4:
+            axis.set_parameters(changes)
+            seen = gain
+        axis.advance(t)
+        axis.command_steps(steps)
+        twin.command(TwinCommand(t, "steps", float(steps)))
+        end = t + abs(steps) / 363.0 + random.uniform(0.1, 0.4)
+        for now in np.arange(t, end, 0.005).tolist():
+            axis.advance(now)
+            twin.measure(now, seen * axis.state.x + 2e-9 * random.standard_normal())
+        t = end
+    twin.settle()
+    return twin
+
+
+def test_a_step_that_waves_with_the_parameters_is_no_change() -> None:
+    """What is known of the parameters moves by 5 % along what the step does not show."""
+    twin = _in_moves({}, 24)
+    assert not twin.changes
+    (step,) = (one for one in twin.estimates() if one.name == "step size")
+    assert abs(abs(step.value) - 125.725e-9) < 0.05e-9
+
+
+def test_a_force_is_named_and_told_once() -> None:
+    (force,) = _in_moves({"force": 6e-3}, 16).changes
+    assert force.verdict and force.verdict.cause == "force"
+    assert abs(force.verdict.sizes["force"] - 6e-3) < 6e-4
+
+
+def test_a_sensor_that_makes_the_position_jump_is_judged_from_there_on() -> None:
+    (sensor,) = _in_moves({}, 8, gain=1.03).changes
+    assert sensor.verdict and "sensor gain" in sensor.verdict.possible
+    assert abs(sensor.verdict.sizes["sensor gain"] - np.log(1.03)) < 3e-3

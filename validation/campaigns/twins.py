@@ -5,9 +5,9 @@
 
 WHAT is alarms (runs without a change), told (changes of the preload by 20 and 5 %), intervals
 (random axes from what the twin holds for likely, and a prediction of 500 steps of each), moves
-(open loop, in COUNT parts, while the preload falls by 30 %) or causes (each cause, seen at two
-amplitudes and two frequencies). The motion of alarms and told is integrated once; noise is another
-one in every run.
+(open loop, in COUNT parts, while the preload falls by 30 %) or causes (a change of each at random,
+in moves at random with one drive or two). The motion of alarms and told is integrated once; noise
+is another one in every run.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from scipy.stats import chi2
 
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
+from stickslip_ros.twin.changes import CAUSES
 from stickslip_ros.twin.timeline import OperatingPoint
 from stickslip_ros.twin.tracker import THETA
 from validation.campaigns.arguments import arguments
@@ -160,49 +161,94 @@ def moves(count: int, first: int) -> None:
         )
 
 
-CAUSES = {
-    "preload": Hidden(preload=0.8), "payload": Hidden(payload=1e-3),
-    "amplifier": Hidden(amplifier=0.95), "sensor gain": Hidden(sensor=0.95),
-    "temperature": Hidden(warmer=10.0), "place": Hidden(preload=0.8),
-}  # fmt: skip
+_DRIVE = ("amplitude", "frequency")
+
+
+def _drawn_cause(name: str, random: np.random.Generator) -> Hidden:
+    """Return a change of a size that a laboratory would want to be told."""
+    sign, share = float(random.choice([-1.0, 1.0])), float(random.uniform(0.0, 1.0))
+    return {
+        "preload": Hidden(preload=1.0 + sign * (0.05 + 0.15 * share)),
+        "payload": Hidden(payload=5e-4 + 2.5e-3 * share),
+        "amplifier": Hidden(amplifier=1.0 + sign * (0.01 + 0.04 * share)),
+        "sensor gain": Hidden(sensor=1.0 + sign * (0.01 + 0.04 * share)),
+        "breakaway distance": Hidden(breakaway=1.0 + sign * (0.1 + 0.2 * share)),
+        "force": Hidden(force=sign * (2e-3 + 8e-3 * share)),
+        "temperature": Hidden(warmer=sign * (5.0 + 15.0 * share)),
+        "place": Hidden(preload=1.0 + sign * (0.05 + 0.15 * share)),
+        "nothing": Hidden(),
+    }[name]
+
+
+def _changed(hidden: Hidden) -> dict[str, float]:
+    return {key: one for key, one in vars(hidden).items() if one != getattr(Hidden(), key)}
+
+
+def _outcome(twin: Twin, name: str) -> str:
+    """Return what the first verdict of a twin is worth if this is the true cause."""
+    if name == "nothing":
+        return "alarmed" if twin.changes else "right"
+    verdict = next((one.verdict for one in twin.changes if one.verdict), None)
+    if verdict is None:
+        return "told, not judged" if twin.changes else "not told"
+    if not verdict.explained:
+        return "unlike the model"
+    if verdict.cause:
+        return "right" if verdict.cause == name else "wrong"
+    return "open" if name in verdict.possible else "open without the true one"
 
 
 def causes(count: int, first: int) -> None:
-    """Print which cause is named, and whether the true one is among those left."""
-    p = P.replace(friction_temperature=2e-3, gain_temperature=1e-3)
-    totals: Counter[str] = Counter()
+    """Print which cause is named, of drives, sizes and moves at random; one drive or two."""
+    totals: dict[str, Counter[str]] = {}
     for seed in range(first, first + count):
-        for name, hidden in CAUSES.items():
+        for name in (*CAUSES, "nothing"):
+            random = np.random.default_rng([seed, 60])
+            drives = [
+                (float(random.integers(180, 301)), float(random.integers(80, 401)))
+                for _ in range(1 + seed % 2)
+            ]
+            amplitude, frequency = drives[0]
+            p = Parameters.of(
+                preload=float(random.uniform(0.3, 0.6)), amplitude=amplitude, frequency=frequency,
+                friction_temperature=2e-3, gain_temperature=1e-3,
+            )  # fmt: skip
+            hidden, begun = _drawn_cause(name, random), [(math.inf, 0.0)]
 
-            def story(t: float, x: float, name: str = name, hidden: Hidden = hidden) -> Hidden:
-                if name == "place":
-                    return hidden if x > 2e-5 else Hidden()
-                return hidden if t >= 1.5 else Hidden()
+            def story(
+                t: float,
+                x: float,
+                hidden: Hidden = hidden,
+                begun: list[tuple[float, float]] = begun,
+                name: str = name,
+            ) -> Hidden:
+                (when, where) = begun[0]
+                return hidden if t >= when and (name != "place" or x > where) else Hidden()
 
-            axis = RealAxis(p, story, seed=seed)
-            axis.step(200)
-            for volts, hertz, steps in (
-                (300.0, 100.0, 40), (150.0, 100.0, -50), (300.0, 500.0, -60), (300.0, 500.0, -100),
-                (300.0, 100.0, 60), (150.0, 500.0, 150), (300.0, 100.0, 40),
-            ):  # fmt: skip
-                axis.command("amplitude", volts)
-                axis.command("frequency", hertz)
-                axis.step(steps)
+            axis = RealAxis(p, story, rate=200.0, seed=seed)
+            for move in range(16):
+                if move == 8:
+                    begun[0] = axis.t, axis.x
+                for what, value in zip(_DRIVE, drives[move % len(drives)], strict=True):
+                    if axis.p.value(what) != value:
+                        axis.command(what, value)
+                axis.step(int(random.choice([-1, 1]) * random.integers(30, 100)))
+                axis.rest(float(random.uniform(0.1, 0.4)))
             twin = Twin(p)
             for _ in feed(twin, axis.log):
                 pass
-            verdicts = [one.verdict for one in twin.changes if one.verdict]
-            if not verdicts:
-                outcome = "not told"
-            elif verdicts[0].cause == name:
-                outcome = "right"
-            elif verdicts[0].cause or not verdicts[0].explained:
-                outcome = "wrong"
-            else:
-                outcome = "open" if name in verdicts[0].possible else "open without the true one"
-            totals[outcome] += 1
-            print(name, seed, outcome, [one.text for one in twin.changes], flush=True)
-    print(dict(totals))
+            outcome = _outcome(twin, name)
+            totals.setdefault(name, Counter())[outcome] += 1
+            print(
+                name,
+                seed,
+                outcome,
+                _changed(hidden),
+                [one.text for one in twin.changes],
+                flush=True,
+            )
+    for name, found in totals.items():
+        print(name, dict(found))
 
 
 if __name__ == "__main__":
