@@ -236,9 +236,9 @@ def joint_set() -> Result:
         "backstep": share,
         "vibration": ringing,
         "preload at which the straight fall of the steps ends": zero_preload(JOINT),
-        "maximum of the force, constant stiffness, at": constant,
-        "maximum of the force, linear stiffness, at": linear,
-        "level of the force, linear over constant": new.gain,
+        "preload at the maximum of Fig. 15, constant sigma_0 (CEIM)": constant,
+        "preload at the maximum of Fig. 15, linear sigma_0 (CEIM)": linear,
+        "largest force of Fig. 15, linear over constant sigma_0": new.gain,
     }
     printed, ours = np.array(_SEVEN), np.array(list(values.values()))
     before = np.array([*was, zero_preload(TABLE_1), old_constant, old_linear, old.gain])
