@@ -44,9 +44,15 @@ from stickslip_ros.twin.tracker import THETA, ProcessedReading, ReadingFilter, T
 SHIFTS = np.array([sign * size for size in (0.25, 0.5, 1.0, 2.0, 3.0) for sign in (1.0, -1.0)])
 #: Deviations beyond which a reading counts no more: two glitches alone make no alarm
 _CUT = 3.0
-#: Sizes that the kernel solves in a round of the search but the first, which is the cause's own;
-#: rounds, each about the best of the one before; likely sizes of a round that is fine enough
+#: Sizes that the kernel solves in a round about a peak of the likelihood; rounds, each about the
+#: best of the one before; likely sizes of a round that is fine enough
 _SOLVED, _ROUNDS, _BROAD = 9, 4, 5
+#: Peaks that are looked into
+_PEAKS = 4
+#: Sizes that the kernel solves at first: at least, for each turn of the ringing, at most
+_FEWEST, _PER_TURN, _MOST = 17, 6, 257
+#: Ringing at the end of a cycle, as a fraction of the step, that does not move the next step
+_FAINT = 1e-4
 #: Sizes of a cause of which it is looked whether there is such an axis
 _TRIED = 65
 #: Readings at rest from which on those between do not count
@@ -110,8 +116,7 @@ class Cause:
     unit: str = ""  #: of what is added to the parameter; without one a size is a logarithm
     #: whether the change stands at the place where it came and beyond, and not elsewhere
     local: bool = False
-    #: sizes from low to high that are solved at first; moves in between are interpolated
-    solved: int = 9
+    turns: bool = False  #: whether it turns the phase that the ringing has at the next slip
 
     def applied(self, p: Parameters, size: float) -> Parameters:
         """Return the parameters of the axis after the cause."""
@@ -133,15 +138,14 @@ class Cause:
 
 
 CAUSES: Mapping[str, Cause] = {
-    # Mass and stiffness turn the phase of the ringing at the next slip, several times.
-    "preload": Cause("preload", -0.9, 0.7, solved=65),
-    "payload": Cause("mass", -0.5, 0.9, solved=65),
+    "preload": Cause("preload", -0.9, 0.7, turns=True),
+    "payload": Cause("mass", -0.5, 0.9, turns=True),
     "amplifier": Cause("gain", -0.4, 0.3),
-    "breakaway distance": Cause("z_ba", -0.7, 0.5, solved=17),
-    "force": Cause("force", -0.03, 0.03, "N", solved=17),
+    "breakaway distance": Cause("z_ba", -0.7, 0.5),
+    "force": Cause("force", -0.03, 0.03, "N"),
     "sensor gain": Cause("", -0.3, 0.3),
     "temperature": Cause("temperature", -40.0, 60.0, "K"),
-    "place": Cause("preload", -0.9, 0.7, local=True, solved=65),
+    "place": Cause("preload", -0.9, 0.7, local=True, turns=True),
 }
 
 
@@ -218,27 +222,60 @@ class ReadingsSince:
         Sizes are sought with the slopes of before the change, which hold for others only roughly;
         the best are judged by slopes of their own.
         """
-        reach, count = (low, high), cause.solved
-        for judged in (False, True):
-            for _ in range(_ROUNDS):
-                if judged:
-                    sizes = np.linspace(low, high, _SOLVED)
-                    logs = yield from self._judge(cause, sizes, blurs)
-                else:
-                    solved = np.linspace(low, high, count)
-                    sizes = np.linspace(low, high, 2 * count + 3)
-                    moves = yield from self._moves(self.before.model.p, cause, solved)
-                    moves = CubicSpline(solved, moves)(sizes)
-                    logs, _ = yield from self._likelihood(moves, blurs, self._slopes_before)
-                k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
-                if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
-                    break
-                low, high = max(reach[0], sizes[k] - width), min(reach[1], sizes[k] + width)
-                count = _SOLVED
-            likely = np.flatnonzero(logs > logs[k] - 8.0)
-            low = max(reach[0], float(sizes[likely[0]]) - width)
-            high = min(reach[1], float(sizes[likely[-1]]) + width)
-        return float(sizes[k]), float(logs[k])
+        reach, count = (low, high), self._to_solve(cause, low, high)
+        sizes, logs = yield from self._scan(cause, np.linspace(low, high, count), blurs)
+        edged = np.concatenate(([-np.inf], logs, [-np.inf]))
+        peaks = np.flatnonzero((logs >= edged[:-2]) & (logs >= edged[2:]))
+        width, found = float(sizes[1] - sizes[0]), []
+        for k in sorted(peaks, key=lambda k: -logs[k])[:_PEAKS]:
+            found.append((yield from self._climb(cause, reach, float(sizes[k]), width, blurs)))
+        size, _, width = max(found, key=lambda one: one[1])
+        size, log, _ = yield from self._climb(cause, reach, size, width, blurs, judged=True)
+        return size, log
+
+    def _to_solve(self, cause: Cause, low: float, high: float) -> int:
+        """Return how many sizes show how the step of each drive waves between low and high."""
+        count = 0.0
+        for drive in self._parts if cause.turns else ():
+            curve = self.before.model.curve(drive)
+            if curve.lasting > _FAINT * abs(float(curve.step)):
+                # The frequency goes with the root of stiffness or mass.
+                turns = curve.ringing_frequency / drive.frequency * 0.5 * (high - low)
+                count = max(count, _PER_TURN * turns)
+        return min(max(_FEWEST, math.ceil(count)), _MOST)
+
+    def _scan(
+        self, cause: Cause, solved: Array, blurs: Sequence[Blur]
+    ) -> Pieces[tuple[Array, Array]]:
+        """Return sizes, closer than those solved, and logarithms of their likelihoods."""
+        moves = yield from self._moves(self.before.model.p, cause, solved)
+        sizes = np.linspace(solved[0], solved[-1], 2 * len(solved) + 3)
+        moves = CubicSpline(solved, moves)(sizes)
+        logs, _ = yield from self._likelihood(moves, blurs, self._slopes_before)
+        return sizes, logs
+
+    def _climb(
+        self,
+        cause: Cause,
+        reach: tuple[float, float],
+        size: float,
+        width: float,
+        blurs: Sequence[Blur],
+        judged: bool = False,
+    ) -> Pieces[tuple[float, float, float]]:
+        """Return the likeliest size within a width, its logarithm, and how wide the peak is."""
+        for _ in range(_ROUNDS):
+            sizes = np.linspace(max(reach[0], size - width), min(reach[1], size + width), _SOLVED)
+            if judged:
+                logs = yield from self._judge(cause, sizes, blurs)
+            else:
+                sizes, logs = yield from self._scan(cause, sizes, blurs)
+            k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
+            size, likely = float(sizes[k]), np.flatnonzero(logs > logs[k] - 8.0)
+            if 2.0 * width < 1e-6 or len(likely) > _BROAD:
+                break
+        around = max(size - float(sizes[likely[0]]), float(sizes[likely[-1]]) - size)
+        return size, float(logs[k]), around + width
 
     def _judge(self, cause: Cause, sizes: Array, blurs: Sequence[Blur]) -> Pieces[Array]:
         """Return logarithms of likelihoods of sizes (sizes,), each with slopes of its own."""

@@ -91,6 +91,11 @@ class CycleCurve:
         x = _between(self.x, within / _CYCLES) + np.multiply.outer(self.step, cycles - within)
         return np.asarray(x + _between(self.rest, np.minimum(rest / RESTED, 1.0)) * (rest > 0.0))
 
+    @property
+    def lasting(self) -> float:
+        """Root mean square of the ringing shortly before the next slip, m."""
+        return float(self.ringing[-1 - len(self.ringing) // (10 * _CYCLES)])
+
     def blur(self, piece: Piece, t: float, timing: float) -> Blur:
         """Return the blur of a reading at t (s) by ringing and an uncertain time.
 
