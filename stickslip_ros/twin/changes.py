@@ -48,11 +48,11 @@ _CUT = 3.0
 #: best of the one before; likely sizes of a round that is fine enough
 _SOLVED, _ROUNDS, _BROAD = 9, 4, 5
 #: Peaks that are looked into
-_PEAKS = 4
-#: Sizes that the kernel solves at first: at least, for each turn of the ringing, at most
-_FEWEST, _PER_TURN, _MOST = 17, 6, 257
+_PEAKS = 3
+#: Sizes that the kernel solves at first: of others, at least, for each turn of the ringing, at most
+_SMOOTH, _FEWEST, _PER_TURN, _MOST = 17, 65, 6, 257
 #: Ringing at the end of a cycle, as a fraction of the step, that does not move the next step
-_FAINT = 1e-4
+_FAINT = 1e-3
 #: Sizes of a cause of which it is looked whether there is such an axis
 _TRIED = 65
 #: Readings at rest from which on those between do not count
@@ -235,8 +235,10 @@ class ReadingsSince:
 
     def _to_solve(self, cause: Cause, low: float, high: float) -> int:
         """Return how many sizes show how the step of each drive waves between low and high."""
+        if not cause.turns:
+            return _SMOOTH
         count = 0.0
-        for drive in self._parts if cause.turns else ():
+        for drive in self._parts:
             curve = self.before.model.curve(drive)
             if curve.lasting > _FAINT * abs(float(curve.step)):
                 # The frequency goes with the root of stiffness or mass.
@@ -372,7 +374,7 @@ class ReadingsSince:
             _, deviation, z = likely.read(one.reading, blurs[k + 1])
             logs -= 0.5 * z**2 + math.log(deviation)
             squares += z**2
-            if k % _PIECE == 0:
+            if k % (_PIECE if len(moves) > 1 else 2 * _PIECE) == 0:  # one size takes less
                 yield None
         return logs, squares
 

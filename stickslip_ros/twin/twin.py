@@ -316,8 +316,10 @@ class Twin:
 
     def _continue_judging(self) -> None:
         """Judge the last change, later once more: a piece now and then."""
-        if self._judge_at and self._since >= self._judge_at:
+        if self._judge_at and self._since >= self._judge_at and not self._judging:
             again = self._judge_at * _AGAIN
+            while again <= self._since:
+                again *= _AGAIN
             self._judge_at = again if again <= _KEPT else 0
             self._judging, self._go_on_at = self._judge(self.changes[-1]), self.t
         if self._judging and self.t >= self._go_on_at:
@@ -329,9 +331,11 @@ class Twin:
         """Judge the last change by what there is: no more readings come."""
         if self._pending and self._judging is None:
             self._judge_at, self._judging = 0, self._judge(self.changes[-1])
-        for _ in self._judging or ():
-            pass
-        self._judging = None
+        while self._judging:
+            for _ in self._judging:
+                pass
+            self._judging = None
+            self._continue_judging()  # what was due meanwhile
 
     def _judge(self, change: Change) -> Pieces[None]:
         """Judge a change by all readings since; those that come meanwhile count at the end."""

@@ -447,7 +447,7 @@ def test_a_step_that_waves_with_the_parameters_is_no_change() -> None:
 
 
 def test_a_force_is_named_and_told_once() -> None:
-    (force,) = _in_moves({"force": 6e-3}, 16).changes
+    (force,) = _in_moves({"force": 6e-3}, 12).changes
     assert force.verdict and force.verdict.cause == "force"
     assert abs(force.verdict.sizes["force"] - 6e-3) < 6e-4
 
