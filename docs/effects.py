@@ -13,6 +13,7 @@ import numpy as np
 
 matplotlib.use("agg")
 
+from cycler import cycler
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 
@@ -38,7 +39,7 @@ def sensor(axes: Axes) -> None:
         },
     }.items():  # fmt: skip
         seen = ss.simulate(steps=2, **{**exact, **values}).readings.between(0.0297, 0.0312)
-        axes.plot(1e3 * (seen.t - 0.02), 1e9 * seen.x, label=label, linewidth=1)
+        axes.plot(1e3 * (seen.t - 0.02), 1e9 * seen.x, label=label, linewidth=1.3)
     axes.set(xlabel="time since the start of the cycle (ms)", ylabel="reading (nm)")
 
 
@@ -55,7 +56,7 @@ def slip(axes: Axes) -> None:
         simulation = simulation_of(p, Plant.of(p))
         simulation.start(command_of(p), 2)
         t = np.linspace(9.9e-4, 1.02e-3, 1500)
-        axes.plot(1e6 * (t - 1e-3), 1e9 * simulation.sample(t).u, label=label, linewidth=1)
+        axes.plot(1e6 * (t - 1e-3), 1e9 * simulation.sample(t).u, label=label, linewidth=1.3)
     axes.set(xlabel="time since the end of the slip (us)", ylabel="deflection (nm)")
 
 
@@ -77,7 +78,7 @@ def creep(axes: Axes) -> None:
             if k in commands:
                 axis.command_scan(commands[k])
             found.append(1e9 * axis.state.u)
-        axes.plot(times, found, label=label, linewidth=1)
+        axes.plot(times, found, label=label, linewidth=1.3)
     axes.set(xlabel="time (s)", ylabel="deflection (nm)")
 
 
@@ -89,7 +90,7 @@ def surface(axes: Axes) -> None:
         simulation.start(command_of(p, sign), 100)
         start = simulation.x
         x = np.append(start, simulation.run_cycles(100).position)
-        axes.plot(1e6 * x[:-1], 1e9 * np.abs(np.diff(x)), ".-", label=label, linewidth=1)
+        axes.plot(1e6 * x[:-1], 1e9 * np.abs(np.diff(x)), ".-", label=label, linewidth=1.3)
     axes.set(xlabel="position (um)", ylabel="step (nm)")
 
 
@@ -106,7 +107,7 @@ def contacts(axes: Axes) -> None:
         simulation.run_cycles(1)
         t = 2e-3 + np.linspace(-5e-5, 3e-4, 3000)
         x = 1e9 * simulation.sample(t).x
-        axes.plot(1e6 * (t - 2e-3), x - x[0], label=label, linewidth=1)
+        axes.plot(1e6 * (t - 2e-3), x - x[0], label=label, linewidth=1.3)
     axes.set(xlabel="time since the end of the slip (us)", ylabel="moved (nm)")
 
 
@@ -123,18 +124,20 @@ def ageing(axes: Axes) -> None:
         t = start + np.linspace(9.9e-3, 11e-3, 1500)
         x = 1e9 * simulation.sample(t).x
         label = f"after {rest:g} s" if rest else "in a move"
-        axes.plot(1e3 * (t - start - 0.01), x - x[0], label=label, linewidth=1)
+        axes.plot(1e3 * (t - start - 0.01), x - x[0], label=label, linewidth=1.3)
     axes.set(xlabel="time since the end of the slip (ms)", ylabel="moved since the stick (nm)")
 
 
 def main() -> None:
     """Draw all."""
+    colours = pyplot.rcParams["axes.prop_cycle"][:4]
+    pyplot.rcParams["axes.prop_cycle"] = colours + cycler(linestyle=["-", "--", "-.", ":"])
     for draw in (sensor, slip, creep, contacts, surface, ageing):
         figure, axes = pyplot.subplots(figsize=(7.0, 3.2), layout="constrained")
         draw(axes)
         axes.grid(alpha=0.3)
         axes.legend(fontsize="small")
-        figure.savefig(PAGES / f"effects_{draw.__name__}.png", dpi=80)
+        figure.savefig(PAGES / f"effects_{draw.__name__}.png", dpi=115)
         pyplot.close(figure)
 
 

@@ -205,6 +205,8 @@ _COLOURS = {
     "black": "#222222", "grey": "#8c8c8c", "red": "#d3321d",
     "blue_1": "#9ecae1", "blue_2": "#4292c6", "blue_3": "#1f4e9c", "blue_4": "#0b2a5b",
 }  # fmt: skip
+#: Solid lines of these colours are drawn so that they differ in grey, too.
+_FORMS = {"lugre": "--", "epm": "-.", "red": "--", "blue_2": "--", "blue_4": "-."}
 
 
 class ChartCurve(NamedTuple):
@@ -295,13 +297,14 @@ def _draw_curve(axes: Axes, one: Panel, curve: ChartCurve, tables: Mapping[str, 
     table = tables[curve.of + one.table]
     x, y = one.scales[0] * table[one.x], one.scales[1] * table[curve.column]
     look: dict[str, Any] = {"color": _COLOURS[curve.colour], "label": curve.label or None}
+    form = _FORMS.get(curve.colour, "-") if curve.form == "-" else curve.form
     if curve.error:
         deviation = one.scales[1] * table[curve.error]
-        axes.errorbar(x, y, deviation, fmt=curve.form, markersize=4, capsize=3, **look)
+        axes.errorbar(x, y, deviation, fmt=form, markersize=4, capsize=3, **look)
     else:
         # Circles without a line are open, so that a curve below them is seen.
         fill = "none" if curve.form == "o" else look["color"]
-        axes.plot(x, y, curve.form, markersize=4, markerfacecolor=fill, **look)
+        axes.plot(x, y, form, markersize=4, markerfacecolor=fill, **look)
     return float(np.nanmax(y))
 
 
