@@ -87,6 +87,8 @@ if __name__ == "__main__":
 '''
 
 ITS_TEST = """
+import socket
+
 import pytest
 from rclpy.parameter import Parameter
 from robot import Robot
@@ -111,6 +113,18 @@ def test_all_stop_when_one_fails(stickslip_world, failing):
     assert robot.stuck == failing + "_slider"
     for client in world.clients.values():
         client.wait_for_state("stopped", 1.0)
+
+
+@pytest.mark.stickslip(preload=1.0, frequency=1000.0)
+class TestHeavy:
+    @pytest.mark.stickslip(axes=["x", "y"], x={"preload": 0.7}, emulate="mcs")
+    def test_the_nearest_marker_wins_behind_a_controller_too(self, stickslip_world):
+        x, y = stickslip_world.clients.values()
+        assert (x.parameters["preload"], y.parameters["preload"]) == ("0.7", "1.0")
+        with socket.create_connection(("127.0.0.1", stickslip_world.port)) as client:
+            client.sendall(b":GNC\\n")
+            assert client.recv(100) == b":N2\\n"
+        assert x.step(10).wait().steps_done == y.step(-5).wait().steps_done + 15
 """
 
 
@@ -226,4 +240,4 @@ def test_my_node_and_the_example_in_pytest(tmp_path: Path) -> None:
     options = ("-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider", "--strict-markers")
     done = python("-m", "pytest", *options, cwd=tmp_path, **own)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "4 passed" in done.stdout
+    assert "5 passed" in done.stdout

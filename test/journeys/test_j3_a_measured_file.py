@@ -6,6 +6,7 @@ The motion is by an integrator of its own, in `bench_traces`; another one runs w
 
 import csv
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -97,6 +98,10 @@ def test_a_measured_file(forth: Bench, both_ways: Bench, tmp_path: Path) -> None
     assert told["differing"] == []
     page = (tmp_path / "fit.html").read_text(encoding="utf-8")
     assert "sigma_0ss" in page and "vor.csv" in page
+    assert re.findall(r'<div class="plot" id="([^"]+)"', page) == ["run-0", "folded-0", "profiles"]
+    known = page.partition("What was taken as known")[2]
+    assert "slewrate" in known and "max_frequency" not in known  # which does not matter
+    assert "# sigma_0: " in (tmp_path / "fitted.yaml").read_text(encoding="utf-8")
 
     # And another integrator makes the measured steps of the fitted file.
     fitted = read_yaml(tmp_path / "fitted.yaml")

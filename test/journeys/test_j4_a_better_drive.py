@@ -81,10 +81,13 @@ def test_a_better_drive(folder: Path) -> None:
 
 def test_the_same_drive_on_a_page(folder: Path, start_module: Start) -> None:
     """The curves of `explore` are those of `simulate`."""
-    page = start_module("stickslip_ros", "explore", "--no-browser", "--config", "mine.yaml")
+    words = ("--no-browser", "--config", "mine.yaml", "--measurement", "steps_100hz.csv")
+    page = start_module("stickslip_ros", "explore", *words)
     page.wait_for("explore at http://127.0.0.1:")
     port = int(page.output.split("127.0.0.1:")[1].split("/")[0])
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+    connection.request("GET", "/")
+    assert "steps_100hz.csv" in connection.getresponse().read().decode()
     connection.request("GET", "/curves?preload=0.8")
     found = json.loads(connection.getresponse().read())
     connection.close()

@@ -83,7 +83,19 @@ def test_pipython_references_moves_stops_and_meets_a_limit(tmp_path: Path) -> No
             wait_until(lambda: device.qPOS("1")["1"] < 0.01, "it moves")
             device.StopAll(noraise=True)
             wait_until(lambda: not device.IsMoving("1")["1"], "it stops")
-            rest = device.qPOS("1")["1"]
+            with pytest.raises(pipython.GCSError, match="10"):  # stopped
+                device.HLT()
+            assert device.qSPA(["1"], [0x14]) == {"1": {0x14: 1}}
+            assert (device.qCCL(), device.qTVI().strip()) == (0, "1")
+            pitools.startup(device, refmodes="POS")
+            device.MOV("1", 0.001)
+            pitools.waitontarget(device, "1", polldelay=0.01)
+            assert device.qSRG("1", 1)["1"][1] & 0x9000  # on target, with its servo
+            device.DFH("1")
+            assert device.qPOS("1")["1"] == pytest.approx(0.0, abs=1e-4)
+            assert device.qDFH("1")["1"] == pytest.approx(0.001, abs=1e-4)
+            device.RBT()
+            assert (device.qSVO()["1"], device.qFRF()["1"]) == (False, False)
             with pytest.raises(pipython.GCSError, match="15"):  # there is no second axis
                 device.send("MVR 2 0.001")
         controller.end(axes=1)
@@ -91,7 +103,6 @@ def test_pipython_references_moves_stops_and_meets_a_limit(tmp_path: Path) -> No
     truth = [1e3 * float(one.position[0]) for one in controller.recorded("/x/truth")]
     for target in targets:
         assert min(abs(x - target) for x in truth) < 1e-4
-    assert truth[-1] == pytest.approx(rest, abs=1e-4)
 
 
 def test_pymeasure_steps_jogs_and_finds_a_slot_empty(tmp_path: Path) -> None:
@@ -103,16 +114,22 @@ def test_pymeasure_steps_jogs_and_finds_a_slot_empty(tmp_path: Path) -> None:
             f"TCPIP::127.0.0.1::{controller.port}::SOCKET", axisnames=["x", "y", "z"],
             passwd="123456", visa_library="@py",
         )  # fmt: skip
+        assert "attocube" in device.version
+        with pytest.raises(ValueError, match="Axis in wrong mode"):
+            device.x.move_raw(3)
+        assert device.x.measure_capacity() == device.x.capacity > 0.0
+        assert device.x.pattern_up == list(range(256))
         for axis in (device.x, device.y):
             axis.voltage, axis.frequency = 100, 1000
-        device.x.move(40, gnd=False)
         device.y.move(-15, gnd=False)
+        device.x.move(5, gnd=False)
+        device.x.move_raw(float("inf"))
+        device.ask("stepw 1")  # answered at the limit, although nobody stops it
         with pytest.raises(ValueError, match="Wrong axis type"):
             device.z.mode = "stp"
         device.adapter.close()
         controller.end(axes=2)
-    for axis, count in (("x", 40), ("y", -15)):
-        ends = [float(one.position[0]) for one in controller.recorded(f"/{axis}/truth")]
-        p = Parameters.of({**DRIVE, "amplitude": 100.0})
-        expected = positions(p, abs(count), rest=0.5)[-1]
-        assert abs(ends[-1]) == pytest.approx(expected, abs=abs(count) * 0.01e-9), axis
+    x, y = (float(controller.recorded(f"/{axis}/truth")[-1].position[0]) for axis in "xy")
+    assert x == pytest.approx(20e-6, abs=0.6e-6)  # and it has rung down
+    made = positions(Parameters.of({**DRIVE, "amplitude": 100.0}), 15, rest=0.5)[-1]
+    assert y == pytest.approx(-made, abs=0.15e-9)

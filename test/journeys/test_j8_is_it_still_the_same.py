@@ -65,7 +65,8 @@ def test_a_table_of_an_axis(name: str, tmp_path: Path) -> None:
     hidden, right = CHANGES[name]
     axis = write_tables(tmp_path, hidden)
     words = ["twin", "axis.csv", "--drive", "commands.csv", "--config", "drive.yaml"]
-    words += ["--predict-steps", "100", "--report", "twin.html", "--json"]
+    words += ["--predict-steps", "100", "--predict-position", "60um", "--json"]
+    words += ["--report", "twin.html", "--plot", "twin.png", "--table", "twin.csv"]
     found: dict[str, Any] = json.loads(stickslip(tmp_path, *words, code=int(bool(right))))
     assert len(found["changes"]) == bool(right), found["changes"]
     for change in found["changes"]:
@@ -76,9 +77,13 @@ def test_a_table_of_an_axis(name: str, tmp_path: Path) -> None:
         if len(named) > 1 and max(posterior.values()) < 0.95:
             assert "cannot be distinguished" in change["text"]
     assert "Residual" in (tmp_path / "twin.html").read_text(encoding="utf-8")
+    assert (tmp_path / "twin.png").stat().st_size > 5000
+    seen = len((tmp_path / "twin.csv").read_text().splitlines())
+    assert seen > 0.9 * len((tmp_path / "axis.csv").read_text().splitlines())
 
     # Where a hundred steps more of the same axis end, it says itself.
-    (told,) = found["predictions"]
+    told, there = found["predictions"]
+    assert abs(there["position"] - 60e-6) < 70e-9  # within half a step
     axis.step(100)
     axis.rest(0.05)
     assert right or told["low"] <= axis.x <= told["high"]
