@@ -29,8 +29,10 @@ from table_1 import TABLE_1
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-# Programs that tests start find the bytecode that the first of them leaves.
+# Programs that tests start find the bytecode that the first of them leaves, and so does the next
+# run: to rewrite the assertions of all tests takes each worker twenty seconds.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # The threads of linear algebra on small matrices wait for each other, busily.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A shell that runs the tests in the background has them ignore Ctrl-C, and so would the programs

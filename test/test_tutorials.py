@@ -64,7 +64,7 @@ def test_the_pictures_are_what_their_program_draws(tmp_path: Path) -> None:
     assert {picture.stem for picture in tmp_path.glob("*.png")} == PICTURED
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_notebook_runs() -> None:
     """Its cells in their order; what the last line of each returns shows itself."""
     matplotlib = pytest.importorskip("matplotlib")

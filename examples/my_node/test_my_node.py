@@ -5,7 +5,7 @@ import pytest
 from my_node import Guard
 from rclpy.parameter import Parameter
 
-pytestmark = pytest.mark.stickslip(frequency=1000.0)
+pytestmark = pytest.mark.stickslip(frequency=1000.0, own_time=True)
 
 
 @pytest.fixture

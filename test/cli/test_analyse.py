@@ -4,7 +4,6 @@
 import csv
 import json
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -26,13 +25,6 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("analyse") / "run.csv"
     save_csv(trace_steps(table_1(), 4), path)
     return path
-
-
-def bench_there_and_back() -> Bench:
-    """Runs there and back with rests, by an integrator of its own."""
-    drives = (Drive(12, 500.0, pause=0.005), Drive(9, 500.0, direction=-1, pause=0.006))
-    sensor = Sensor(rate=100e3, noise=1e-9, offset=0.25, zero=3e-7)
-    return bench_trace(Axis(), drives, sensor, rest=0.006)
 
 
 def write_bench(path: Path, bench: Bench, header: str, *factors: float) -> None:
@@ -100,37 +92,6 @@ def test_a_drive_faster_than_the_samples_is_said(
         np.savetxt(path, table, delimiter=",", header="t (s),x (m),u (m)", comments="")
         assert main(["analyse", str(path), *options]) == code
         assert words in capsys.readouterr().err
-
-
-def test_a_measurement_of_any_table_is_analysed(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Nothing is told but units; picture and page show the same."""
-    bench, path = bench_there_and_back(), tmp_path / "bench.csv"
-    write_bench(path, bench, "t (ms),x (nm)", 1e3, 1e9)
-    page, picture = tmp_path / "bench.html", tmp_path / "bench.svg"
-    files = ["--plot", str(picture), "--report", str(page)]
-    assert main(["analyse", str(path), "--json", *files]) == 0
-    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert found["steps"] == 21
-    assert found["step_size"] == found["runs"][found["of_run"] - 1]["step_size"]
-    for run, true in zip(found["runs"], bench.runs, strict=True):
-        assert (run["steps"], run["direction"]) == (true.steps, true.direction)
-        assert run["frequency"] == pytest.approx(500.0, rel=1e-3)
-        assert run["start"] == pytest.approx(true.start, abs=0.3 / 500.0)
-        assert abs(run["step_size"] - true.step_size) < 3.0 * run["step_size_error"]
-        assert run["step_size_error"] < 0.3e-9
-        assert run["explained"] and run["determined"]
-    svg = ElementTree.fromstring(picture.read_text(encoding="utf-8"))
-    assert svg.tag.endswith("}svg")
-    text = page.read_text(encoding="utf-8")
-    assert "1, forward" in text
-    assert "2, backward" in text
-    data = json.loads(text.split('id="data">')[1].split("</script>")[0])
-    assert set(data) == {"overview", "steps", "slip"}
-    marked = data["overview"]["layout"]["shapes"]  # in ms, as the axis says
-    begins = [run.start for run in bench.runs]
-    assert [1e-3 * one["x0"] for one in marked] == pytest.approx(begins, abs=1e-4)
 
 
 def test_drift_and_hum_are_told_and_taken_out(

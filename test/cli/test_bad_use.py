@@ -55,7 +55,11 @@ ROWS = [
     ("sweep", "--vary preload=1:2:3 --out three.csv", ["is not the table of a sweep: name"]),
     ("sweep", "--vary preload=1:2:3 --out a.png", ["FILE.csv", "--plot writes a picture"]),
     ("sweep", "--vary preload=1:2:3 --cluster tcp://nowhere", ["no cluster answers", "give local"]),
-    ("sweep", "--vary preload=1:2:3 --out /nowhere/a.csv", ["cannot write /nowhere/a.csv"]),
+    (
+        "sweep",
+        "--vary preload=1:2:3 --out /proc/nowhere/a.csv",
+        ["cannot write /proc/nowhere/a.csv"],
+    ),
     ("sweep", "--vary preload=1:2:3 --table no/t.csv", ["cannot write no/t.csv"]),
     ("sweep", "--vary preload=1:2:3 --set amplitude=400 --out a.csv", ["no point of the sweep"]),
     (
@@ -77,6 +81,7 @@ ROWS = [
     ("identify", "--prior sigma_0=9N/um:0N/um", ["deviation of 0; it has to be above 0"]),
     ("identify", "--bounds sigma_0=a:b", ["write it as NAME=LOW:HIGH"]),
     ("identify", "--fit nothing", ["there is no parameter 'nothing'"]),
+    ("identify", "--run steps_100hz.csv table1_typical.yaml", ["is a parameter file; give it"]),
     ("identify", "--laws ceim,dahl", ["dahl is no law to rank"]),
     ("identify", "--out no/such/folder/fitted.yaml", ["no/such/folder"]),
     ("identify", "--report no/such/folder/fit.html", ["no/such/folder"]),

@@ -88,16 +88,6 @@ def test_the_file_of_the_drive_is_named_as_everywhere(
         assert complaint in capsys.readouterr().err
 
 
-def test_assignments_change_the_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Our own parameter files go by their names, too."""
-    run = ["compare", "table1_typical", str(folder / "axis.csv"), "--json"]
-    arguments = [*run, "--set", "sigma_1=10"]
-    assert main(arguments) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["differing"] == []
-    assert found["rmse"] == pytest.approx(1e-9, rel=0.1)
-
-
 def test_the_metrics_go_into_a_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["compare", str(folder / "run.csv"), str(folder / "axis.csv"), "--json", "--table"]
     assert main([*arguments, str(folder / "metrics.csv")]) == 0

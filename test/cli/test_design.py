@@ -6,12 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import Parameters, read_yaml
+from stickslip_ros.parameters import Parameters
 
 
 def test_table_5_is_what_it_prints(capsys: pytest.CaptureFixture[str]) -> None:
@@ -29,37 +27,6 @@ def test_json_in_si_units(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["forces"]["E"] == pytest.approx(0.5**0.5)  # upright: nothing across the axis
     assert found["sum"] == pytest.approx(sum(found["forces"].values()))
     assert found["ratio"] == pytest.approx(8.0**0.5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("arguments", "waveform"),
-    [
-        (["shape", "--set", "preload=1.0"], "shaped"),
-        (["elongate", "--set", "frequency=1e4"], "hold"),
-    ],
-)
-def test_json_table_and_file_say_the_same(
-    arguments: list[str], waveform: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    file = tmp_path / "found.yaml"
-    assert main([*arguments, "--json", "--out", str(file)]) == 0
-    output = capsys.readouterr()
-    assert output.err == ""
-    found = json.loads(output.out, parse_constant=pytest.fail)
-    p = Parameters.of(found["parameters"])
-    assert p.drive.waveform == waveform
-    assert read_yaml(file) == p
-    assert list(tmp_path.iterdir()) == [file]
-    position = run_steps(p, 300).position
-    step = (position[-1] - position[-51]) / 50
-    assert step == pytest.approx(found["step_after"], abs=2e-11)
-    assert main(arguments) == 0
-    table, _, lines = capsys.readouterr().out.partition("\n\n")
-    assert f"{1e9 * found['step_after']:.3f} nm" in table
-    printed = yaml.safe_load(lines)
-    assert printed == {name: p.flat()[name] for name in printed}
-    assert waveform in printed.values()
 
 
 @pytest.mark.slow

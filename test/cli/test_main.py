@@ -169,7 +169,9 @@ def test_a_full_disk_below_the_output_is_one_line() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
+)
 def test_a_signal_ends_long_work_at_once_with_130(number: signal.Signals) -> None:
     """On a terminal, where the progress bar shows when the work is under way.
 

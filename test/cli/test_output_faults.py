@@ -158,7 +158,7 @@ def test_without_a_home_and_an_environment(tmp_path: Path) -> None:
         [*COMMAND, *SIMULATE, "--trace", str(tmp_path / "trace.csv")],
         capture_output=True,
         text=True,
-        env={"PYTHONPATH": str(ROOT), "HOME": "/nowhere", "PATH": "/usr/bin:/bin"},
+        env={"PYTHONPATH": str(ROOT), "HOME": "/proc/nowhere", "PATH": "/usr/bin:/bin"},
         cwd=tmp_path,
     )
     assert (done.returncode, complaints(done.stderr)) == (0, "")

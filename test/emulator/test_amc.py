@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from live import wait_until
 
@@ -162,6 +162,7 @@ def test_what_cannot_be_is_an_error_with_a_text_and_changes_nothing(
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(
     st.lists(st.dictionaries(st.text(max_size=4), st.text(max_size=9), max_size=3), max_size=5),
     st.lists(st.integers(0, 200), max_size=6),

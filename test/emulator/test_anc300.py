@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The console of the ANC300: drivers of others, unmodified, and the dialogue byte by byte."""
+"""The console of the ANC300: drivers of others, unmodified, and the dialogue byte by byte.
+
+PyMeasure's is that of journey 5.
+"""
 
 import contextlib
-import json
 import os
 import pty
 import socket
@@ -15,24 +17,10 @@ from typing import Any
 
 import pytest
 from live import wait_until
-from table_1 import TABLE_1
 
-from stickslip_ros.axis import Axis
-from stickslip_ros.cli.main import main
 from stickslip_ros.emulator.anc300 import TelnetLines
 
 PASSWORD = "123456"
-DRIVE = {"amplitude": 120.0, "frequency": 400.0}
-
-
-def driver(port: int, *names: str) -> Any:
-    """Return PyMeasure's driver, as it comes from PyPI, connected to a port."""
-    attocube = pytest.importorskip("pymeasure.instruments.attocube")
-    pytest.importorskip("pyvisa_py")
-    address = f"TCPIP::127.0.0.1::{port}::SOCKET"
-    return attocube.ANC300Controller(
-        address, axisnames=list(names), passwd=PASSWORD, visa_library="@py", query_delay=0.01
-    )
 
 
 def test_no_voltage_ends_a_motion(emulate: Callable[..., Any]) -> None:
@@ -48,63 +36,7 @@ def test_no_voltage_ends_a_motion(emulate: Callable[..., Any]) -> None:
             assert time.monotonic() < end
 
 
-@pytest.mark.filterwarnings("ignore:read string doesn't end with termination")
-def test_pymeasure_steps_jogs_stops_and_reads(emulate: Callable[..., Any]) -> None:
-    emulated = emulate("anc300", {}, {})
-    axis = emulated.axes[0]
-    controller = driver(emulated.port, "x", "y")
-    x = controller.x
-    assert "attocube" in controller.version
-    x.voltage, x.frequency = DRIVE["amplitude"], DRIVE["frequency"]
-    assert (x.voltage, x.frequency, x.mode) == (120.0, 400, "gnd")
-    assert x.capacity > 0.0
-    with pytest.raises(ValueError, match="Axis in wrong mode"):
-        x.move_raw(3)
-    x.move(25, gnd=False)
-    assert emulated.look(lambda: axis.status.step_count) == 25
-    x.move(-5)
-    assert emulated.look(lambda: axis.status.step_count) == 20
-    x.mode = "stp"
-    x.move_raw(float("inf"))
-    assert emulated.look(lambda: axis.mode) == "jogging"
-    x.stop()
-    controller.ask("stepw 1")
-    assert emulated.look(lambda: axis.mode) == "stopped"
-    jogged = emulated.look(lambda: axis.status.step_count)
-    assert jogged > 20
-    assert x.measure_capacity() == x.capacity
-    assert x.mode == "gnd"
-    assert x.pattern_up == list(range(256))
-    assert emulated.look(lambda: emulated.axes[1].status.step_count) == 0
-    controller.ground_all()
-    controller.stop_all()
-
-
-@pytest.mark.filterwarnings("ignore:read string doesn't end with termination")
-@pytest.mark.parametrize("steps", [10, -10, 150])
-def test_the_motion_is_that_of_simulate(
-    emulate: Callable[..., Any], steps: int, capsys: pytest.CaptureFixture[str]
-) -> None:
-    main(
-        ["simulate", "--steps", str(steps), "--json"]
-        + [f"--{name}={value}" for name, value in DRIVE.items()]
-    )
-    simulated = json.loads(capsys.readouterr().out)["position"][-1]
-    emulated = emulate("anc300")
-    axis = emulated.axes[0]
-    x = driver(emulated.port, "x").x
-    x.voltage, x.frequency = DRIVE["amplitude"], DRIVE["frequency"]
-    x.move(steps, gnd=False)
-    status = emulated.look(lambda: axis.status)
-    assert status.mean_step * abs(steps) == pytest.approx(simulated, abs=1e-11)
-    # Where it comes to rest is that of an axis that nobody emulates.
-    time.sleep(0.1)
-    alone = Axis({**TABLE_1, **DRIVE})
-    alone.command_steps(steps)
-    alone.advance(abs(steps) / DRIVE["frequency"] + 0.1)
-    assert emulated.look(lambda: axis.state.x) == pytest.approx(alone.state.x, abs=1e-11)
-
-
+@pytest.mark.long  # its import takes seconds
 def test_pylablib_drives_it_too(emulate: Callable[..., Any]) -> None:
     attocube = pytest.importorskip("pylablib.devices.Attocube")
     emulated = emulate("anc300", {}, {})

@@ -3,7 +3,6 @@
 
 import csv
 import io
-import json
 import random
 import re
 import select
@@ -186,8 +185,10 @@ def withstand(
     ("name", "question", "lines"),
     [
         ("anc300", b"getm 1\r\n", 600),
-        ("mcs", b":GP0\n", 600),
-        pytest.param("mcs2", b":CHAN0:POS?\r\n", 600, marks=pytest.mark.long),
+        *(
+            pytest.param(name, question, 600, marks=pytest.mark.long)
+            for name, question in (("mcs", b":GP0\n"), ("mcs2", b":CHAN0:POS?\r\n"))
+        ),
     ],
 )
 def test_noise_and_clients(
@@ -219,65 +220,36 @@ def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any
 
 
 @pytest.mark.slow
-def test_the_command_says_where_it_listens_and_ends_with_0(
-    start: Callable[..., subprocess.Popen[str]],
+def test_what_a_program_said_is_a_table(
+    emulate: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    process = start("mcs2", "--port", "0", "--axes", "a,b", "--set", "gain=5e-9")
-    port = port_of(process)
-    with socket.create_connection(("127.0.0.1", port), 20.0) as client:
-        client.sendall(b":DEV:NOCH?\r\n")
-        assert client.recv(100) == b"2\r\n"
-        taken = start("mcs2", "--port", str(port))
-        assert taken.wait(60.0) == 2
-        assert taken.stderr
-        assert str(port) in taken.stderr.read()
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(20.0) == 0
-    out, err = process.communicate()
-    assert (out, err) == ("", "")
-
-
-@pytest.mark.slow
-def test_what_a_program_did_is_a_bag_that_every_tool_reads(
-    start: Callable[..., subprocess.Popen[str]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+    """Each line with its answer, escaped, as bags hold text; what it did is journey 5."""
     bag = tmp_path / "bag"
-    process = start(
-        "mcs", "--port", "0", "--axes", "a,b", "--set", "gain=5e-9", "--record", f"{bag}"
-    )
-    with Client(port_of(process)) as client:
-        assert client.ask(":MST0,30,4095,1000") == ":E0,0"
-        client.send(b"\x00\xff\n")  # escaped, as bags hold text
+    emulated = emulate("mcs", {}, record=bag)
+    with emulated.client() as client:
+        assert client.ask(":MST0,3,4095,1000") == ":E0,0"
+        client.send(b"\x00\xff\n")
         assert client.ask(":GS1") == ":E-1,1"
-        while client.ask(":GS0") != ":S0,0":
-            pass
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(20.0) == 0
-    assert main(["bag", "info", f"{bag}", "--json"]) == 0
-    axes = json.loads(capsys.readouterr().out)["axes"]
-    assert {name: axis["axis_name"] for name, axis in axes.items()} == {
-        "/a/events": "a",
-        "/b/events": "b",
-    }
-    assert main(["bag", "resimulate", f"{bag}"]) == 0
-    assert capsys.readouterr().out.count("bit for bit") == 2
+    emulated.close()
     assert main(["bag", "export", f"{bag}", "--out", f"{tmp_path / 'tables'}"]) == 0
     lines = list(csv.DictReader((tmp_path / "tables" / "mcs.commands.csv").open()))
     said = [(line["line"], line["answer"]) for line in lines if line["client"] == "1"]
     assert said[:3] == [
         ("(connects)", ""),
-        (":MST0,30,4095,1000", ":E0,0\\n"),
+        (":MST0,3,4095,1000", ":E0,0\\n"),
         ("\\x00\\xff", ":E-1,1\\n"),
     ]
     assert said[-1] == ("(disconnects)", "")
-    again = start("mcs", "--port", "0", "--record", f"{bag}")
-    assert again.wait(60.0) != 0
-    assert again.stderr
-    assert "exists already; name another one" in again.stderr.read()
+    capsys.readouterr()
+    assert main(["emulate", "mcs", "--port", "0", "--record", f"{bag}"]) == 2
+    assert "exists already; name another one" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> None:
+def test_the_axes_are_watched(
+    start: Callable[..., subprocess.Popen[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """And the port is that of one server."""
     process = start("scu", "--port", "0", "--axes", "a", "--watch", "--page", "--set", "gain=5e-9")
     assert process.stdout
     *_, address = process.stdout.readline().split()
@@ -295,6 +267,8 @@ def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> No
         client.sendall(b":U0F1000A1000S20\n")
         lines = (process.stdout.readline() for _ in range(20))
         assert any(line.startswith("a,stopped,") and line.endswith(",20\n") for line in lines)
+    assert main(["emulate", "mcs2", "--port", str(port)]) == 2
+    assert str(port) in capsys.readouterr().err
     process.send_signal(signal.SIGINT)
     assert process.wait(20.0) == 0
 

@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the paper claims, in the data that the report is made of, and by an integrator of others."""
+"""What the paper claims, in the data that the report is made of; the whole is journey 6."""
 
-import math
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stickslip_ros.paper import CLAIMS, Check, Claim, Result, Verdict
+from stickslip_ros.paper import CLAIMS, Check, Result
 from stickslip_ros.paper.parameter_sets import EPM_CALC, EPM_FIX, JOINT, JOINT_SENSOR, Set, columns
 from stickslip_ros.paper.parameter_sets import steps as steps_over
 from stickslip_ros.parameters import Parameters, read_yaml
@@ -35,80 +33,6 @@ def check(name: str, what: str) -> Check:
     """The check that begins so."""
     (found,) = [row for row in result(name).checks if row.what.startswith(what)]
     return found
-
-
-#: Claims that take many seconds, or share their work with one that does.
-LONG = {"shaping", "fig04c", "fig06", "fig12", "fig15", "joint"}
-each_claim = pytest.mark.parametrize(
-    "claim",
-    [
-        pytest.param(claim, marks=[pytest.mark.long] if claim.name in LONG else [], id=claim.name)
-        for claim in CLAIMS
-    ],
-)
-#: The checks that a simulation misses, with Table 1 and, where another, with the joint set.
-MISSED = {
-    "tab01": ({"backstep", "vibration"}, set()),
-    # No equation of the paper knows a rate.
-    "fig07": ({f"depth of a minimum between the ends, {m}" for m in ("direct", "intersection")},),
-    # The gain begins far below 10 kHz.
-    "elongation": ({"longest step at 10 kHz", "lowest frequency of the curve with a gain of 1.4"},),
-    # A third of the ringing is left.
-    "fig08": ({f"{what}, very high over usual damping" for what in ("ringing", "backstep")},),
-    "sec43": ({"motion in a cycle at 4 N, over that at 1 N"},),  # the runner sinks
-    "fig09": ({"power of the modulus with which it grows"},),  # no proportionality
-    # Eq. 13 and 14 depend on the preload.
-    "fig13": ({"spread over preload 0.4 to 2 N, CEIM"},),
-    "fig14": (
-        {
-            "preload at which this line reaches zero", "step at 5.5 N",
-            "preload that blocks the drive",
-        },
-        {"step at 5.5 N", "preload that blocks the drive"},
-    ),
-    "fig15": (
-        {"maximum, constant, at", "maximum, linear, at", "level, linear over constant"}, set(),
-    ),
-}  # fmt: skip
-#: The only ones that do not agree in kind, with Table 1.
-EXPECTED = {
-    **dict.fromkeys(("fig07", "elongation", "fig08", "sec43", "fig09", "fig13", "fig14"),
-                    Verdict.DISAGREES),
-    "eq09": Verdict.CONTRADICTORY,
-    "tab02": Verdict.DATA,
-    "tab03": Verdict.DATA,
-    **dict.fromkeys(("fig05", "joint", "tab05"), Verdict.AGREES),
-}  # fmt: skip
-
-
-@pytest.mark.slow
-@each_claim
-def test_every_claim_agrees_unless_a_cause_in_the_paper_is_named(claim: Claim) -> None:
-    found = result(claim.name)
-    assert found.verdict is EXPECTED.get(claim.name, Verdict.IN_KIND)
-    judged = [row for row in found.checks if row.judged]
-    missed = MISSED.get(claim.name, (set(),))
-    assert {row.what for row in judged if not row.holds} == missed[0]
-    assert {row.what for row in judged if not row.with_joint_set.holds} == missed[-1]
-    if found.verdict in (Verdict.DISAGREES, Verdict.CONTRADICTORY):
-        assert claim.remark.startswith(("Cause:", "The paper's own numbers"))
-    assert all(math.isfinite(row.value) for row in found.checks)
-    for row in judged:
-        assert math.isfinite(row.low) and math.isfinite(row.high) and row.why, row.what
-
-
-@pytest.mark.slow
-@each_claim
-def test_every_claim_has_its_data_and_a_drawing_with_units(claim: Claim) -> None:
-    found = result(claim.name)
-    for table in found.tables.values():
-        assert len({len(values) for values in table.values()}) == 1
-    assert bool(found.draw) <= bool(found.tables)
-    if found.draw:
-        figure = Figure(figsize=(6.7, found.height))
-        found.draw(figure)
-        labels = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel())]
-        assert any("(" in text for text in labels)
 
 
 def test_the_claims_are_those_of_the_paper() -> None:

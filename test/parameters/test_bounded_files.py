@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stickslip_ros.parameters.bounded_files import load_texts, load_values
@@ -64,6 +64,7 @@ SCALARS = st.one_of(
 
 
 @pytest.mark.slow
+@settings(max_examples=40)
 @given(st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(TEXTS, inner)))
 def test_all_else_is_as_with_pyyaml(value: object) -> None:
     text = yaml.safe_dump(value)

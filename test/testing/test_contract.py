@@ -54,7 +54,7 @@ def run_contract(driver: str, folder: Path, only: str = "") -> Outcomes:
     "driver",
     [
         "offline",
-        "our_drivers:EmulatedAnc300",
+        pytest.param("our_drivers:EmulatedAnc300", marks=pytest.mark.long),
         pytest.param("our_drivers:OverRos", marks=pytest.mark.long),
     ],
 )

@@ -111,7 +111,9 @@ def contrast(page: Page, selector: str, of: str) -> float:
     return (max(pair) + 0.05) / (min(pair) + 0.05)
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("dark", 1400), ("light", 390)])
+@pytest.mark.parametrize(
+    ("scheme", "width"), [("dark", 390), pytest.param("light", 1400, marks=pytest.mark.long)]
+)
 def test_axe_finds_no_violation(browser: Browser, address: str, scheme: Any, width: int) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright")
     context = browser.new_context(

@@ -4,10 +4,7 @@
 import contextlib
 import http.client
 import json
-import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -237,26 +234,6 @@ def test_more_connections_than_it_takes_are_closed(server: WorkbenchServer) -> N
             return
         time.sleep(0.05)
     pytest.fail("the places of those that left are not free again")
-
-
-@pytest.mark.slow
-def test_the_command_tells_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> None:
-    arguments = "explore --no-browser --config table1_typical.yaml"
-    command = [sys.executable, "-m", "stickslip_ros", *arguments.split()]
-    command += ["--measurement", "steps_100hz.csv"]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
-    ) as child:
-        assert child.stdout
-        line = child.stdout.readline()
-        assert line.startswith("explore at http://127.0.0.1:"), line
-        port = int(line.split("/")[2].partition(":")[2])
-        connection = http.client.HTTPConnection(HOST, port, timeout=60)
-        connection.request("GET", "/")
-        assert "steps_100hz.csv" in connection.getresponse().read().decode()
-        connection.close()
-        child.send_signal(signal.SIGINT)
-        assert child.wait(30) == 0
 
 
 def test_a_port_in_use_is_told(server: WorkbenchServer, capsys: pytest.CaptureFixture[str]) -> None:

@@ -170,7 +170,7 @@ def struct_in_matlab(path: Path) -> None:
 def lines_in_text(line: bytes, count: int) -> Callable[[Path], None]:
     def write(path: Path) -> None:
         rows = b"".join(b"%f,%d\n" % (1e-5 * k, k % 7) for k in range(400))
-        text = b"time (s),x (nm)\n" + rows + line * (count * (COUNT // 10_000_000 or 1))
+        text = b"time (s),x (nm)\n" + rows + line * (count * COUNT // 10_000_000)
         path.write_bytes(gzip.compress(text))
 
     return write
