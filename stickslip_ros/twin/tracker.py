@@ -335,5 +335,7 @@ class Tracker(ReadingFilter):
         shared = self.covariance[THETA, THETA] @ slopes.T
         known = slopes @ shared
         known += _BENT * np.diag(np.diag(known))  # two drives may not agree
+        move = shared @ np.linalg.lstsq(known, bent, rcond=None)[0]
+        far = float(np.abs(move / np.maximum(self.deviations, 1e-12)).max())
         self.state = self.state.copy()
-        self.state[THETA] -= shared @ np.linalg.lstsq(known, bent, rcond=None)[0]
+        self.state[THETA] -= move / max(far, 1.0)  # farther off, slopes say nothing
