@@ -45,6 +45,8 @@ _KEPT, _UNSURE = 4000, 10
 _DOUBT = 60.0
 #: Standard deviations of two readings within which an axis is at rest
 _STILL = 7.0
+#: Jump in ways between two readings from which on it is no change of the steps
+_WAYS = 3.0
 #: Factor between the numbers of readings at which a change is judged again
 _AGAIN = 4
 #: s of readings between pieces of a judgement, each of which takes some milliseconds
@@ -259,9 +261,10 @@ class Twin:
         self._excess += z**2 - 1.0
         if tracker.jumped:
             self.troubles["jumps of the position"] += 1
-            # Steps of another size add up to a deviation as well, but not to a whole one at once.
-            step = tracker.step_size(self._drive)[0] if self._drive and motion.direction else 0.0
-            if abs(reading - expected) > abs(step) + abs(motion.distance) * bool(motion.direction):
+            # Steps of another size add up to a deviation as well, but not to a few steps at once.
+            step = abs(tracker.step_size(self._drive)[0]) if self._drive else 0.0
+            way = (step + abs(motion.distance)) if motion.direction else 0.0
+            if abs(reading - expected) > _WAYS * way:
                 self._jumped = t
             self._doubtful = self._doubtful if motion.direction else t + _DOUBT
         changed = False
