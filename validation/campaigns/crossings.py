@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import itertools
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -154,20 +155,22 @@ JOURNEYS: dict[str, Journey] = {
     ),
     "J2 recording": Journey(
         {**PHYSICS, "sensor": SENSOR, "frequency": FREQUENCY, "motion": MOTION,
-         "axes": _named("one axis", "three axes"), "command": _named("steps", "jog", "target")},
-        ("resimulated", "copied", "recovered", "exported", "renamed", "recorder"),
+         "axes": _named("one axis", "three axes", "another name"),
+         "command": _named("steps", "jog", "target")},
+        ("resimulated", "recovered", "exported", "recorder"),
     ),
     "J3 file": Journey(
         {"law": LAW, "load": LOAD, "actuator": ACTUATOR, "sensor": SENSOR,
          "frequency": MEASURABLE, "motion": MOTION,
          "file": _named("csv", "semicolons", "tabs", "npz", "mat", "hdf5", "tdms"),
          "units": _named("m", "nm", "um"), "clock": _named("from 0", "from 1000 s", "in ms"),
-         "gaps": _named("whole", "lines missing", "ends in the run")},
-        ("table", "units", "mirror image", "cut in two", "compared", "other drive", "identified"),
+         "gaps": _named("whole", "lines missing", "ends in the run"),
+         "sign": _named("along", "against")},
+        ("table", "cut in two", "compared", "other drive", "identified"),
     ),
     "J4 design": Journey(
         {**DRIVE, "frequency": FREQUENCY, "motion": MOTION},
-        ("integrator", "sweep", "predicted", "inverse", "command", "prefix", "trace", "written",
+        ("integrator", "sweep", "predicted", "inverse", "command", "prefix", "trace",
          "waveform file"),
     ),
     "J5 lab program": Journey(
@@ -175,8 +178,8 @@ JOURNEYS: dict[str, Journey] = {
                                                     "300 Hz": {"frequency": Span(200.0, 500.0)}},
          "motion": {name: MOTION[name] for name in list(MOTION)[:5]},
          "controller": _named("anc300", "scu", "mcs", "mcs2", "amc", "e871"),
-         "slot": _named("first", "second")},
-        ("emulated", "stopped", "emulation recorded"),
+         "slot": _named("first", "second"), "end": _named("all steps", "stopped")},
+        ("emulated", "emulation recorded"),
     ),
     "J6 paper": Journey(
         {"law": LAW, "command": _named("simulate", "sweep", "trace", "figure", "report"),
@@ -188,7 +191,7 @@ JOURNEYS: dict[str, Journey] = {
         {"law": MINE, "contacts": CONTACTS, "load": LOAD, "actuator": ACTUATOR, "scatter": SCATTER,
          "waveform": {"mine": {"waveform": "my_ramp"}, **WAVEFORM}, "frequency": FREQUENCY,
          "motion": MOTION},
-        ("library", "sweep", "command", "prefix", "written", "as ours", "resimulated", "divided"),
+        ("library", "sweep", "command", "prefix", "as ours", "resimulated", "divided"),
     ),
     "J8 twin": Journey(
         {"law": LAW, "load": {name: LOAD[name] for name in ("no load", "payload", "inclination")},
@@ -265,7 +268,7 @@ def main(
     args = arguments(__doc__, argv, count=500, seed=7, first=0, only=-1, progress=25)
     numbers = range(args.first, args.first + args.count) if args.only < 0 else [args.only]
     say(f"{len(covering(args.seed))} cases hold all pairs of crosses of seed {args.seed}")
-    counts = Counter[tuple[str, str]]()
+    counts, took, begun = Counter[tuple[str, str]](), Counter[Any](), time.monotonic()
     for done, (case, said) in enumerate(
         judged(verdict, (drawn(args.seed, number) for number in numbers), DEAF), 1
     ):
@@ -273,6 +276,8 @@ def main(
         if kind not in VERDICTS:
             kind, text = "CRASH", said
         counts[case.journey, kind] += 1
+        took[f"{case.journey}, {case.judge}"] += time.monotonic() - begun
+        begun = time.monotonic()
         if kind in VERDICTS[3:] or args.only >= 0:
             say(f"{kind} {case}\n    {text}\n    {case.steps} steps of {case.values}")
             say(f'    make campaigns ARGS="crossings --seed {args.seed} --only {case.number}"')
@@ -286,6 +291,8 @@ def main(
         say(f"{name:{width}} {row}")
     row = " ".join(f"{_all(counts, one):8}" for one in VERDICTS)
     say(f"{'all':{width}} {row}, seed {args.seed}")
+    longest = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in took.most_common(3))
+    say(f"{sum(took.values()):.0f} s, of them {longest}")
     return int(_all(counts, "WRONG") + _all(counts, "CRASH") > 0)
 
 
