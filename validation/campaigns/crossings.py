@@ -121,6 +121,8 @@ MEASURABLE: Cross = {
     "1 kHz": {"frequency": Span(500.0, 1200.0)},
     "4 kHz": {"frequency": Span(2e3, 5e3)},
 }
+#: Of a record that is written and read
+FEWER: Cross = {"30 steps": {"steps": 30}, "1 step": {"steps": 1}, "300 backward": {"steps": -300}}
 MOTION: Cross = {
     "30 steps": {"steps": 30},
     "1 step": {"steps": 1},
@@ -161,7 +163,7 @@ JOURNEYS: dict[str, Journey] = {
     ),
     "J3 file": Journey(
         {"law": LAW, "load": LOAD, "actuator": ACTUATOR, "sensor": SENSOR,
-         "frequency": MEASURABLE, "motion": MOTION,
+         "frequency": MEASURABLE, "motion": FEWER,
          "file": _named("csv", "semicolons", "tabs", "npz", "mat", "hdf5", "tdms"),
          "units": _named("m", "nm", "um"), "clock": _named("from 0", "from 1000 s", "in ms"),
          "gaps": _named("whole", "lines missing", "ends in the run"),
