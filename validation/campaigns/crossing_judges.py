@@ -316,7 +316,7 @@ def _in_node(case: Case, others: dict[str, dict[str, Any]], record: bool = False
     with own_domain(folder, os.environ.__setitem__):
         world = InProcess(folder, values, others, own_time=True)
         try:
-            recorder: RecorderNode | None = None
+            recorder: Any = None
             if record:
                 overrides = ["--ros-args", "-p", f"output:={folder / 'bag'}"]
                 recorder = world.add(RecorderNode(context=world.context, cli_args=overrides))
@@ -466,7 +466,7 @@ def _write(case: Case, t: Array, x: Array) -> Path:
     t = t + 1000.0 if clock == "from 1000 s" else t
     names = f"time_{of_time}", f"position_{unit}"
     if kind == "npz":
-        np.savez(path := Path("record.npz"), **dict(zip(names, (t, x), strict=True)))
+        np.savez(path := Path("record.npz"), **{names[0]: t, names[1]: x})  # type: ignore[arg-type]
     elif kind == "mat":
         scipy.io.savemat(path := Path("record.mat"), dict(zip(names, (t, x), strict=True)))
     elif kind == "hdf5":
@@ -629,8 +629,7 @@ def trace(case: Case) -> str:
     case = case._replace(steps=max(-30, min(case.steps, 30)))  # more are hundreds of megabytes
     words = [f"--steps={case.steps}", *words_of(case.values)]
     told("simulate", "--trace", "trace.csv", "--table", "steps.csv", *words)
-    found = np.genfromtxt("trace.csv", delimiter=",", names=True)
-    t, x = (found[found.dtype.names[k]] for k in (0, 1))
+    t, x, *_ = np.genfromtxt("trace.csv", delimiter=",", skip_header=1).T
     rows = np.genfromtxt("steps.csv", delimiter=",", skip_header=1, ndmin=2)
     ends = period_of(case) * np.arange(1, abs(case.steps) + 1)
     at = np.interp(ends, t, x)

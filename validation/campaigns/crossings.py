@@ -19,6 +19,7 @@ The last two are a failure. What cannot be drawn for any reason but the table's 
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import sys
 import time
@@ -38,6 +39,8 @@ from validation.draws import even
 VERDICTS = ("works", "doubted", "refused", "unclear", "WRONG", "CRASH")
 #: The most crosses of a draw at random, without who judges
 MOST = 4
+#: s that a motion lasts at most, at a frequency that is drawn, and steps of one at the default
+LONGEST, MOST_STEPS = 100.0, 10_000
 #: Seconds of the machine after which a child that hears no alarm is ended
 DEAF = 600.0
 
@@ -257,7 +260,8 @@ def drawn(seed: int, number: int) -> Case:
     for cross, value in chosen.items():
         given |= JOURNEYS[name].crosses[cross][value]
     values = {key: one.drawn(draw) if isinstance(one, Span) else one for key, one in given.items()}
-    steps = values.pop("steps", 30)
+    most = max(1, int(LONGEST * values["frequency"])) if "frequency" in values else MOST_STEPS
+    steps = int(np.clip(values.pop("steps", 30), -most, most))
     return Case(number, name, chosen, judge, values, steps, int(draw.integers(2**31)))
 
 
@@ -270,22 +274,20 @@ def main(
     args = arguments(__doc__, argv, count=500, seed=7, first=0, only=-1, progress=25)
     numbers = range(args.first, args.first + args.count) if args.only < 0 else [args.only]
     say(f"{len(covering(args.seed))} cases hold all pairs of crosses of seed {args.seed}")
-    counts, took, begun = Counter[tuple[str, str]](), Counter[Any](), time.monotonic()
-    for done, (case, said) in enumerate(
-        judged(verdict, (drawn(args.seed, number) for number in numbers), DEAF), 1
-    ):
-        kind, _, text = said.partition(": ")
-        if kind not in VERDICTS:
-            kind, text = "CRASH", said
-        counts[case.journey, kind] += 1
-        took[f"{case.journey}, {case.judge}"] += time.monotonic() - begun
-        begun = time.monotonic()
-        if kind in VERDICTS[3:] or args.only >= 0:
-            say(f"{kind} {case}\n    {text}\n    {case.steps} steps of {case.values}")
-            say(f'    make campaigns ARGS="crossings --seed {args.seed} --only {case.number}"')
-        if done % args.progress == 0:
-            found = ", ".join(f"{n} {one}" for one in VERDICTS if (n := _all(counts, one)))
-            say(f"{done} of {len(numbers)}: {found}")
+    counts, begun = Counter[tuple[str, str]](), time.monotonic()
+    cases = judged(verdict, (drawn(args.seed, number) for number in numbers), DEAF)
+    with contextlib.suppress(KeyboardInterrupt):  # of what was judged until then
+        for done, (case, said) in enumerate(cases, 1):
+            kind, _, text = said.partition(": ")
+            if kind not in VERDICTS:
+                kind, text = "CRASH", said
+            counts[case.journey, kind] += 1
+            if kind in VERDICTS[3:] or args.only >= 0:
+                say(f"{kind} {case}\n    {text}\n    {case.steps} steps of {case.values}")
+                say(f'    make campaigns ARGS="crossings --seed {args.seed} --only {case.number}"')
+            if done % args.progress == 0:
+                found = ", ".join(f"{n} {one}" for one in VERDICTS if (n := _all(counts, one)))
+                say(f"{done} of {len(numbers)} in {time.monotonic() - begun:.0f} s: {found}")
     width = max(map(len, JOURNEYS))
     say(f"{'':{width}} " + " ".join(f"{one:>8}" for one in VERDICTS))
     for name in JOURNEYS:
@@ -293,8 +295,6 @@ def main(
         say(f"{name:{width}} {row}")
     row = " ".join(f"{_all(counts, one):8}" for one in VERDICTS)
     say(f"{'all':{width}} {row}, seed {args.seed}")
-    longest = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in took.most_common(3))
-    say(f"{sum(took.values()):.0f} s, of them {longest}")
     return int(_all(counts, "WRONG") + _all(counts, "CRASH") > 0)
 
 
