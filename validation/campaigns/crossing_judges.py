@@ -503,8 +503,9 @@ def _seen(case: Case, run: ss.SimulatedRun, path: Path, whole: bool) -> str:
     drift = abs(sensor.sensor_drift) * period_of(case)
     told_it = case.values["frequency"] if "told" in case.chosen else None
     found = ss.find_runs(path, frequency=told_it)
-    if not found and abs(case.steps) * abs(size) < 10.0 * noise + 1e-9:
-        return "doubted: no steps are seen"
+    least = max(noise + 1e-10, 0.02 * (0.0 if math.isnan(run.backstep) else run.backstep))
+    if not found and abs(size) < least:
+        return "doubted: no steps are seen"  # of a drive that hardly makes any
     if not found:
         ss.analyse(path)  # says why not
         return "there is no run, and one"
