@@ -606,14 +606,16 @@ def sweep(case: Case) -> str:
 def predicted(case: Case) -> str:
     found = ss.predict(case.values)
     run = ss.simulate(case.values, steps=200)
-    return apart(found.step, run.step_size, 1.5 * found.error + 1e-12, "the predicted step")
+    said = apart(found.step, run.step_size, 1.5 * found.error + 1e-12, "the predicted step")
+    return f"doubted: without {found.left_out}, {said}" if said and found.left_out else said
 
 
 def inverse(case: Case) -> str:
     wanted = 0.5 * Parameters.of(case.values).actuator.gain * case.values["amplitude"]
     found = ss.predict(case.values, step=wanted)
     run = ss.simulate({**case.values, "amplitude": found.amplitude}, steps=200)
-    return apart(run.step_size, wanted, 2.0 * found.error + 1e-12, "the step at that amplitude")
+    said = apart(run.step_size, wanted, 2.0 * found.error + 1e-12, "the step at that amplitude")
+    return f"doubted: without {found.left_out}, {said}" if said and found.left_out else said
 
 
 def command(case: Case) -> str:
