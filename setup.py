@@ -174,6 +174,7 @@ setup(
             "pytest-timeout",
             "pytest-xdist",
             "hypothesis",
+            "allpairspy",
             "RigolWFM",
             "h5py",
             "nptdms",

@@ -7,6 +7,7 @@ import re
 import runpy
 import subprocess
 import sys
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,15 @@ from validation.benchmark import LIMIT, Effort, accuracy
 from validation.benchmark.__main__ import main as bench
 from validation.benchmark.accuracy import BAR, CYCLES
 from validation.benchmark.unstable import growth_of
-from validation.campaigns import commands, interrupts, parameter_sets, record_shapes, targets
+from validation.campaigns import (
+    commands,
+    crossing_judges,
+    crossings,
+    interrupts,
+    parameter_sets,
+    record_shapes,
+    targets,
+)
 from validation.campaigns.__main__ import CAMPAIGNS
 from validation.campaigns.__main__ import main as campaigns
 from validation.campaigns.identification import intervals, misfit, summary
@@ -100,7 +109,7 @@ def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
             assert any(variable in one.read_text("utf-8") for one in tests.parent.glob("*.py")), (
                 name
             )
-    assert campaigns(["fizz"]) == 2
+    assert campaigns(["fizz", "--count", "3"]) == 2
     assert "there is no campaign 'fizz'; known: accuracy, " in capsys.readouterr().err
 
 
@@ -125,6 +134,36 @@ def test_records_of_any_shape_give_a_result_or_a_sentence() -> None:
         case = record_shapes.drawn(1, number)
         if case.command[0] != "identify":  # where there are steps, it takes a minute
             assert record_shapes.outcome(case) in record_shapes.GOOD, case
+
+
+def test_every_pair_of_crosses_is_among_the_first_crossings() -> None:
+    """By counting them, which the array's maker does not do."""
+    found = {
+        (case.journey, *pair)
+        for case in (crossings.drawn(5, k) for k in range(len(crossings.covering(5))))
+        for pair in combinations(sorted([*case.chosen.items(), ("judge", case.judge)]), 2)
+    }
+    wanted = set()
+    for name, journey in crossings.JOURNEYS.items():
+        crosses = {**journey.crosses, "judge": {judge: {} for judge in journey.judges}}
+        for one, other in combinations(sorted(crosses), 2):
+            wanted |= {(name, (one, a), (other, b)) for a in crosses[one] for b in crosses[other]}
+    assert found >= wanted
+    assert str(crossings.drawn(5, 900)) == str(crossings.drawn(5, 900))  # alone, as among others
+
+
+@pytest.mark.slow
+def test_crossings_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What works, what is refused with a cure that helps, and what is wrong in silence."""
+    plain = dict.fromkeys(crossings.JOURNEYS["J4 design"].crosses, "plain")
+    values = {"model": "ceim", "preload": 0.5, "frequency": 100.0, "amplitude": 200.0}
+    case = crossings.Case(0, "J4 design", plain, "integrator", values, 3, 1)
+    for judge in ("integrator", "sweep", "predicted", "command", "trace"):
+        assert crossing_judges.verdict(case._replace(judge=judge)) == "works: ", judge
+    blocked = case._replace(values={**values, "model": "epm_calc", "preload": 0.4})
+    assert crossing_judges.verdict(blocked).startswith("refused: z_ss is")
+    monkeypatch.setattr(crossing_judges, "CYCLE", 0.0)
+    assert crossing_judges.verdict(case).startswith("WRONG: the position is")
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ TEXT = """Runs long studies, each of minutes to hours; all of them without a nam
 
 {}
 
+Options after a single name are those of that study, as in "crossings --count 500 --seed 7".
 mutants.py, which needs a file of coverage.py, is started by itself."""
 
 
@@ -38,6 +39,10 @@ _STUDIES = "validation.campaigns."
 CAMPAIGNS: dict[str, Campaign] = {
     "accuracy": Campaign(
         "errors of random parameters of every law", ("validation.benchmark", "--accuracy", "20000")
+    ),
+    "crossings": Campaign(
+        "journeys of users with all they cross: works, refused, unclear, wrong, crash",
+        (f"{_STUDIES}crossings", "--count", "500"),
     ),
     "drives": Campaign(
         "errors of random drives with every effect, over all of the parameters' ranges",
@@ -121,9 +126,12 @@ CAMPAIGNS: dict[str, Campaign] = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the campaigns that are named, all without a name; return 1 if one fails."""
+    given = list(sys.argv[1:] if argv is None else argv)
+    options = given[1:] if len(given) > 1 and given[1].startswith("-") else []
     width = max(map(len, CAMPAIGNS))
     listed = "\n".join(f"  {name:<{width}}  {one.text}" for name, one in CAMPAIGNS.items())
-    names = arguments(TEXT.format(listed), argv, {"names": []}).names or list(CAMPAIGNS)
+    asked = given[: len(given) - len(options)]
+    names = arguments(TEXT.format(listed), asked, {"names": []}).names or list(CAMPAIGNS)
     if unknown := [name for name in names if name not in CAMPAIGNS]:
         known = ", ".join(CAMPAIGNS)
         print(f"there is no campaign {unknown[0]!r}; known: {known}", file=sys.stderr)
@@ -133,7 +141,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         campaign = CAMPAIGNS[name]
         print(f"== {name}: {campaign.text}", flush=True)
         environment = {**os.environ, **campaign.environment}
-        command = [sys.executable, "-m", *campaign.command]
+        command = [sys.executable, "-m", *campaign.command, *options]
         if subprocess.run(command, env=environment, check=False).returncode:
             failed.append(name)
     print(f"failed: {', '.join(failed)}" if failed else "all passed")

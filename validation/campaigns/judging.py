@@ -42,7 +42,7 @@ def within(seconds: float, judge: Callable[[], str]) -> str:
         signal.signal(signal.SIGPROF, before)
 
 
-def _judged(
+def judged(
     judge: Callable[[Case], str], cases: Iterable[Case], deaf: float
 ) -> Iterator[tuple[Case, str]]:
     """Judge in a child, which is ended and replaced where it answers no more (s)."""
@@ -77,7 +77,7 @@ def study(
     """
     counts = Counter[str]()
     with contextlib.suppress(KeyboardInterrupt):  # of what was judged until then
-        found = _judged(judge, map(drawn, numbers), deaf)
+        found = judged(judge, map(drawn, numbers), deaf)
         for number, (case, said) in zip(numbers, found, strict=True):
             kind = said if said in good else "fault"
             counts.update({kind, f"{family(case)} {kind}".strip()})
