@@ -211,10 +211,14 @@ class Tracker(ReadingFilter):
     def drift(self, drive: OperatingPoint) -> tuple[float, float]:
         """Return the rate of a drive's step since a change, and its standard error.
 
-        Both are fractions of the step in a second of stepping; 0 and 0 where no rate is sought.
+        Both are fractions of the step in a second of stepping; 0 and 0 where no rate is sought, or
+        no step is made.
         """
+        step = float(self.model.curve(drive).step)
+        if not step:
+            return 0.0, 0.0
         slope = float(self._first.slopes(drive, self.names).step[self._drifts])
-        share = slope / float(self.model.curve(drive).step)
+        share = slope / step
         rate, deviation = self.state[RATE], math.sqrt(self.covariance[RATE, RATE])
         return share * float(rate), abs(share) * deviation
 

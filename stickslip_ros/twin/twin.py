@@ -413,6 +413,8 @@ class Twin:
         if (lasts := last[0] - begin) < 0.5 * window:
             return 0.0, math.inf
         old, new = then[-1], last[1][-1]  # the step is the last of the estimates
+        if not old.value:
+            return 0.0, math.inf
         scale = abs(old.value) * lasts
         width = math.hypot(new.high - new.low, old.high - old.low)
         return (new.value - old.value) / scale, 0.5 * width / (CONFIDENCE * scale)

@@ -456,3 +456,10 @@ def test_a_sensor_that_makes_the_position_jump_is_judged_from_there_on() -> None
     (sensor,) = _in_moves({}, 8, gain=1.03).changes
     assert sensor.verdict and "sensor gain" in sensor.verdict.possible
     assert abs(sensor.verdict.sizes["sensor gain"] - np.log(1.03)) < 3e-3
+
+
+def test_an_axis_that_makes_no_step_does_not_drift() -> None:
+    """The contact takes a stroke of half a nanometre elastically."""
+    tracker, drive = Twin(P).tracker, OperatingPoint(1.0, 1.0, 1, 1)
+    assert tracker.step_size(drive)[0] == 0.0
+    assert tracker.drift(drive) == (0.0, 0.0)
