@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Colours of what is simulated, measured and the actuator's, in every picture.
-SIMULATED, MEASURED, ACTUATOR = "#173b7a", "#d9502f", "#c9923e"
+SIMULATED, MEASURED, ACTUATOR = "#173b7a", "#d9502f", "#b5822f"
 #: Standard deviations that a 95 % interval reaches to either side, in every result.
 CONFIDENCE = 1.96
 #: Least uncertainty of a length that is shown, m: the model is solved to ten times that.

@@ -453,9 +453,9 @@ def test_a_force_is_named_and_told_once() -> None:
 
 
 def test_a_sensor_that_makes_the_position_jump_is_judged_from_there_on() -> None:
-    (sensor,) = _in_moves({}, 8, gain=1.03).changes
+    (sensor,) = _in_moves({}, 12, gain=1.1).changes
     assert sensor.verdict and "sensor gain" in sensor.verdict.possible
-    assert abs(sensor.verdict.sizes["sensor gain"] - np.log(1.03)) < 3e-3
+    assert abs(sensor.verdict.sizes["sensor gain"] - np.log(1.1)) < 3e-3
 
 
 def test_an_axis_that_makes_no_step_does_not_drift() -> None:
