@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """``stickslip twin`` over tables and bags: what it prints, writes and refuses."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stickslip_ros.cli.main import main
+from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters, yaml_text
 from stickslip_ros.solver import Simulation
 from stickslip_ros.twin import TwinCommand
 from stickslip_ros.twin.recording import read_log
+
+BAG = Path(__file__).parents[1] / "golden" / "bags" / "plain"
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +47,25 @@ def _with_start(table: Path) -> list[str]:
 
 
 @pytest.mark.slow
+def test_change_page_table_and_picture(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, picture, out = (tmp_path / name for name in ("a.html", "a.png", "a.csv"))
+    files = ["--report", str(page), "--plot", str(picture), "--table", str(out)]
+    asked = ["--predict-steps", "100", "--predict-position", "60um", "--json"]
+    assert main(["twin", str(table), *_with_start(table), *files, *asked]) == 1
+    found = json.loads(capsys.readouterr().out)
+    (change,) = found["changes"]
+    assert 2.0 < change["told"] < 2.5 and abs(change["onset"] - 2.0) < 0.1
+    assert found["level"] == "changed"
+    steps, there = found["predictions"]
+    assert steps["end"] - steps["begin"] == pytest.approx(1.0)
+    assert abs(there["position"] - 60e-6) < 70e-9
+    assert "Residual" in page.read_text(encoding="utf-8") and picture.stat().st_size > 5000
+    assert len(out.read_text().splitlines()) == 400
+
+
+@pytest.mark.slow
 def test_columns_and_drive_file_are_told_the_same_way(
     table: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -56,6 +79,17 @@ def test_columns_and_drive_file_are_told_the_same_way(
     wrong = ["--set", "preload=0.8", "--set", "mu=0.4", *_with_start(table)]
     assert main(["twin", str(table), *wrong]) == 1
     assert "the file is not of this axis" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_bag_of_the_axis_itself_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = load_motion(BAG)
+    assert {"start", "steps"} <= {one.name for one in read_log(BAG) if isinstance(one, TwinCommand)}
+    config = tmp_path / "axis.yaml"
+    config.write_text(yaml_text(Parameters.of(found.parameters)))
+    assert main(["twin", str(BAG), "--config", str(config)]) == 0
+    out = capsys.readouterr().out
+    assert "step size" in out and "change:" not in out
 
 
 @pytest.mark.parametrize(

@@ -105,6 +105,8 @@ def test_a_run_of_another_library_is_the_same_up_to_rounding_and_says_so(
         assert run["bit_for_bit"]
         return
     assert not run["bit_for_bit"] and run["this_arithmetic"] == arithmetic()
+    assert main(["bag", "resimulate", str(tmp_path / "there")]) == 0
+    assert "same up to rounding" in capsys.readouterr().out
 
 
 def positions_of(run: dict[str, Any]) -> list[float]:

@@ -9,7 +9,7 @@ from live import MakeAxis, Ros
 from rcl_interfaces.srv import GetParameters
 from std_srvs.srv import Trigger
 
-ROUNDS = 4
+ROUNDS = 10
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ ROUNDS = 4
     [
         (25, Trigger, "stop", Trigger.Request),
         (25, GetParameters, "get_parameters", lambda: GetParameters.Request(names=["mass"])),
-        pytest.param(100, Trigger, "stop", Trigger.Request, marks=pytest.mark.long),
+        pytest.param(100, Trigger, "stop", Trigger.Request, marks=pytest.mark.slow),
     ],
     ids=["25", "25 for parameters", "100"],
 )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace
 from table_1 import table_1
 
 import stickslip_ros as ss
@@ -19,6 +20,12 @@ pytestmark = pytest.mark.slow
 def typical() -> ss.Comparison:
     """The typical axis and the sample of it."""
     return ss.compare(table_1(), "steps_100hz.csv")
+
+
+def test_analyse_finds_what_the_integrator_did() -> None:
+    truth = bench_trace(Axis(), (Drive(10, pause=0.02),), Sensor(rate=50e3), rest=0.02).runs[0]
+    found = ss.analyse("steps_100hz.csv")
+    assert found.step_size == pytest.approx(truth.step_size, abs=0.5e-9)
 
 
 def test_there_and_back_are_two_runs() -> None:
@@ -39,6 +46,11 @@ def test_runs_of_a_standing_axis_are_none_and_no_frequency_is_taken_for_one() ->
         for function in (ss.find_runs, ss.analyse):
             with pytest.raises(ss.TraceError, match="Hz; it has to be above 0"):
                 function(still, frequency=frequency)
+
+
+def test_a_wrong_preload_differs() -> None:
+    assert typical().differing == []
+    assert "step size" in ss.compare(table_1(preload=1.0), "steps_100hz.csv").differing
 
 
 def test_the_clock_is_found_in_the_right_swing_of_the_ringing() -> None:

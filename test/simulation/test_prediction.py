@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The closed form against an independent integrator and, at random points, against the solver."""
 
+import json
 from collections.abc import Callable
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from table_1 import OVER_PRELOAD, OVER_STROKE, table_1
 
 import stickslip_ros as ss
+from stickslip_ros.cli.main import main
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.simulation.operating_points import steps_of
@@ -135,6 +137,17 @@ def test_the_stated_error_holds_at_ten_thousand_points() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
+    "step", [1e-9, *(pytest.param(one, marks=pytest.mark.long) for one in (30e-9, 120e-9))]
+)
+def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
+    found = predict(TABLE_1, step=step)
+    assert found.step == pytest.approx(step, abs=1e-13)
+    solved, _ = steps_of(TABLE_1.replace(amplitude=found.amplitude), 1, 12)
+    assert solved[0] == pytest.approx(step, abs=found.error)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
     ("values", "words"),
     [
         (
@@ -181,6 +194,14 @@ def test_a_step_out_of_reach_is_refused() -> None:
     assert predict(TABLE_1, preload=0.05, step=138e-9).step == pytest.approx(138e-9)
     with pytest.raises(PredictionError, match="the step is 0 m"):
         predict(TABLE_1, step=0.0)
+
+
+@pytest.mark.slow
+def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["predict", "--set", "preload=1.0", "--step", "5e-8", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["step"] == pytest.approx(5e-8)
+    assert told["amplitude"] == ss.predict(preload=1.0, step=5e-8).amplitude
 
 
 @pytest.mark.slow

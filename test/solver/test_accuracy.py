@@ -173,7 +173,7 @@ def random_sets(count: int) -> list[tuple[Plant, DriveCycle]]:
     return sets
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [15, pytest.param(200, marks=pytest.mark.long)])
 def test_random_sets(count: int) -> None:
     """At a tolerance of 1e-11 m no cycle is off by more than a thousandth of a nanometre.
 
