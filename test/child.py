@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,20 @@ def run(
         cwd=cwd,
         env=environment(**changes),
     )
+
+
+def stickslip(
+    *words: str, cwd: Path | None = None, code: int = 0, changes: Mapping[str, str] | None = None
+) -> str:
+    """Run a command of the package, which has to end with a code; return what it said.
+
+    That is on stdout, and where it refuses (2 and above) on stderr. changes are those of the
+    environment.
+    """
+    done = python("-m", "stickslip_ros", *words, cwd=cwd, **(changes or {}))
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout if code < 2 else done.stderr
 
 
 def complaints(stderr: str) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from child import REPOSITORY, python
+from child import REPOSITORY, python, stickslip
 from live import Ros, Start
 
 pytest.importorskip("rclpy")
@@ -225,9 +225,7 @@ def test_three_axes_for_my_robot(
 
 
 def set_fault(text: str, axis: str) -> None:
-    words = ("send", "parameters", f"fault={text}", "--axis", axis, "--timeout", "60")
-    done = python("-m", "stickslip_ros", *words)
-    assert done.returncode == 0, done.stderr
+    stickslip("send", "parameters", f"fault={text}", "--axis", axis, "--timeout", "60")
 
 
 def test_my_node_and_the_example_in_pytest(tmp_path: Path) -> None:

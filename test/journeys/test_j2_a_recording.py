@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from child import python
+from child import stickslip
 from live import Ros, Start
 from rosbags.highlevel import AnyReader
 
@@ -29,14 +29,6 @@ LAST = "0.0123456"
 STEPS = 10
 #: m, of the sample that another integrator made
 NOISE = 2e-9
-
-
-def stickslip(*words: str, cwd: Path, code: int = 0) -> str:
-    """Run a command; return what it says, on stderr where it does not succeed."""
-    done = python("-m", "stickslip_ros", *words, cwd=cwd)
-    assert done.returncode == code, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout if code == 0 else done.stderr
 
 
 def stamp(message: Any) -> int:

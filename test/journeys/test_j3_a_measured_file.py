@@ -7,13 +7,12 @@ The motion is by an integrator of its own, in `bench_traces`; another one runs w
 import csv
 import json
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
-from child import run
+from child import stickslip
 
 from stickslip_ros.parameters import Parameters, read_yaml
 from validation.whole_system import positions
@@ -32,13 +31,6 @@ Zeit;Weg
 (ms);(µm)
 
 """
-
-
-def stickslip(folder: Path, *words: str, code: int = 0) -> str:
-    done = run(sys.executable, "-m", "stickslip_ros", *words, cwd=folder)
-    assert done.returncode == code, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout
 
 
 def write(file: Path, bench: Bench) -> None:
@@ -66,7 +58,7 @@ def test_a_measured_file(forth: Bench, both_ways: Bench, tmp_path: Path) -> None
     (tmp_path / "drive.yaml").write_text(json.dumps(DRIVE))
 
     # What does it show? Steps, direction and drive are found; of a folder, in one table.
-    stickslip(tmp_path, "analyse", "vor.csv", "beide.csv", "--table", "all.csv")
+    stickslip("analyse", "vor.csv", "beide.csv", "--table", "all.csv", cwd=tmp_path)
     with (tmp_path / "all.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     true = [*forth.runs, *both_ways.runs]
@@ -78,13 +70,13 @@ def test_a_measured_file(forth: Bench, both_ways: Bench, tmp_path: Path) -> None
 
     # Does my drive do the same? Not with the stiffnesses of the paper.
     words = ["compare", "drive.yaml", "vor.csv", "--max-rmse", "2e-9", "--report", "before.html"]
-    said = stickslip(tmp_path, *words, code=1)
+    said = stickslip(*words, code=1, cwd=tmp_path)
     assert "DIFFERS" in said
 
     # Which stiffnesses does it have, and how sure is that?
     words = ["identify", "--config", "drive.yaml", "vor.csv", "--fit", "sigma_0,sigma_0ss"]
     words += ["--out", "fitted.yaml", "--report", "fit.html", "--json"]
-    found = json.loads(stickslip(tmp_path, *words))
+    found = json.loads(stickslip(*words, cwd=tmp_path))
     assert found["misfit"] is None
     for name, value in {"sigma_0": SIGMA_0, "sigma_0ss": AXIS.sigma_0ss}.items():
         one = found["parameters"][name]
@@ -93,7 +85,7 @@ def test_a_measured_file(forth: Bench, both_ways: Bench, tmp_path: Path) -> None
 
     # With these it does, to the noise of the instrument.
     words = ["compare", "fitted.yaml", "vor.csv", "--max-rmse", "1.3e-9", "--json"]
-    told = json.loads(stickslip(tmp_path, *words))
+    told = json.loads(stickslip(*words, cwd=tmp_path))
     assert told["rmse"] == pytest.approx(NOISE, rel=0.2)
     assert told["differing"] == []
     page = (tmp_path / "fit.html").read_text(encoding="utf-8")

@@ -6,14 +6,13 @@ Every step that is said of it, or promised, is made once more by a general integ
 
 import http.client
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from child import run
+from child import stickslip
 from live import Start
 
 from stickslip_ros.parameters import Parameters
@@ -30,13 +29,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def stickslip(folder: Path, command: str, *words: str, code: int = 0) -> dict[str, Any]:
+def told(folder: Path, command: str, *words: str) -> dict[str, Any]:
     """Run a command with my drive; return what it says as JSON."""
-    given = (command, "--config", "mine.yaml", *words, "--json")
-    done = run(sys.executable, "-m", "stickslip_ros", *given, cwd=folder)
-    assert done.returncode == code, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
+    given = ("--config", "mine.yaml", *words, "--json")
+    found: dict[str, Any] = json.loads(stickslip(command, *given, cwd=folder))
     return found
 
 
@@ -48,32 +44,32 @@ def integrated(**changes: Any) -> float:
 
 def test_a_better_drive(folder: Path) -> None:
     # What does it do? Where it is after each cycle, another integrator agrees to 0.01 nm a cycle.
-    now = stickslip(folder, "simulate", "--steps", str(CYCLES))
+    now = told(folder, "simulate", "--steps", str(CYCLES))
     off = np.array(now["position"]) - positions(Parameters.of(DRIVE), CYCLES)
     assert np.abs(off).max() < 0.01e-9 * CYCLES
     assert now["step_size"] == pytest.approx(integrated(), abs=0.02e-9)
 
     # What would more preload do? Each point of a sweep is a simulation.
     vary = ("--vary", "preload=0.4:1.2:3", "--metric", "step_size", "--metric", "backstep")
-    swept = stickslip(folder, "sweep", *vary)
+    swept = told(folder, "sweep", *vary)
     (preloads,), sizes = swept["vary"].values(), swept["metrics"]["step_size"]
     for preload, size in zip(preloads, sizes, strict=True):
         assert size == pytest.approx(integrated(preload=preload), abs=0.05e-9)
 
     # Which amplitude makes steps of 80 nm? In closed form, as near as it says itself.
-    asked = stickslip(folder, "predict", "--step", "80nm", "--frequency", "100")
+    asked = told(folder, "predict", "--step", "80nm", "--frequency", "100")
     made = integrated(amplitude=asked["amplitude"], frequency=100.0)
     assert abs(made - 80e-9) < asked["error"]
 
     # A slip in two parts leaves no ringing; its voltages go to a generator.
     files = ("--out", "shaped.yaml", "--waveform", "wave.csv")
-    shaped = stickslip(folder, "shape", *files)
+    shaped = told(folder, "shape", *files)
     assert shaped["ringing_after"] < 0.05 * shaped["ringing_before"]
     table = {"waveform": "table", "waveform_table": str(folder / "wave.csv")}
     assert integrated(**table) == pytest.approx(shaped["step_after"], abs=0.05e-9)
 
     # And what the generator plays is simulated as it was promised.
-    played = stickslip(
+    played = told(
         folder, "simulate", "--steps", str(CYCLES), *(f"--set={n}={v}" for n, v in table.items())
     )
     assert played["step_size"] == pytest.approx(shaped["step_after"], abs=0.02e-9)

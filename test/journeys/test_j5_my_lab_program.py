@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from child import run
+from child import stickslip
 from live import Process, wait_until
 from rosbags.highlevel import AnyReader
 
@@ -44,10 +44,8 @@ class Controller:
     def end(self, axes: int) -> None:
         """End it in order, and have its recording run again, bit for bit."""
         assert self.process.terminate() == 0
-        words = ("bag", "resimulate", "bag")
-        again = run(sys.executable, "-m", "stickslip_ros", *words, cwd=self.folder)
-        assert again.returncode == 0, again.stdout
-        assert again.stdout.count("bit for bit") == axes
+        again = stickslip("bag", "resimulate", "bag", cwd=self.folder)
+        assert again.count("bit for bit") == axes
 
     def recorded(self, topic: str) -> list[Any]:
         """Return the messages of a topic in the recording."""

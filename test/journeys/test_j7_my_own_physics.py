@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from child import run
+from child import run, stickslip
 
 PACKAGE = """
 from stickslip_ros.laws import LAWS, Law
@@ -68,22 +68,17 @@ def package(tmp_path: Path) -> dict[str, str]:
     return {"PYTHONPATH": f"{folder}:{Path(__file__).parents[2]}"}
 
 
-def stickslip(package: dict[str, str], *words: str, cwd: Path, code: int = 0) -> str:
-    done = run(sys.executable, "-m", "stickslip_ros", *words, cwd=cwd, **package)
-    assert done.returncode == code, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout if code == 0 else done.stderr
-
-
 def test_mine_is_simulated_like_ours(package: dict[str, str], tmp_path: Path) -> None:
     def told(*words: str) -> dict[str, Any]:
-        out = stickslip(package, "simulate", "--steps", "12", "--json", *words, cwd=tmp_path)
+        out = stickslip(
+            "simulate", "--steps", "12", "--json", *words, cwd=tmp_path, changes=package
+        )
         found: dict[str, Any] = json.loads(out)
         return {name: found[name] for name in ("position", "step_size", "backstep")}
 
     assert told(*MINE) == told(*OURS)
     vary = ("sweep", "--vary", "preload=0.3:0.6:3")
-    mine, ours = (stickslip(package, *vary, *words, cwd=tmp_path) for words in (MINE, OURS))
+    mine, ours = (stickslip(*vary, *words, cwd=tmp_path, changes=package) for words in (MINE, OURS))
     assert mine == ours
 
 
@@ -91,14 +86,13 @@ def test_mine_drives_a_node_whose_bag_comes_out_again(
     package: dict[str, str], ros_domain: int, tmp_path: Path
 ) -> None:
     (tmp_path / "mine.yaml").write_text("model: twice\nwaveform: ramp\n")
-    stickslip(package, "demo", "--config", "mine.yaml", "--out", "demo", cwd=tmp_path)
+    stickslip("demo", "--config", "mine.yaml", "--out", "demo", cwd=tmp_path, changes=package)
     (bag,) = (path.parent for path in (tmp_path / "demo").rglob("metadata.yaml"))
-    said = stickslip(package, "bag", "resimulate", str(bag), cwd=tmp_path)
+    said = stickslip("bag", "resimulate", str(bag), cwd=tmp_path, changes=package)
     assert "bit for bit" in said
-    alone = run(sys.executable, "-m", "stickslip_ros", "bag", "resimulate", str(bag), cwd=tmp_path)
-    assert alone.returncode == 2
-    assert "model is 'twice'" in alone.stderr
-    assert "stickslip_ros.laws" in alone.stderr  # what is missing here
+    alone = stickslip("bag", "resimulate", str(bag), cwd=tmp_path, code=2)
+    assert "model is 'twice'" in alone
+    assert "stickslip_ros.laws" in alone  # what is missing here
 
 
 def test_mine_is_identified(package: dict[str, str], tmp_path: Path) -> None:
@@ -113,12 +107,12 @@ def test_mine_is_identified(package: dict[str, str], tmp_path: Path) -> None:
         "sensor_latency=0",
     )
     changed = ("--set", "sigma_1=6.5", "--set", "frequency=1000", "--steps", "30")
-    stickslip(package, "simulate", *changed, *MINE, *sampled, cwd=tmp_path)
+    stickslip("simulate", *changed, *MINE, *sampled, cwd=tmp_path, changes=package)
     (tmp_path / "mine.yaml").write_text(
         "model: twice\nwaveform: ramp\nfrequency: 1000.0\nsensor_rate: 100000.0\n"
     )
     words = ("identify", "--config", "mine.yaml", "run.csv", "--fit", "sigma_1", "--json")
-    out = json.loads(stickslip(package, *words, cwd=tmp_path))
+    out = json.loads(stickslip(*words, cwd=tmp_path, changes=package))
     found = out["parameters"]["sigma_1"]
     assert found["low"] < 6.5 < found["high"]
 

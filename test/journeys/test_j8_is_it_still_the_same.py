@@ -5,13 +5,12 @@ A general integrator moves the axis of the tables and changes it; the twin is to
 """
 
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
-from child import run
+from child import stickslip
 from emulated import Client
 from live import Start, wait_until
 
@@ -28,13 +27,6 @@ CHANGES = {
     "payload": (Hidden(payload=2e-3), {"payload"}),
     "preload": (Hidden(preload=0.85), {"preload", "place"}),
 }
-
-
-def stickslip(folder: Path, *words: str, code: int = 0) -> str:
-    done = run(sys.executable, "-m", "stickslip_ros", *words, cwd=folder)
-    assert done.returncode == code, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stdout
 
 
 def write_tables(folder: Path, hidden: Hidden) -> RealAxis:
@@ -67,7 +59,7 @@ def test_a_table_of_an_axis(name: str, tmp_path: Path) -> None:
     words = ["twin", "axis.csv", "--drive", "commands.csv", "--config", "drive.yaml"]
     words += ["--predict-steps", "100", "--predict-position", "60um", "--json"]
     words += ["--report", "twin.html", "--plot", "twin.png", "--table", "twin.csv"]
-    found: dict[str, Any] = json.loads(stickslip(tmp_path, *words, code=int(bool(right))))
+    found: dict[str, Any] = json.loads(stickslip(*words, cwd=tmp_path, code=int(bool(right))))
     assert len(found["changes"]) == bool(right), found["changes"]
     for change in found["changes"]:
         assert abs(change["onset"] - WHEN) < 0.1 and change["told"] < WHEN + 0.5
@@ -103,6 +95,6 @@ def test_a_recording_of_a_lab_program(start_module: Start, tmp_path: Path) -> No
     assert device.terminate() == 0
     (tmp_path / "drive.yaml").write_text(json.dumps({"preload": 0.4}))
     words = ["twin", "bag", "--config", "drive.yaml"]
-    assert "change:" not in stickslip(tmp_path, *words)
-    said = stickslip(tmp_path, *words, "--set", "preload=0.6", code=1)
+    assert "change:" not in stickslip(*words, cwd=tmp_path)
+    said = stickslip(*words, "--set", "preload=0.6", code=1, cwd=tmp_path)
     assert "the file is not of this axis" in said

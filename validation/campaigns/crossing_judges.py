@@ -65,7 +65,7 @@ SIGNS = {"along": 1, "against": -1}
 WAVE = "0, 0\n0.6, 0.7\n0.9985, 1\n1, 0\n"
 MACHINES: dict[str, dict[str, str]] = {
     "German": {"LC_ALL": "de_DE.UTF-8"}, "Turkish": {"LC_ALL": "tr_TR.UTF-8"},
-    "no locale": {"LC_ALL": "C", "PYTHONUTF8": "0"}, "no home": {"HOME": "/nowhere"},
+    "no locale": {"LC_ALL": "C", "PYTHONUTF8": "0"}, "no home": {"HOME": "/proc/nowhere"},
     "time zone": {"TZ": "Pacific/Chatham"},
 }  # fmt: skip
 #: What a program sends for steps: frequency (Hz), amplitude (V), count, up or down, slot
