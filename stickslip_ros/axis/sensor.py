@@ -80,6 +80,10 @@ class Sensor:
             return k - 1
         return k + 1 if self.time_of(k + 1) <= t else k
 
+    def arrived_by(self, t: float) -> int:
+        """Return the number of the last reading that has arrived by time t (s)."""
+        return self.taken_by(t) - self.delay
+
     def reading(self, x: float, k: int) -> float:
         """Return reading number k (m) for a runner at x (m)."""
         if self._noise:
@@ -177,7 +181,7 @@ class Readings:
 
         asked: time (s) before which nobody asks what has arrived.
         """
-        last, arrived = sensor.taken_by(t), sensor.taken_by(asked) - sensor.delay
+        last, arrived = sensor.taken_by(t), sensor.arrived_by(asked)
         for k in list(self._positions)[:-1]:
             if k >= arrived:
                 break
@@ -193,7 +197,7 @@ class Readings:
 
         After the start, and with a latency that has become longer, that is the oldest there is.
         """
-        k = sensor.taken_by(t) - sensor.delay
+        k = sensor.arrived_by(t)
         if k not in self._positions:
             k = min(self._positions)
         return k, self._positions[k]

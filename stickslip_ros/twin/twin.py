@@ -225,6 +225,7 @@ class Twin:
             self.timeline.clear()
             self._astray, self._doubtful, self._still = True, t + _DOUBT, (t, math.nan)
             self.t = self._excited = math.nan
+            self._jumped = -math.inf
             return True
         self.troubles["doubled readings" if t == self.t else "late readings"] += 1
         self._doubtful = self.t + _DOUBT

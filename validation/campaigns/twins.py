@@ -239,14 +239,8 @@ def causes(count: int, first: int) -> None:
                 pass
             outcome = _outcome(twin, name)
             totals.setdefault(name, Counter())[outcome] += 1
-            print(
-                name,
-                seed,
-                outcome,
-                _changed(hidden),
-                [one.text for one in twin.changes],
-                flush=True,
-            )
+            texts = [one.text for one in twin.changes]
+            print(name, seed, outcome, _changed(hidden), texts, flush=True)
     for name, found in totals.items():
         print(name, dict(found))
 
