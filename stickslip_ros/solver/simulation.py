@@ -204,8 +204,10 @@ class Simulation:
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
         self.drive_cycle = drive_cycle
-        durations, rates, bends = drive_cycle.durations, drive_cycle.rates, drive_cycle.bends
-        self._drive = np.stack([durations, rates, np.zeros_like(rates) if bends is None else bends])
+        self._drive = np.zeros((3, len(drive_cycle.durations)))
+        self._drive[0], self._drive[1] = drive_cycle.durations, drive_cycle.rates
+        if drive_cycle.bends is not None:
+            self._drive[2] = drive_cycle.bends
 
     @property
     def commanded(self) -> float:
