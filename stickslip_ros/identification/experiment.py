@@ -102,8 +102,9 @@ class Experiment:
         if not found:
             raise IdentificationError(
                 f"{motion.source} shows no steps at {frequency:g} Hz; correct the frequency in the "
-                "parameters, cut the measurement, or name the column of the runner if this is the "
-                "actuator's (--columns)"
+                "parameters, cut the measurement, name the column of the runner if this is the "
+                "actuator's (--columns), or measure anew: at a larger amplitude if steps may be "
+                "below the noise, with rests of two periods around fewer than three steps"
             )
         real = [one for one in found if not _is_phantom(one, frequency)] or found
         motion, kept = determined_part(motion, real)

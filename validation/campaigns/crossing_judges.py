@@ -357,7 +357,8 @@ def node(case: Case) -> str:
 
 
 def others(case: Case) -> str:
-    return _in_node(case, {"x": {}, "y": {"preload": 0.3}, "z": {"model": "lugre"}})
+    lighter = {"preload": 0.6 * case.values["preload"]}
+    return _in_node(case, {"x": {}, "y": lighter, "z": {"model": "lugre"}})
 
 
 # -- a recording

@@ -166,8 +166,8 @@ class _Analysis:
                 break
             core = Candidate(factor * longest.period, longest.first, longest.last)
             chains = PeriodChoice(self.pyramid, self.mean, core.period).chains([core])
-            if not chains:
-                break
+            if not chains:  # a sinusoid has no slips, nor has it over several of its periods
+                return [], None
             grids, ringing = self._timed(chains)
         return grids, ringing
 

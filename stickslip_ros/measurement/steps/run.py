@@ -322,7 +322,10 @@ class Run:
 def main_run(runs: Sequence[Run]) -> Run:
     """Return the run with most cycles. TraceError where there is none."""
     if not runs:
-        raise TraceError("the trace shows no steps; give the drive frequency if it is known")
+        raise TraceError(
+            "the trace shows no steps; give the drive frequency if it is known, and fewer than "
+            "three steps with rests of two periods around them"
+        )
     return max(runs, key=lambda one: one.steps)
 
 

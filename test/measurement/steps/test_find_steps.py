@@ -127,6 +127,14 @@ def test_what_cannot_be_a_record_is_refused(t: Array, x: Array, words: str) -> N
         find_steps(t, x)
 
 
+def test_a_sinusoid_on_a_slope_is_not_two_of_its_periods_a_step() -> None:
+    draw = np.random.default_rng(1)
+    t = np.flatnonzero(draw.random(12_000) > 0.02) / (40 * 2136.8)
+    turn = 2.0 * np.pi * 2136.8 * t
+    swing = 45e-9 * np.sin(turn) + 1.5e-9 * np.sin(2.0 * turn + 1.0)
+    assert not find_runs(t, swing - 6.6e-5 * t + 1e-9 * draw.standard_normal(len(t)))
+
+
 def test_a_frequency_that_the_record_cannot_hold_is_refused() -> None:
     with pytest.raises(StickslipError, match=r"no whole cycle at 5 Hz"):
         find_steps(T, NOISE, 5.0)
