@@ -25,6 +25,7 @@ from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.measurement.steps.actuator_cycles import cycles_of_actuator
+from stickslip_ros.measurement.steps.doubts import NO_REST
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
 from stickslip_ros.measurement.steps.measured_value import COVERAGE, MeasuredValue
 from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, why_left_out
@@ -132,7 +133,9 @@ class RunPair:
     def verdict(self) -> str:
         """The metrics that differ, in words."""
         differing = ", ".join(metric.name for metric in self.metrics if metric.differs)
-        return self.why_missing or (f"{differing} differs" if differing else "agrees")
+        known = any(metric.differs is not None for metric in self.metrics)
+        agrees = "agrees" if known else "not compared"
+        return self.why_missing or (f"{differing} differs" if differing else agrees)
 
 
 def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alignment:
@@ -317,6 +320,8 @@ def step_metrics(
     of_run, of_measured = _estimates(run, spacing), _estimates(measured, spacing)
     if motions.period is not None:
         of_run["period"] = MeasuredValue(motions.period, 0.0)
+    doubts = "; ".join(dict.fromkeys((*run.doubts, *measured.doubts)))
+    counted = set(doubts.split("; ")) <= {"", NO_REST}
     metrics = []
     for row in METRICS:
         first, second = of_run[row.name], of_measured[row.name]
@@ -327,9 +332,10 @@ def step_metrics(
         if not why and not math.isfinite(error):
             why = "the record does not tell its uncertainty"
         tolerance = max(limit * error, floor)
+        if not why and not counted:  # two motions that are the same may be read as other cycles
+            why, tolerance = "not compared: the cycles are not sure, see steps", math.inf
         metrics.append(
             ComparisonMetric(row.name, row.unit, first.value, scale * second.value, tolerance, why)
         )
-    doubts = "; ".join(dict.fromkeys((*run.doubts, *measured.doubts)))
     own, other = (math.nan, math.nan) if doubts else (run.steps, measured.steps)
     return [*metrics, ComparisonMetric("steps", "", own, other, 0.5, doubts)]

@@ -20,6 +20,12 @@ from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.step_fit import PRECISION, Disturbances
 from stickslip_ros.measurement.steps.timing import SlipGrid
 
+#: What leaves the cycles sure.
+NO_REST = "no rest beside the run, so step and drift cannot be told apart"
+_JUMPS = (
+    "the runner jumps the way it steps, where a slip throws it back: check the sign of the "
+    "position, and the frequency, unless a load carries it off"
+)
 #: Periods from one run to the next of the other direction that leave no room for a missed slip.
 _NEXT_RUN, _ODD = 2.5, 0.2
 #: Parts by which the periods of two pieces of one run may differ, and their steps, by chance.
@@ -58,7 +64,7 @@ class Evidence:
             *self._rests_beside(k),
             *self._cycles(k),
         ]  # fmt: skip
-        return tuple(found)
+        return tuple(dict.fromkeys(found))
 
     def _sampling(self, k: int) -> list[str]:
         grid, found = self.grids[k], []
@@ -117,10 +123,7 @@ class Evidence:
                 f"the step, {1e9 * step.value:.2f} nm ± {1e9 * step.error:.2f} nm, is not clear"
             )
         if step.value * grid.direction < 0.0:
-            found.append(
-                "the runner jumps the way it steps, where a slip throws it back: check the sign of "
-                "the position, and the frequency"
-            )
+            found.append(_JUMPS)
         return found
 
     def _distance(self, k: int) -> list[str]:
@@ -143,7 +146,7 @@ class Evidence:
 
     def _rests_beside(self, k: int) -> list[str]:
         if self.rests[k] == (None, None):
-            return ["no rest beside the run, so step and drift cannot be told apart"]
+            return [NO_REST]
         grid, ringing, found = self.grids[k], self.ringings[k], []
         width = max(0.25 * grid.period, 0.0 if ringing is None else ringing.swing)
         low, high = self._free_time(k)
@@ -184,6 +187,9 @@ class Evidence:
             found.append(f"{100.0 * change:.0f} % of the motion differs from cycle to cycle")
         clear = grid.period > _CLEAR_SAMPLES * self.record.spacing  # no alias of a faster drive
         least = SETTINGS.least_cycles_without_ringing
+        speed = np.diff(grid.direction * rows.mean(axis=0)) if len(rows) else np.zeros(1)
+        if speed.max() > -SETTINGS.largest_speed_to_slip * speed.min():
+            found.append(_JUMPS)
         few = grid.count < (least // 2 if clear else least)
         if few and ringing is None and not self.given:
             found.append(f"{grid.count} cycles without ringing may be other motion")

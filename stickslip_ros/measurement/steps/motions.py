@@ -23,7 +23,12 @@ from stickslip_ros.measurement.steps.analysis import find_steps
 from stickslip_ros.measurement.steps.doubts import too_few_samples
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
 from stickslip_ros.measurement.steps.measured_value import COVERAGE
-from stickslip_ros.measurement.steps.record import FEWEST_SAMPLES, ImplausibleError, TraceError
+from stickslip_ros.measurement.steps.record import (
+    FASTER,
+    FEWEST_SAMPLES,
+    ImplausibleError,
+    TraceError,
+)
 from stickslip_ros.measurement.steps.run import Cycles, Run, main_run
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.motion.motion import Motion
@@ -248,7 +253,10 @@ def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Ar
         if len(bad):
             raise TraceError(f"{name} sample {bad[0]} is {values[bad[0]]}; leave such samples out")
     if len(time) < FEWEST_SAMPLES:
-        raise TraceError(f"the trace has {len(time)} samples; at least {FEWEST_SAMPLES} are needed")
+        raise TraceError(
+            f"the trace has {len(time)} samples; at least {FEWEST_SAMPLES} are needed: record a "
+            f"longer one, or {FASTER}"
+        )
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if len(back):
         raise TraceError(

@@ -87,7 +87,10 @@ def check_samples(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
         time, first = np.unique(time, return_index=True)
         position = position[first]
     if len(time) < FEWEST_SAMPLES:
-        raise TraceError(f"the trace has {len(time)} samples; at least {FEWEST_SAMPLES} are needed")
+        raise TraceError(
+            f"the trace has {len(time)} samples; at least {FEWEST_SAMPLES} are needed: record a "
+            f"longer one, or {FASTER}"
+        )
     if not np.ptp(position) > 0.0:
         raise TraceError("the runner does not move in the trace")
     return time, position

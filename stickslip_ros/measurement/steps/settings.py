@@ -60,6 +60,7 @@ class StepSettings:
     largest_slip_beyond_ends: float = 0.3  #: amplitude where there should be no slip
     least_slip_at_ends: float = 0.5
     largest_move_in_rest_steps: float = 0.6
+    largest_speed_to_slip: float = 1.4  #: forward, where the fastest motion back, the slip, has 1
     least_step_errors: float = 5.0  #: that a step is away from none
     largest_change_in_doubt: float = 0.5  #: part of the motion that differs from cycle to cycle
 

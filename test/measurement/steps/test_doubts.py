@@ -66,3 +66,11 @@ def test_hum_is_claimed_from_two_of_its_periods_on() -> None:
         made = bench(cycles, 1000.0)
         x = made.x + 2e-8 * np.sin(2.0 * np.pi * 50.0 * made.t)
         assert find_steps(made.t, x, 1000.0).disturbances.hums == claimed
+
+
+def test_a_runner_that_jumps_the_way_it_steps_is_doubted() -> None:
+    """A load carried it off, and its ringing was taken for slips the other way."""
+    made = bench(30, 125.0)
+    run = made.runs[0]
+    carried = 1.4 * run.step_size * 125.0 * np.clip(made.t - run.start, 0.0, run.end - run.start)
+    assert "jumps the way it steps" in doubts(made.t, made.x - carried)
