@@ -88,6 +88,11 @@ class Experiment:
     #: "point" or "mean": samples are of an instant, or means over the time from one to the next
     samples: str | None = None
 
+    @property
+    def steps(self) -> int:
+        """Steps of all runs, those forward and those backward."""
+        return sum(abs(run.steps) for run in self.runs)
+
     @classmethod
     def of(cls, parameters: Parameters, motion: Motion, samples: str | None = None) -> Experiment:
         """Find the runs of the drive in a measurement.

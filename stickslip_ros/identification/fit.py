@@ -77,7 +77,7 @@ class FittedRun:
 
     source: str  #: where the measurement comes from
     start: float  #: of the first step, by the clock of the measurement, s
-    steps: int  #: sign: direction
+    steps: int  #: forward and backward
     clock_drift: float  #: how much longer times of the measurement are, s/s
     noise: float  #: standard deviation of one sample, m
     residual: float  #: root mean square of the residuals of the blocks, m
@@ -265,7 +265,7 @@ class Fit:
         for run in self.runs:
             hum = f", hum of {' and '.join(f'{f:g}' for f in run.mains)} Hz" if run.mains else ""
             lines.append(
-                f"{run.source}: {abs(run.steps)} steps, "
+                f"{run.source}: {run.steps} steps, "
                 f"noise {format_si(run.noise, 'm', 3)} a sample{hum}"
             )
         for curve in self.curves:

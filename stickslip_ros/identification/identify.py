@@ -478,7 +478,7 @@ class _Estimation:
         return FittedRun(
             source=trace.experiment.motion.source,
             start=float(trace.starts[0] + CLOCK * clock[0]),
-            steps=sum(run.steps for run in trace.experiment.runs),
+            steps=trace.experiment.steps,
             clock_drift=float(RATE * clock[-1]),
             noise=residual * math.sqrt(trace.blocks.count),
             residual=residual,

@@ -225,7 +225,10 @@ def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path
             f"an MCAP bag of it with `ros2 bag convert -i {path} -o OPTIONS.yaml`, where "
             "OPTIONS.yaml says output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
         )
-    raise BagError(f"there is no .mcap or .db3 file in {path}; name the folder of a bag")
+    raise BagError(
+        f"there is no .mcap or .db3 file in {path}; name the folder of a bag, or tables "
+        f"by their files ({path}/*.csv)"
+    )
 
 
 def storage_of(file: Path) -> str:

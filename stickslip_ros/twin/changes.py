@@ -179,8 +179,9 @@ class Attribution:
         for name in [self.cause] if self.cause else self.possible:
             size, unit = self.sizes[name], CAUSES[name].unit or "%"
             listed.append(f"{name} {size if unit != '%' else 100.0 * math.expm1(size):+.2g} {unit}")
-        others = f"; it cannot be distinguished from {', '.join(listed[1:])}" if listed[1:] else ""
-        return listed[0] + others
+        if len(listed) == 1:
+            return listed[0]
+        return f"one of {', '.join(listed)}, which cannot be distinguished"
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,9 @@ ASKED = {
     "false_alarm_interval": ("s", "of stepping, with one false alarm at most"),
 }
 
+#: Noise of a sensor that shows no single step, m
+_LOUDEST = 1e-6
+
 
 @dataclass(frozen=True)
 class TwinSettings:
@@ -65,5 +68,10 @@ class TwinSettings:
             value = getattr(self, one.name)
             if not (math.isfinite(value) and (value > 0.0 or one.name == "latency")):
                 raise TwinError(f"{one.name} is {value:g}; it has to be a number above 0")
+        if self.noise > _LOUDEST:
+            raise TwinError(
+                f"noise is {self.noise:g} m, beyond {_LOUDEST:g} m it hides all steps: give it in "
+                "metres, or with its unit, such as 0.5nm"
+            )
         if not 0.5 <= self.certainty < 1.0:
             raise TwinError(f"certainty is {self.certainty:g}; it has to be from 0.5 to below 1")

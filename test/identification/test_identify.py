@@ -168,6 +168,7 @@ def test_a_measurement_in_which_the_amplitude_changes_is_refused() -> None:
     same = bench_trace(Axis(preload=0.5, mass=5e-3), (drive, drives[1], drive), sensor, 8e-3)
     found = Experiment.of(known, Motion("same.csv", same.t, same.x))
     assert [run.steps for run in found.runs] == [8, -8, 8]
+    assert found.steps == 24
 
 
 def test_a_trace_without_steps_is_refused() -> None:

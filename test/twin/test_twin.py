@@ -358,6 +358,8 @@ def test_rest_and_closed_loop_make_blind_and_move_no_estimate() -> None:
 def test_settings_out_of_range_are_refused() -> None:
     with pytest.raises(TwinError, match="noise is -1"):
         TwinSettings(noise=-1.0)
+    with pytest.raises(TwinError, match=r"noise is 0.5 m, .* such as 0.5nm"):
+        TwinSettings(noise=0.5)
     with pytest.raises(TwinError, match="certainty is 2"):
         TwinSettings(certainty=2.0)
 

@@ -225,7 +225,7 @@ class _Analysis:
         steps, disturbances = fit_steps(self.record, self.mean, grids, ringings, rests)
         known = Evidence(
             self.record, self.pyramid, self.mean, grids, ringings, rests, steps, disturbances,
-            self.period is not None,
+            self.period,
         )  # fmt: skip
         runs = []
         for k, (grid, step) in enumerate(zip(grids, steps, strict=True)):

@@ -19,6 +19,7 @@ from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.step_fit import PRECISION, Disturbances
 from stickslip_ros.measurement.steps.timing import SlipGrid
+from stickslip_ros.reporting import format_si
 
 #: What leaves the cycles sure.
 NO_REST = "no rest beside the run, so step and drift cannot be told apart"
@@ -28,6 +29,8 @@ _JUMPS = (
 )
 #: Periods from one run to the next of the other direction that leave no room for a missed slip.
 _NEXT_RUN, _ODD = 2.5, 0.2
+#: Samples that are missing where there is a gap.
+_GAP_SAMPLES = 4.0
 #: Parts by which the periods of two pieces of one run may differ, and their steps, by chance.
 _SAME_PERIOD, _SAME_STEP = 0.05, 0.02
 #: Steps that the rests may be apart beside the number of cycles, as the first ones differ, and more
@@ -55,20 +58,20 @@ class Evidence:
     rests: Sequence[tuple[Rest | None, Rest | None]]
     steps: Sequence[MeasuredValue]
     disturbances: Disturbances
-    given: bool  #: whether the period was given
+    given: float | None  #: the period that was given, s
 
     def doubts(self, k: int) -> tuple[str, ...]:
         """Return why run k is not determined; empty if it is."""
         found = [
-            *self._sampling(k), *self._ends(k), *self._size(k), *self._distance(k),
-            *self._rests_beside(k),
+            *self._sampling(k), *self._multiple(k), *self._ends(k), *self._size(k),
+            *self._distance(k), *self._rests_beside(k),
             *self._cycles(k),
         ]  # fmt: skip
         return tuple(dict.fromkeys(found))
 
     def _sampling(self, k: int) -> list[str]:
         grid, found = self.grids[k], []
-        if grid.count < SETTINGS.least_cycles and not self.given:
+        if grid.count < SETTINGS.least_cycles and self.given is None:
             found.append(f"{grid.count} cycles; {SETTINGS.least_cycles} are needed")
         samples = grid.period / self.record.spacing
         if round(samples, 1) < SETTINGS.least_samples_a_cycle:
@@ -86,6 +89,13 @@ class Evidence:
             part = 100.0 * grid.unevenness / grid.period
             found.append(f"the slips miss even times by {part:.2g} % of a period")
         return found
+
+    def _multiple(self, k: int) -> list[str]:
+        """Return the doubt about cycles that may be several of those whose period was given."""
+        times = 0.0 if self.given is None else self.grids[k].period / self.given
+        if round(times) < 2 or abs(times / round(times) - 1.0) > _SAME_PERIOD:
+            return []
+        return [f"each cycle may be {round(times)} of the {1.0 / (self.given or 1.0):.6g} Hz given"]
 
     def _ends(self, k: int) -> list[str]:
         """Return doubts about the number of slips."""
@@ -105,8 +115,22 @@ class Evidence:
             apart = (later.first - sooner.last) / grid.period
             alike = abs(other.period / grid.period - 1.0) < _SAME_PERIOD and self._same_steps(j, k)
             if other is not grid and not turns and alike and apart < _NEXT_RUN:
-                found.append("another run of the same steps is so near that both may be one")
+                found.append(
+                    "another run of the same steps is so near that both may be one"
+                    + self._gap_between(sooner.last, later.first)
+                )
         return found
+
+    def _gap_between(self, begin: float, end: float) -> str:
+        """Say where samples are missing about two slips (s), in which others may be lost."""
+        t = self.record.t
+        first, last = np.searchsorted(t, [min(begin, end), max(begin, end)])
+        near = t[max(first - 1, 0) : last + 2]
+        k = int(np.argmax(np.diff(near))) if len(near) > 1 else 0
+        if len(near) < 2 or not near[k + 1] - near[k] > _GAP_SAMPLES * self.record.spacing:
+            return ""
+        lost = format_si(float(near[k + 1] - near[k]), "s", 3)
+        return f", as {lost} without samples from {near[k]:.4g} s on hide a slip: cut them there"
 
     def _same_steps(self, j: int, k: int) -> bool:
         """Return whether the steps of two runs may be those of one."""
@@ -191,19 +215,22 @@ class Evidence:
         if speed.max() > -SETTINGS.largest_speed_to_slip * speed.min():
             found.append(_JUMPS)
         few = grid.count < (least // 2 if clear else least)
-        if few and ringing is None and not self.given:
+        if few and ringing is None and self.given is None:
             found.append(f"{grid.count} cycles without ringing may be other motion")
         turns = grid.count * grid.period
         near = [abs(1.0 / grid.period - k * one) * turns for one in MAINS for k in (1, 2)]
-        if ringing is None and not self.given and min(near) < _LIKE_MAINS:
-            found.append("cycles as long as those of the mains, without ringing, may be hum")
+        if ringing is None and self.given is None and min(near) < _LIKE_MAINS:
+            found.append(
+                "cycles as long as those of the mains, without ringing, may be hum: give the "
+                "frequency of the drive, or take hum out (--remove-hum)"
+            )
         longest = max(self.grids, key=lambda one: one.count)
         if grid is longest:
             factor = period_factor(self.record, self.mean, self.pyramid, grid, ringing)
             if factor != 1.0:
                 better = 1.0 / (factor * grid.period)
                 found.append(f"the motion repeats better at {better:.6g} Hz")
-            elif not self.given and ringing is None:
+            elif self.given is None and ringing is None:
                 part = possible_part(self.record, self.mean, grid)
                 if part > 1:
                     found.append(f"the samples may also show {part / grid.period:.6g} Hz")

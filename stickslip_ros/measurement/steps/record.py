@@ -154,7 +154,8 @@ def _held_samples(x: Array, resolution: float) -> NDArray[np.bool_]:
         beside = moved[max(before - _HELD_SAMPLES, 0) : max(before + 1, 0)]
         stops = float(np.max(beside, initial=0.0)) > _STOPS * usual
         soon = slice(after, after + 3)  # from rest, it takes a part of a swing to get as fast
-        leaves = first == 0 and len(x[soon]) > 2 and abs(np.ptp(x[soon])) > usual_move
+        starts = first == 0 and resolution > 0.0  # without noise, a rest before steps has one value
+        leaves = starts and len(x[soon]) > 2 and abs(np.ptp(x[soon])) > usual_move
         if noisy or stops or leaves:
             held[first + 1 : after] = True
     return held

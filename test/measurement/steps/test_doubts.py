@@ -74,3 +74,18 @@ def test_a_runner_that_jumps_the_way_it_steps_is_doubted() -> None:
     run = made.runs[0]
     carried = 1.4 * run.step_size * 125.0 * np.clip(made.t - run.start, 0.0, run.end - run.start)
     assert "jumps the way it steps" in doubts(made.t, made.x - carried)
+
+
+def test_a_gap_that_hides_a_slip_is_named() -> None:
+    made = bench(20, 73.0, Sensor(rate=1e4, noise=5e-10))
+    lost = made.runs[0].start + np.array([7.5, 8.1]) / 73.0
+    seen = (made.t < lost[0]) | (made.t > lost[1])
+    assert "8.30 ms without samples from" in doubts(made.t[seen], made.x[seen])
+
+
+def test_every_second_cycle_of_the_frequency_given_is_doubted() -> None:
+    drives = Drive(20, 200.0, pause=0.01), Drive(20, 200.0, direction=-1, pause=0.015)
+    made = bench_trace(Axis(), drives, Sensor(rate=2500.0, noise=5e-10), rest=0.01)
+    for run in find_steps(made.t, made.x, 200.0).runs:
+        assert abs(run.frequency / 200.0 - 1.0) < 0.01 or not run.determined
+    assert "each cycle may be 2 of the 200 Hz given" in doubts(made.t, made.x, 200.0)

@@ -167,3 +167,13 @@ def test_one_step_and_two_are_measured_where_the_frequency_is_given(
     assert (run.steps, run.determined) == (cycles, True)
     assert run.step_size == pytest.approx(made.runs[0].step_size, abs=3.0 * run.step_size_error)
     assert run.step_size_error < 0.1 * abs(run.step_size)
+
+
+def test_a_rest_at_one_value_before_quick_steps_is_no_end_of_the_range() -> None:
+    """Without noise and with few samples a swing, the runner is fast at once."""
+    made = bench(20, 90.0, Sensor(rate=12e3))
+    begun = made.runs[0].start
+    inside = made.t < begun + 15.3 / 90.0
+    x = np.where(made.t < begun, made.x[0], made.x)
+    (run,) = find_steps(made.t[inside], x[inside]).runs
+    assert not run.doubts
