@@ -195,12 +195,15 @@ def _zero(axis: Device) -> None:
 
 
 def _set_parameters(axis: Device, new: Parameters) -> None:
-    if replace(new, node=axis.parameters.node) == axis.parameters:
-        axis.config.parameters = new  # nothing of the motion, which stays the same to the last bit
+    old = axis.parameters
+    if replace(new, node=old.node) == old:
+        axis.config.parameters = new
         return
     axis.config.apply(new)
-    axis.take_faults()
-    axis.actuation.change_later()
+    moving = axis.take_faults()
+    # Of what the sensor does the motion knows nothing: it stays the same to the last bit.
+    if moving or replace(new, node=old.node, sensor=old.sensor, faults=old.faults) != old:
+        axis.actuation.change_later()
 
 
 def _pause(axis: Device, on: bool) -> None:

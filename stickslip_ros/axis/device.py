@@ -26,7 +26,7 @@ from stickslip_ros.axis.events import (
     is_set_point,
     shorten,
 )
-from stickslip_ros.axis.faults import Moment
+from stickslip_ros.axis.faults import MOVING, Moment
 from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supervisor
 from stickslip_ros.model.arithmetic import arithmetic
 from stickslip_ros.model.versions import MODEL_VERSION
@@ -166,21 +166,28 @@ class Device:
         if not on:
             self._replace(None)
 
-    def take_faults(self) -> None:
-        """Let the faults that the parameters name act from now on, and others no more."""
+    def take_faults(self) -> bool:
+        """Let the faults that the parameters name act from now on, and others no more.
+
+        Returns whether that changes the motion.
+        """
         actuation, old = self.actuation, self.config.faults
         k = self.config.sensor.number_at(actuation.t)
         reading = self.config.reading(actuation.sensed, k) + self.config.offset
         now = Moment(actuation.t, actuation.x, reading, actuation.cycles_run)
         new = old.changed(self.parameters, now)
         if new.active == old.active:
-            return
+            return False
         self.config.faults = new
+        moving = False
         for name in dict.fromkeys((*old.active, *new.active)):
             if old.active.get(name) != new.active.get(name):
                 faults, outcome = (new, "began") if name in new else (old, "ended")
                 self.note(INJECTED, outcome, fault=name, value=faults.value(name))
-        actuation.faults_changed()
+                moving = moving or name in MOVING
+        if moving:
+            actuation.faults_changed()
+        return moving
 
     def checked(self, changes: Mapping[str, Any]) -> Parameters:
         """Return the parameters with changes; ParameterError if the axis cannot have them."""

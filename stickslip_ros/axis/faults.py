@@ -24,6 +24,8 @@ _SPIKE_EVERY = 100  # readings
 #: Where the faults act, other than in `Faults` itself
 SENSOR_DROPOUT, STUCK, STALL, DIRT = "sensor_dropout", "axis_stuck", "axis_stall", "dirt"
 PRELOAD_LOSS, REFUSE, LATE, VANISH = "preload_loss", "refuse", "late", "vanish"
+#: Those that act on the motion; it goes on to the last bit beside the others
+MOVING = STUCK, STALL, PRELOAD_LOSS, DIRT
 
 
 @dataclass(frozen=True)

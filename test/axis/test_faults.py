@@ -4,6 +4,7 @@
 import math
 import random
 from contextlib import suppress
+from typing import Any
 
 import pytest
 from table_1 import TABLE_1
@@ -159,3 +160,16 @@ def test_random_runs_with_every_fault_repeat_bit_for_bit() -> None:
         rerun = Rerun([event for event in back if event])
         assert [rerun.advance(state.t).state for state in states] == states
     assert seen == set(FAULTS)
+
+
+@pytest.mark.parametrize("change", [{"fault": "sensor_drift 1e-6"}, {"sensor_noise": 5e-9}])
+def test_the_motion_knows_nothing_of_its_sensor(change: dict[str, Any]) -> None:
+    """The slips that were to come had been drawn anew with each parameter."""
+    lone, seen = (Axis({**QUIET, "slip_spread": 0.07, "frequency": 1.1}) for _ in range(2))
+    for axis in (lone, seen):
+        axis.command_steps(3)
+        axis.advance(1.1)
+    seen.set_parameters(change)
+    for axis in (lone, seen):
+        axis.advance(2.8)
+    assert seen.state.x == lone.state.x
