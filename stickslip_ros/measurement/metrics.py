@@ -295,7 +295,9 @@ def _estimates(steps: Run, spacing: float) -> dict[str, MeasuredValue]:
         ringing_error, damping_error = (
             steps.ringing.frequency_error, steps.ringing.damping_ratio_error,
         )  # fmt: skip
-        if math.isinf(damping_error):
+        if not math.isfinite(ringing_error):  # of swings that are not known the decay is not, too
+            damping_error = math.nan
+        elif math.isinf(damping_error):
             # It is that of the method, the same for both. Chance moves frequency and decay alike
             # (the Cramer-Rao bounds of a damped oscillation).
             damping_error = ringing_error / steps.ringing_frequency

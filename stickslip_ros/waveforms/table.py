@@ -16,6 +16,8 @@ from stickslip_ros.waveforms.built_in import Shape
 _FORM = "one column of levels, or two of time share and level"
 #: First line of a file with times and voltages
 OF_GENERATOR = "# time (s), voltage (V)"
+#: Part of the height by which a level that is held may change: rounding
+_LEVEL = 1e-12
 
 
 def table_shape(d: DriveParameters) -> Shape:
@@ -95,14 +97,14 @@ def _slip_of(changes: Sequence[float], spans: Sequence[float]) -> tuple[int, int
     slopes = [change / span for change, span in zip(changes, spans, strict=True)]
     first = last = slopes.index(min(slopes))
     for k in range(first - 1, -1, -1):
-        if changes[k] > 0.0:
+        if changes[k] > _LEVEL:
             break
-        if changes[k] < 0.0:
+        if changes[k] < -_LEVEL:
             first = k
     for k in range(last + 1, len(changes)):
-        if changes[k] > 0.0:
+        if changes[k] > _LEVEL:
             break
-        if changes[k] < 0.0:
+        if changes[k] < -_LEVEL:
             last = k
     return first, last + 1
 

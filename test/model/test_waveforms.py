@@ -165,6 +165,12 @@ def test_a_table_with_times(table: Path) -> None:
     assert drive_cycle.slip_duration == pytest.approx(1.2e-3)
 
 
+def test_a_level_that_is_held_but_for_rounding_is_no_part_of_the_slip(table: Path) -> None:
+    table.write_text("0, 0\n0.5, 1\n0.51, 7e-17\n1, 0\n")
+    drive_cycle = drive_cycle_of(waveform="table", waveform_table=str(table))
+    assert (drive_cycle.slip, drive_cycle.slip_end) == (1, 2)
+
+
 def test_a_table_is_read_again_when_it_changed(table: Path) -> None:
     table.write_text("0\n1\n0\n")
     name: dict[str, Any] = {"waveform": "table", "waveform_table": str(table)}
