@@ -110,8 +110,7 @@ def run_send(args: argparse.Namespace) -> int:
                 setting = _setting(command, arguments, axis)
                 print(f"{setting}{axis.summary}, at {place_of(axis)}{_ends_met(axis)}{last}")
                 if args.wait is not None and (by := axis.ended_by):
-                    what = "another command" if by in COMMANDS else "a limit"
-                    raise CommandRefused(f"{command.name} was ended by {what}: {by}")
+                    raise CommandRefused(f"{command.name} was ended by a limit: {by}")
         except (CommandRefused, AxisFault) as error:
             print(f"stickslip send: {error}", file=sys.stderr)
             return _REFUSED

@@ -134,7 +134,7 @@ def test_a_move_that_another_command_ends_is_no_success(
         stopped = beside.submit(stop)
         assert main(["send", "steps", "100000", "--wait", "--timeout", f"{PATIENCE}"]) == 1
         stopped.result()
-    assert "steps was ended by another command: stop" in capsys.readouterr().err
+    assert "ended by another command: stop" in capsys.readouterr().err
 
 
 def test_a_move_that_a_soft_limit_ends_is_no_success(

@@ -18,6 +18,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, Int32
 from table_1 import TABLE_1
 
+from stickslip_ros.client import AxisClient
 from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.recordings import BagWriter, TopicDescription
 from stickslip_ros.recordings.message_types import schema_text
@@ -212,3 +213,11 @@ def test_a_player_says_in_one_line_that_clocks_contradict(
     line = ["replay_node", "--ros-args", "-p", f"bag:={bag}", "-p", "clock:=10.0"]
     assert replay([*line, "-p", "use_sim_time:=true"]) == 2
     assert len(capfd.readouterr().err.splitlines()) == 1
+
+
+def test_a_client_of_an_axis_without_a_clock_is_told_of_it(
+    ros: Ros, make: Callable[..., Runnable]
+) -> None:
+    make("axis")
+    with pytest.raises(TimeoutError, match="says nothing before the first /clock"):
+        AxisClient(node=ros.node("user"), timeout=3.0)

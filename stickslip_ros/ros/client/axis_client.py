@@ -152,7 +152,16 @@ class AxisClient(AxisListener):
             )
         if self.axis not in axes:
             return f"no axis {self.axis}; here are {', '.join(axes)}"
-        return f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}"
+        silent = (
+            ""
+            if self._status
+            else (
+                "; with use_sim_time an axis says nothing before the first /clock: publish that first"
+            )
+        )
+        return (
+            f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}{silent}"
+        )
 
     def _missing(self, listeners: int) -> list[str]:
         """Name the interfaces of the axis that are still missing."""
@@ -339,8 +348,9 @@ class AxisClient(AxisListener):
     def wait(self, timeout: float = 60.0) -> AxisClient:
         """Wait until steps, a scan or a trajectory have ended or a target is reached.
 
-        Raises AxisFault with the reason of a fault, TimeoutError after timeout (s), ValueError
-        after a jog, which has no end.
+        Raises AxisFault with the reason of a fault, CommandRefused where a command of somebody
+        else ended it, TimeoutError after timeout (s), ValueError after a jog, which has no end.
+        Of what a soft limit ended, `ended_by` tells.
         """
 
         def ended() -> bool:
@@ -360,6 +370,10 @@ class AxisClient(AxisListener):
             with suppress(TimeoutError):
                 self._wait_for_motion(self._heard_of_end, _LAST_WORDS, str)
             self._moves = False
+            if (by := self.ended_by) in COMMANDS:
+                raise CommandRefused(
+                    f"{self.axis}: the motion was ended by another command: {by}, of somebody else"
+                )
         return self
 
     @property
