@@ -525,6 +525,7 @@ def _seen(case: Case, run: ss.SimulatedRun, path: Path, whole: bool) -> str:
             return said
         allowed = max(4.0 * one.backstep_error, 5e-10 + noise, 0.03 * run.backstep)
         known = not math.isnan(one.backstep + run.backstep) and abs(case.steps) > 2
+        known = known and not sensor.sensor_bandwidth  # which shows less of it
         if known and (said := apart(one.backstep, run.backstep, allowed, "the backstep")):
             return f"{said}: {one.backstep:.5g}, not {run.backstep:.5g}"
     return ""
