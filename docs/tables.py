@@ -9,6 +9,7 @@ A table stands between `<!-- table: NAME -->` and `<!-- end -->`. The package mu
 
 from __future__ import annotations
 
+import inspect
 import json
 import re
 import sys
@@ -19,6 +20,7 @@ from pathlib import Path
 from stickslip_ros.axis.command import FLOAT64, INT32, STATES, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
+from stickslip_ros.client import AxisClient
 from stickslip_ros.emulator import CONTROLLERS, commands_of
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.parameters import PARAMETERS, NodeParameters
@@ -94,6 +96,22 @@ def _protocols() -> Iterator[Sequence[str]]:
         )
 
 
+def _client() -> Iterator[Sequence[str]]:
+    yield "of an `AxisClient`", "what it does"
+    for cls in (AxisClient, *AxisClient.__bases__):
+        for name, member in vars(cls).items():
+            text = inspect.getdoc(member)
+            if name.startswith("_") or not text or name in ("node", "timeout"):
+                continue
+            inputs = "" if isinstance(member, property) else f"({_inputs(member)})"
+            yield f"`{name}{inputs}`", " ".join(text.split("\n\n")[0].split())
+
+
+def _inputs(method: Callable[..., object]) -> str:
+    names = [*inspect.signature(method).parameters.values()][1:]
+    return ", ".join(str(one.replace(annotation=one.empty)) for one in names)
+
+
 def _names(names: Iterable[str]) -> str:
     """Return names of commands in order; a byte that cannot be shown as its number."""
     shown = (one if one.isprintable() else f"#{ord(one)}" for one in names)
@@ -156,6 +174,7 @@ def _entries(tag: str, names: Iterable[str]) -> str:
 
 TABLES: dict[str, list[Callable[[], str]]] = {
     "states.md": [_table(_states)],
+    "commands.md": [_table(_client)],
     "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values())), _table(_of_process)],
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],

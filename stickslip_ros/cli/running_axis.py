@@ -90,7 +90,8 @@ def run_send(args: argparse.Namespace) -> int:
     ends = command.name == "stop" or command.turns_off(arguments)
     if args.wait is not None and command.name == "jog" and not ends:
         raise UsageError(
-            "a jog does not end: leave out --wait, and stop it by: stickslip send stop"
+            "a jog does not end: leave out --wait, and stop it by: "
+            f"stickslip send --axis {args.axis} stop"
         )
     with contextlib.ExitStack() as waiting:
         if args.wait is not None:  # from here on: ROS takes seconds to load and to find the axis
