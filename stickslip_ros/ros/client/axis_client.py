@@ -156,7 +156,7 @@ class AxisClient(AxisListener):
             ""
             if self._status
             else (
-                "; with use_sim_time an axis says nothing before the first /clock: publish that first"
+                "; with use_sim_time an axis says nothing before the first /clock, publish it"
             )
         )
         return (
