@@ -323,6 +323,8 @@ def step_metrics(
     if motions.period is not None:
         of_run["period"] = MeasuredValue(motions.period, 0.0)
     doubts = "; ".join(dict.fromkeys((*run.doubts, *measured.doubts)))
+    swings = [one for one in (run.ringing_frequency, measured.ringing_frequency) if one > 0.0]
+    folded = max(swings, default=0.0) * spacing > 0.5  # then samples show a slower swing
     counted = set(doubts.split("; ")) <= {"", NO_REST}
     metrics = []
     for row in METRICS:
@@ -331,6 +333,8 @@ def step_metrics(
         error = math.hypot(first.error, scale * second.error)
         floor = row.floor * (1.0 if row.unit == "m" else abs(first.value))
         why = row.missing if not math.isfinite(first.value + second.value) else ""
+        if not why and folded and row.name in ("ringing frequency", "damping ratio"):
+            why, error = "the samples are too far apart for the ringing: sample faster", math.inf
         if not why and not math.isfinite(error):
             why = "the record does not tell its uncertainty"
         tolerance = max(limit * error, floor)

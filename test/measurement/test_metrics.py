@@ -68,10 +68,10 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
 
 def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() -> None:
     motion = Motion("axis", T, _wave(T))
-    run, sensor = (_steps(ringing=Ringing(7e3, 600.0, error, math.inf)) for error in (30.0, 40.0))
+    run, sensor = (_steps(ringing=Ringing(4e3, 600.0, error, math.inf)) for error in (30.0, 40.0))
     found = step_metrics(MotionPair(motion, motion), run, sensor, 1.0, 3.0)
     tolerance = next(one.tolerance for one in found if one.name == "damping ratio")
-    assert tolerance == pytest.approx(3.0 * 50.0 / 7e3)
+    assert tolerance == pytest.approx(3.0 * 50.0 / 4e3)
 
 
 def test_a_length_by_a_wrong_gain_is_scaled_and_so_is_its_error() -> None:
@@ -170,3 +170,15 @@ def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
     for cutoff in (0.0, 4501.0):
         with pytest.raises(ComparisonError, match="above 0 and below 4500 Hz"):
             low_pass(Pairs(t, t, t, t), cutoff)
+
+
+def test_ringing_beyond_half_the_rate_of_the_samples_is_not_compared() -> None:
+    """Samples fold it to a slower swing, which looks as sure as any."""
+    motion = Motion("coarse", T, _wave(T))  # 10 kHz
+    sure = Ringing(7e3, 600.0, frequency_error=1.0, decay_error=10.0)
+    seen = replace(sure, frequency=1e3)
+    runs = _steps(ringing=sure), _steps(ringing=seen)
+    found = {one.name: one for one in step_metrics(MotionPair(motion, motion), *runs, 1.0, 3.0)}
+    assert found["ringing frequency"].differs is None
+    assert "sample faster" in found["damping ratio"].verdict
+    assert found["step size"].differs is False

@@ -155,9 +155,7 @@ class AxisClient(AxisListener):
         silent = (
             ""
             if self._status
-            else (
-                "; with use_sim_time an axis says nothing before the first /clock, publish it"
-            )
+            else ("; with use_sim_time an axis says nothing before the first /clock, publish it")
         )
         return (
             f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}{silent}"
