@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The physics: friction laws, runner and loads, actuator and excitation. SI units throughout."""
 
+from stickslip_ros.parameters import PARAMETERS
+
+len(PARAMETERS)  # packages bring their laws before the solver is compiled with them
+
+# ruff: noqa: E402
 from stickslip_ros.laws import LAWS
 from stickslip_ros.laws.law import Contact
 from stickslip_ros.model.contacts import GRAVITY

@@ -203,3 +203,21 @@ def test_a_waveform_with_a_constant_of_its_own(tmp_path: Path) -> None:
     durations, recorded = _run(folder, IN_RECORDS, "rise", "0.6")
     np.testing.assert_allclose(durations, [0.6e-2, 0.4e-2], rtol=1e-12)
     assert recorded == 0.6
+
+
+def test_a_package_brings_its_law_whatever_is_imported_first(tmp_path: Path) -> None:
+    """One with a rate had come too late where the model was loaded before the table was read."""
+    (tmp_path / "mine.py").write_text(
+        "from stickslip_ros.laws import LAWS\nLAW = LAWS['ceim_ageing']\n"
+    )
+    told = tmp_path / "mine-1.0.dist-info"
+    told.mkdir()
+    (told / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    (told / "entry_points.txt").write_text("[stickslip_ros.laws]\nolder = mine:LAW\n")
+    program = "import stickslip_ros.model.idle, stickslip_ros.laws as l; print('older' in l.LAWS)"
+    path = f"{tmp_path}:{Path(__file__).parents[2]}"
+    done = subprocess.run(
+        [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": path},
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout == "True\n", done.stderr
