@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any
@@ -32,6 +34,20 @@ def check_name(name: str, what: str, built_in: object, known: Any) -> None:
         )
     if name in known and built_in:
         raise RegistrationError(f"there is a {what} {name} already; choose another name")
+
+
+@contextmanager
+def named_in_errors(what: str, part: object) -> Iterator[None]:
+    """Let an error in code that comes from outside name what it belongs to, and the cure."""
+    try:
+        yield
+    except Exception as error:
+        module = str(getattr(part, "__module__", ""))
+        if isinstance(error, StickslipError) or module.startswith("stickslip_ros."):
+            raise
+        raise RegistrationError(
+            f"{what} of {module} fails: {type(error).__name__}: {error}; mend it there"
+        ) from error
 
 
 def register_packages() -> None:

@@ -62,11 +62,13 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.emulator import OwnAxes, Server, controller_of
 
     axes = [Axis(parameters_from(args, axis_name=name)) for name in names]
-    own = OwnAxes(axes)
+    own, asked = OwnAxes(axes), axes[0].status.amplitude
     controller = controller_of(args.controller, axes)
     with report_compilation():
         own.begin()
     what = f"axes {', '.join(names)}: {_setting(args.config, axes[0])}"
+    if axes[0].status.amplitude != asked:
+        what += f" (the most of an {args.controller}, not {asked:g} V)"
     watched = axes if args.watch else []
     with contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:  # the usual end
         if args.record:

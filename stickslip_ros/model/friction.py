@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.compiled import compile_beside, compiled
+from stickslip_ros.extensions import named_in_errors
 from stickslip_ros.laws import LAWS, Law, of_others, smaller
 from stickslip_ros.laws.law import (
     ALWAYS_PLASTIC,
@@ -91,7 +92,9 @@ def contact_columns(c: FrictionParameters) -> Contact:
     says so; ParameterError only for a law that is not known.
     """
     law = _law(c)
-    contact = law.contact(constants_in_force(c), _normal_force(c))
+    constants = constants_in_force(c)
+    with named_in_errors(f"the law {c.model}", law.contact):
+        contact = law.contact(constants, _normal_force(c))
     contact = contact._replace(kind=kind_of(law, contact))
     # Where z_ss is twice z_ba, as the CEIM has it, both forms of alpha are the same.
     same = (contact.kind != ELASTOPLASTIC_CALC) & (contact.z_ss == 2.0 * contact.z_ba)
@@ -100,7 +103,9 @@ def contact_columns(c: FrictionParameters) -> Contact:
 
 def constants_in_force(c: FrictionParameters) -> FrictionParameters:
     """Return the parameters with what the law takes for `LEFT_TO_LAW`; ParameterError."""
-    return _law(c).constants(c, _normal_force(c))
+    law = _law(c)
+    with named_in_errors(f"the law {c.model}", law.constants):
+        return law.constants(c, _normal_force(c))
 
 
 #: Where a deflection of the contact comes from

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.arrays import Array
+from stickslip_ros.extensions import named_in_errors
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import (
     Chain,
@@ -48,7 +49,11 @@ def shape_of(d: DriveParameters) -> Shape:
             "register_waveform in this process, or the entry points stickslip_ros.waveforms of a "
             "package"
         ) from None
-    return waveform(d)
+    with named_in_errors(f"the waveform {d.waveform}", waveform):
+        shape = waveform(d)
+        if not isinstance(shape, Shape):
+            raise TypeError(f"it returns {shape!r}, not a stickslip_ros.waveforms.Shape")
+    return shape
 
 
 def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:

@@ -221,3 +221,26 @@ def test_a_package_brings_its_law_whatever_is_imported_first(tmp_path: Path) -> 
         capture_output=True, text=True,
     )  # fmt: skip
     assert done.stdout == "True\n", done.stderr
+
+
+def test_an_error_in_what_is_of_somebody_else_names_it() -> None:
+    """An attribute that a waveform misspells had been a traceback of ours."""
+    program = """
+import stickslip_ros as ss
+from stickslip_ros.laws import LAWS
+ss.register_waveform("ramp", lambda d: d.knee)
+ss.register_waveform("flat", lambda d: (1.0, 2.0))
+ss.register_law("bad", LAWS["ceim"]._replace(contact=lambda c, f: c.no_such))
+for values in ({"waveform": "ramp"}, {"waveform": "flat"}, {"model": "bad"}):
+    try:
+        ss.simulate(**values)
+    except ss.StickslipError as error:
+        print(error)
+"""
+    path = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run([sys.executable, "-c", program], env=path, capture_output=True, text=True)
+    ramp, flat, law = done.stdout.splitlines()
+    assert "the waveform ramp of __main__ fails: AttributeError" in ramp
+    assert "mend it there" in ramp
+    assert "(1.0, 2.0), not a stickslip_ros.waveforms.Shape" in flat
+    assert "the law bad of __main__ fails: AttributeError" in law
