@@ -48,7 +48,7 @@ def build_contacts(p: Parameters) -> tuple[Contact, ...]:
     found = []
     for k, (friction, factor) in enumerate(_each(p)):
         try:
-            contact = contact_of(friction)
+            contact = contact_of(friction, p.friction.preload / friction.preload)
         except ParameterError as error:
             raise ParameterError(
                 f"contact {k + 1} of {count}, with {friction.preload / count:.3g} N of the "

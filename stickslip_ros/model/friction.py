@@ -47,8 +47,11 @@ FASTEST_STRIBECK = 10.0
 _LEAST_RISE = 1e-6
 
 
-def contact_of(c: FrictionParameters) -> Contact:
-    """Return the contact of the friction law; ParameterError if it makes none."""
+def contact_of(c: FrictionParameters, scale: float = 1.0) -> Contact:
+    """Return the contact of the friction law; ParameterError if it makes none.
+
+    scale is the preload that somebody sets over that of c, for a cure.
+    """
     contact = contact_columns(c)
     if not contact.sigma_0 >= SOFTEST:
         raise ParameterError(
@@ -70,18 +73,18 @@ def contact_of(c: FrictionParameters) -> Contact:
     if not is_defined(contact):
         raise ParameterError(
             f"z_ss is {_lowest_z_ss(contact):g} m and z_ba {contact.z_ba:g} m; z_ss has to be "
-            f"larger: {_cure_of_rise(c, contact)} or lower z_ba"
+            f"larger: {_cure_of_rise(c, contact, scale)} or lower z_ba"
         )
     return contact
 
 
-def _cure_of_rise(c: FrictionParameters, contact: Contact) -> str:
+def _cure_of_rise(c: FrictionParameters, contact: Contact, scale: float) -> str:
     """Return how z_ss gets above z_ba: by a preload, where the law calculates it from that."""
     if contact.kind == ELASTOPLASTIC_CALC:
         enough = c.preload * contact.z_ba / _lowest_z_ss(contact)
         enough = float(f"{1.02 * enough:.3g}")  # as somebody types it
         if is_defined(contact_columns(replace(c, preload=enough))):
-            return f"raise preload to {enough:g} N"
+            return f"raise preload to {scale * enough:.3g} N"
     return "raise z_ss (or preload, where the law calculates it)"
 
 

@@ -2,6 +2,7 @@
 """What several contacts are made of: shares of the preload, forces of the guide, constants."""
 
 import math
+import re
 from dataclasses import astuple
 from typing import Any
 
@@ -20,7 +21,7 @@ from stickslip_ros.model.contacts import (
     system_2,
 )
 from stickslip_ros.model.plant import scale_distances
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.parameters import ParameterError, Parameters
 
 GUIDE: dict[str, Any] = {"contacts": 6, "contact_shares": "guide"}
 
@@ -232,3 +233,23 @@ def test_what_cannot_stand_is_refused(values: dict[str, Any], words: str) -> Non
 def test_a_length_that_is_none_is_refused(name: str) -> None:
     with pytest.raises(ParameterError, match=f"{name} of the guide is 0 m"):
         Geometry(**{name: 0.0})
+
+
+def test_the_preload_that_a_refusal_names_is_that_of_the_runner() -> None:
+    """It had been that of six times the contact, below the one that was refused."""
+    values: dict[str, Any] = {
+        "model": "epm_calc",
+        "contacts": 6,
+        "contact_shares": "guide",
+        "preload": 0.41,
+    }
+    for _ in range(4):  # the shares change with the preload
+        try:
+            Plant.of(Parameters.of(values))
+            break
+        except ParameterError as error:
+            named = re.search(r"raise preload to ([\d.]+) N", str(error))
+            assert named
+            assert float(named[1]) > values["preload"]
+            values["preload"] = float(named[1])
+    Plant.of(Parameters.of(values))
