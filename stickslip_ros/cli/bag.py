@@ -54,6 +54,7 @@ def _add_bag(parser: argparse.ArgumentParser) -> None:
 def info_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     _add_bag(parser)
+    option(parser, "--joint", "NAME", "joint to draw (default: the only slider)")
     add_outputs(parser, "the position over time", "the topics")
 
 
@@ -68,7 +69,7 @@ def run_info(args: argparse.Namespace) -> int:
     if args.plot or args.report:
         from stickslip_ros.measurement.load_motion import load_motion
 
-        draw = load_motion(args.bag).motion.plot
+        draw = load_motion(args.bag, joint=args.joint).motion.plot
     names = ("name", "type", "messages")
     table = names, [[_printable(topic[name]) for name in names] for topic in found["topics"]]
     put_out(
