@@ -354,8 +354,8 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.description = (
         "A folder takes a CSV file for each topic, a file one table of all topics, a row for each "
-        "moment. Times are in s since the start of the bag, from the stamps in the messages where "
-        "they have one."
+        "moment, in order of time. Times are in s since the start of the bag by the clock of the "
+        "stamps; what has none stands where the joint states show that clock to be."
     )
     _add_bag(parser)
     text = "new folder, or a file FILE.csv or FILE.parquet (default: BAG_tables)"
