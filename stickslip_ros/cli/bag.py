@@ -54,6 +54,7 @@ def _add_bag(parser: argparse.ArgumentParser) -> None:
 def info_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     _add_bag(parser)
+    option(parser, "--joint", "NAME", "joint to draw (default: the only slider)")
     add_outputs(parser, "the position over time", "the topics")
 
 
@@ -68,7 +69,7 @@ def run_info(args: argparse.Namespace) -> int:
     if args.plot or args.report:
         from stickslip_ros.measurement.load_motion import load_motion
 
-        draw = load_motion(args.bag).motion.plot
+        draw = load_motion(args.bag, joint=args.joint).motion.plot
     names = ("name", "type", "messages")
     table = names, [[_printable(topic[name]) for name in names] for topic in found["topics"]]
     put_out(
@@ -353,8 +354,8 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.description = (
         "A folder takes a CSV file for each topic, a file one table of all topics, a row for each "
-        "moment. Times are in s since the start of the bag, from the stamps in the messages where "
-        "they have one."
+        "moment, in order of time. Times are in s since the start of the bag by the clock of the "
+        "stamps; what has none stands where the joint states show that clock to be."
     )
     _add_bag(parser)
     text = "new folder, or a file FILE.csv or FILE.parquet (default: BAG_tables)"

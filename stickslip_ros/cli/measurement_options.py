@@ -50,7 +50,7 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     option(reading, "--sensor-angle", "DEG", text, quantity("deg"), default=0.0)
     text = "of an interferometer: jumps by halves of it are taken out, such as 633nm"
     option(reading, "--wavelength", "M", text, quantity("m"))
-    option(reading, "--joint", "NAME", "joint to use in a bag (default: the slider)")
+    option(reading, "--joint", "NAME", "joint to use in a bag (default: the only slider)")
     option(reading, "--from", "S", "ignore samples before", quantity("s"), dest="first")
     option(reading, "--to", "S", "ignore samples after", quantity("s"), dest="last")
     flag(reading, "--fit-position-drift", "take the drift of the position out")

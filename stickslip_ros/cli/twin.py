@@ -40,7 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--node", "NODE", "the twin of a live page", default="/stickslip_twin")
     add_page_server(parser)
     option(parser, "--drive", "FILE.csv", "commands as a table: time,command,value", Path)
-    option(parser, "--joint", "NAME", "joint to use in a bag (default: the slider)")
+    option(parser, "--joint", "NAME", "joint to use in a bag (default: the only slider)")
     add_parameters(parser)
     for name, (unit, about) in ASKED.items():
         text = f"{about} (default: {getattr(TwinSettings, name):g} {unit})"

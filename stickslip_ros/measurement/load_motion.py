@@ -60,9 +60,9 @@ def load_motion(
     """Read a motion from a bag, a trace that we wrote, or a measurement of any format.
 
     how: properties that the file does not state, such as the columns of time and position.
-    joint: in a bag; None: the first whose name ends in ``_slider``, or the only one.
+    joint: in a bag; None: the only one whose name ends in ``_slider``, or the only one.
     origin_ns: time that the stamps of a bag count from; None: its first message.
-    Raises MeasurementError: a table cannot be read, or has no such joint.
+    Raises MeasurementError: a table cannot be read, or has no such joint, or several to ask for.
     Raises BagError: a bag cannot be read.
     """
     how = how or Reading()
@@ -79,6 +79,9 @@ def load_motion(
     origin = int(stamps[0]) if origin_ns is None else origin_ns
     motion = replace(motion, t=np.asarray(1e-9 * (stamps - origin), np.float64))
     joint = position.name.split("/")[-2]
+    if len(all_of := _sliders(table)) > 1:
+        note = f"the motion is that of {position.name}; the sliders are: {', '.join(all_of)}"
+        motion = replace(motion, source=f"{path.name} ({joint})", notes=(*motion.notes, note))
     return LoadedMotion(motion, origin, *_axis_of(path, joint), joint)
 
 
@@ -175,10 +178,10 @@ def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, dict[str, float
 
 
 def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
-    """Return the columns of a joint: the one named, the first slider, or the only one.
+    """Return the columns of a joint: the one named, the only slider, or the only one.
 
     Empty where the bag has no joints to choose from. Raises MeasurementError if the joint is not
-    there.
+    there, or several sliders are and none is named.
     """
     positions = [c for c in table.columns if c.unit == "m" and c.name.endswith("/position")]
     # Commands may name the same joints: the topic that has most messages shows the motion. What no
@@ -190,9 +193,20 @@ def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
     if joint is not None and joint not in joints:
         listed = ", ".join(sorted(joints)) or "none"
         raise MeasurementError(f"there is no joint {joint!r}; there are: {listed}")
-    sliders = [one for one in reversed(joints) if one.endswith(SLIDER)]
+    sliders = _sliders(table)
+    if joint is None and len(sliders) > 1:
+        raise MeasurementError(
+            f"which joint? it has {', '.join(sliders)}; name one: --joint {sliders[0]} "
+            f"(or its column: --columns x={joints[sliders[0]]})"
+        )
     chosen = joint or next(iter(sliders or (joints if len(joints) == 1 else ())), None)
     if chosen is None:
         return {}
     actuator = joints.get(chosen.removesuffix(SLIDER) + PIEZO)
     return {"x": joints[chosen], **({"u": actuator} if actuator else {})}
+
+
+def _sliders(table: Table) -> list[str]:
+    """Return the joints of a bag whose names end as those of sliders do, in order of the names."""
+    ends = f"{SLIDER}/position"
+    return sorted({one.name.split("/")[-2] for one in table.columns if one.name.endswith(ends)})

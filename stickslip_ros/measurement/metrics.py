@@ -28,7 +28,12 @@ from stickslip_ros.measurement.steps.actuator_cycles import cycles_of_actuator
 from stickslip_ros.measurement.steps.doubts import NO_REST
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
 from stickslip_ros.measurement.steps.measured_value import COVERAGE, MeasuredValue
-from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, why_left_out
+from stickslip_ros.measurement.steps.motions import (
+    find_runs,
+    has_actuator,
+    runs_of,
+    why_left_out,
+)
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Run, main_run
@@ -172,11 +177,11 @@ def pair_runs(
         missing = "the measurement has no steps"
         return [RunPair(None, None, missing_metrics(missing), missing)]
     run, frequency = motions.run, main_run(measured).frequency
-    exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
-    seen = run if exact else Motion(run.source, pairs.t, pairs.run)
     driven = has_actuator(run.u)
-    try:
-        runs = [] if driven else motions.runs_in(seen, frequency)
+    alike = driven and has_actuator(motions.measurement.u)
+    seen = Motion(run.source, pairs.t, pairs.run)
+    try:  # as those measured were found, so that two motions that are the same have the same runs
+        runs = runs_of(run) if alike else motions.runs_in(seen, frequency)
     except TraceError:
         runs = []
     limit = significant(len(METRICS) * len(measured))
@@ -186,7 +191,7 @@ def pair_runs(
     for one, free in zip(measured, pairwise(alignment.run_time(np.array(edges))), strict=True):
         begin, end = alignment.run_time(np.array([one.start, one.end])).tolist()
         own, why = nearest_run(runs, one.direction, begin, end), "none are found there"
-        if driven:
+        if driven and not alike and not (own and own.determined):
             try:
                 own = _driven_run(motions, seen.between(*free), run.between(*free), one)
             except TraceError as error:  # its position shows the run, or it has none

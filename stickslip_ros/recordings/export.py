@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 import csv
+import math
 import shutil
+import struct
 import tempfile
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
+from itertools import accumulate, groupby, takewhile
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,13 +28,14 @@ from stickslip_ros.recordings.layouts import (
     Rows,
     Times,
 )
-from stickslip_ros.recordings.message_types import STATUS_TYPE, stamp_of
+from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, STATUS_TYPE, stamp_of
 from stickslip_ros.recordings.reader import BagReader
 
 _AT_ONCE = 10_000  # messages that are decoded and written together, or
 _BYTES_AT_ONCE = 16 * 1024 * 1024  # so many bytes of them
 #: Columns of a table at most: a file of so many names and as many rows fills any disk
 _MOST_COLUMNS = 10_000
+_HEARD_EVERY = 10_000_000  # ns between joint states that a clock is learnt from
 _LONGEST_NAME = 200  # bytes of the name of a file, without its end
 
 #: Called with the count of messages done since it was called last
@@ -71,9 +75,10 @@ def export(bag: BagReader, out: Path, on_messages: Note = lambda count: None) ->
         The file or folder cannot be written.
     """
     topics, left_out = dict[str, _Decoded](), dict[str, str]()
+    clocks = _clocks(bag)
     for name in [name for name, count in bag.counts.items() if count]:
         try:
-            topics[name] = _Decoded(bag, name)
+            topics[name] = _Decoded(bag, name, clocks)
         except BagError as error:
             left_out[name] = str(error)
     write = _WRITERS.get(out.suffix, _write_folder)
@@ -97,12 +102,43 @@ def _check_some(bag: BagReader, topics: Mapping[str, Any], left_out: Mapping[str
 # -- rows
 
 
+def _nearness(one: str, other: str) -> tuple[int, int]:
+    """Return how many parts names of topics have in common; a topic of all comes first."""
+    pairs = zip(one.split("/"), other.split("/"), strict=False)
+    common = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+    return common, -one.count("/")
+
+
+Clocks = Mapping[str, tuple[list[int], list[int]]]
+"""By topic: ns since the start of the bag when stamps were recorded, and what these are ahead."""
+
+
+def _clocks(bag: BagReader) -> Clocks:
+    """Learn the clocks of stamps from joint states; an axis that dropped time is behind."""
+    found: dict[str, tuple[list[int], list[int]]] = {}
+    names = [one.name for one in bag.topics.values() if one.type == JOINT_STATE_TYPE]
+    for block in bag.blocks(names) if names else ():
+        for name, ns, data in zip(block.topics, block.log_ns, block.data, strict=True):
+            heard, ahead = found.setdefault(name, ([], []))
+            since = ns - bag.start_ns
+            if len(data) < 12 or (heard and since < heard[-1] + _HEARD_EVERY):
+                continue
+            order = "<iI" if data[1] & 1 else ">iI"
+            seconds, rest = struct.unpack_from(order, data, 4)
+            if stamp := seconds * 10**9 + rest:
+                heard.append(since)
+                ahead.append(stamp - ns)
+    return {name: one for name, one in found.items() if one[0]}
+
+
 class _Decoded:
     """A topic whose messages become rows."""
 
-    def __init__(self, bag: BagReader, name: str) -> None:
-        """Raises BagError: its messages cannot be decoded."""
+    def __init__(self, bag: BagReader, name: str, clocks: Clocks) -> None:
+        """Take the clocks of stamps; the nearest by name is its own. BagError: not decodable."""
         self._bag, self._name = bag, name
+        own = max(clocks, key=lambda one: _nearness(one, name), default="")
+        self._clock = clocks.get(own, Times([], 0).clock)
         topic = bag.topics[name]
         self._type = topic.type
         self._decode = decoder_for(topic)
@@ -114,7 +150,7 @@ class _Decoded:
 
         recorded: ns, of every number. Raises UndecodableError: a message is not of its type.
         """
-        times = Times(recorded, self._bag.start_ns)
+        times = Times(recorded, self._bag.start_ns, self._clock)
         try:
             made, left = self._layouts.rows(data, times)
             for number in left:
@@ -198,18 +234,44 @@ Part = tuple[Columns, Sequence[Sequence[Any]]]
 """Columns, and rows that have these."""
 
 
+_One = tuple[int, str, Columns, Sequence[Any]]
+"""A row by the number of its message: with the topic, the columns and the values."""
+
+
+def _time_of(one: _One) -> float:
+    return float(one[3][0])
+
+
+def _each(
+    topics: Mapping[str, _Decoded], block: dict[str, dict[int, bytes]], recorded: list[int]
+) -> list[_One]:
+    """Return the rows of a block in the order of its messages."""
+    each = [
+        (number, topic, rows.columns, values)
+        for topic, data in block.items()
+        for rows in topics[topic].rows(data, recorded)
+        for number, values in zip(rows.numbers, rows.values, strict=True)
+    ]
+    each.sort(key=itemgetter(0))
+    return each
+
+
 def _joined(bag: BagReader, topics: Mapping[str, _Decoded], note: Note) -> Iterator[Part]:
     """Yield a row for each time, with the values of all topics; columns are named by topic."""
     names: dict[tuple[str, Columns], Columns] = {}
     waiting: tuple[Columns, tuple[Any, ...]] | None = None
-    for block, recorded in _blocks(bag, topics, note):
-        each = [
-            (number, topic, rows.columns, values)
-            for topic, data in block.items()
-            for rows in topics[topic].rows(data, recorded)
-            for number, values in zip(rows.numbers, rows.values, strict=True)
-        ]
-        each.sort(key=itemgetter(0))
+    # What comes late is waited for, so that memory grows with that alone.
+    earliest = [
+        min((one[3][0] for one in _each(topics, *block)), default=math.inf)
+        for block in _blocks(bag, topics, lambda count: None)
+    ]
+    following = [*accumulate([math.inf, *earliest[:0:-1]], min)][::-1]
+    held: list[_One] = []
+    for block, later in zip(_blocks(bag, topics, note), following, strict=True):
+        held += _each(topics, *block)
+        held.sort(key=_time_of)
+        ready = bisect_left(held, later, key=_time_of)
+        each, held = held[:ready], held[ready:]
         done = []
         for _, topic, own, values in each:
             columns = names.get((topic, own))

@@ -70,16 +70,25 @@ class Times(NamedTuple):
 
     recorded: Sequence[int]
     start_ns: int
+    #: ns since the start at which the clock of the stamps was heard, and by how much it is ahead
+    clock: tuple[Sequence[int], Sequence[int]] = ((0,), (0,))
 
     def columns(self, numbers: Sequence[int], stamps: Sequence[int]) -> list[Sequence[Any]]:
         """Return the columns with the times of messages.
 
-        These are s since the start of the bag by the stamp (ns) in the message, or when it was
-        recorded if it has none, 0; and when it was recorded, ns since the Unix epoch.
+        These are s since the start of the bag by the stamp (ns) in the message, or what the clock
+        of the stamps showed when it was recorded if it has none, 0; and when it was recorded, ns
+        since the Unix epoch.
         """
         recorded = [self.recorded[number] for number in numbers]
         start = self.start_ns
-        times = [1e-9 * ((stamp or ns) - start) for stamp, ns in zip(stamps, recorded, strict=True)]
+        since = [ns - start for ns in recorded]
+        if not all(stamps):
+            ahead = np.rint(np.interp(since, *self.clock)).astype(np.int64).tolist()
+            since = [ns + more for ns, more in zip(since, ahead, strict=True)]
+        times = [
+            1e-9 * (stamp - start if stamp else ns) for stamp, ns in zip(stamps, since, strict=True)
+        ]
         return [times, recorded]
 
 

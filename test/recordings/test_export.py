@@ -92,6 +92,29 @@ def test_times_are_those_of_stamps_and_long_arrays_no_columns(tmp_path: Path) ->
     assert (short["data[63]"], long["data[0]"]) == ("0.0", "")
 
 
+def test_a_table_has_one_clock_and_is_in_order_of_it(tmp_path: Path) -> None:
+    """A command stood 4 s behind the event that applied it: the axis had dropped that time."""
+    late = 4 * SECOND
+    samples = [(EVENTS, START, event(START - 24 * SECOND, event="start"))]
+    for k in range(10):
+        now = START + k * SECOND
+        lag = late if k > 4 else 0
+        samples.append((JOINTS, now, joint_state(now - lag, k * 1e-9)))
+        if k == 7:
+            now += SECOND // 2
+            samples.append((STEPS, now, int32(61)))
+            samples.append((EVENTS, now, event(now - late, event="steps", value="61")))
+    foreign(tmp_path / "run.mcap", samples)
+    out = tmp_path / "all.csv"
+    assert main(["bag", "export", str(tmp_path / "run.mcap"), "--out", str(out)]) == 0
+    rows = table(out)
+    times = [float(row["time (s)"]) for row in rows]
+    assert times == sorted(times) and times[0] == -24.0
+    (told,) = (row for row in rows if row[f"{STEPS.name}/data"])
+    assert float(told["time (s)"]) == pytest.approx(3.5)
+    assert told[f"{EVENTS.name}/event"] == "steps"
+
+
 @pytest.mark.slow
 def test_parquet_holds_the_same(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")

@@ -70,7 +70,8 @@ def _exact(record: Record, run: Run) -> Run:
     when, low = np.array(deepest).T
     backsteps = np.maximum(before - low, 0.0)
     mean_step = estimate_settled_mean(steps, exact=True)
-    back = backsteps[settled_from(len(steps)) : max(len(steps) - 1, 1)]
+    first = settled_from(len(steps))
+    back = backsteps[first : max(len(steps) - 1, first + 1)]
     error = float(np.std(back)) / math.sqrt(len(back))
     return replace(
         run,

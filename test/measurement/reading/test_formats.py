@@ -445,6 +445,10 @@ def test_a_bag_without_joints_is_asked_for(tmp_path: Path) -> None:
     assert chosen(("/states/knee", 9), ("/states/hip", 9)) is None
     assert chosen(("/a/x_slider", 9), ("/b/x_slider", 9)) == "/a/x_slider/position"
     assert chosen(("/a/x_slider", 8), ("/b/x_slider", 9)) == "/b/x_slider/position"
+    with pytest.raises(
+        MeasurementError, match="has x_slider, y_slider; name one: --joint x_slider"
+    ):
+        chosen(("/a/x_slider", 9), ("/a/y_slider", 9))
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
