@@ -70,7 +70,7 @@ def _loop(axis: Device, goal: str, trajectory: Trajectory) -> ClosedLoop:
 def _check_steps(axis: Device, steps: int) -> None:
     low, high = _most_steps(axis)
     given: object = steps
-    if not isinstance(given, Integral):
+    if isinstance(given, bool) or not isinstance(given, Integral):
         raise ParameterError(
             f"{steps!r} steps; a command takes a whole number from {low} to {high}: round it"
         )
@@ -126,7 +126,8 @@ def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) ->
     """Return True for a set point of another joint, of no value, or at the present target.
 
     Controllers repeat their set points, and some send back the position that they read. If each
-    reading became the next target, the noise of the sensor would carry the axis away.
+    reading became the next target, the noise of the sensor would carry the axis away. Readings
+    differ by six times their noise, and by their resolution.
     """
     if joint != axis.config.joint or math.isnan(value):
         return True
@@ -138,8 +139,13 @@ def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) ->
             (0.0, math.inf) if loop is None else loop.trajectory.velocity_at(axis.actuation.t)
         )
         return math.isclose(value, velocity, rel_tol=_SAME) and (not value or left > _RENEWED)
-    goal = loop.trajectory.goal if loop else axis.actuation.x - axis.config.offset
-    return abs(value - goal) <= axis.config.parameters.closed_loop.target_tolerance
+    goal, near = axis.measured, axis.config.parameters.closed_loop.target_tolerance
+    if loop:
+        goal = loop.trajectory.goal
+    else:
+        sensor = axis.config.parameters.sensor
+        near = max(near, 6.0 * sensor.sensor_noise + (sensor.sensor_resolution or 0.0))
+    return abs(value - goal) <= near
 
 
 def _check_set_point(axis: Device, joint: str, interface: str, value: float) -> None:

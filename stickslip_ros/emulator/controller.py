@@ -337,7 +337,14 @@ class Channel:
             axis.command_steps(steps)
 
     def set_drive(self, volts: float, hertz: float) -> None:
-        """Set amplitude (V) and frequency (Hz), first the one that eases the drive."""
+        """Set amplitude (V) and frequency (Hz), first the one that eases the drive.
+
+        Both or, with CommandRefused, none.
+        """
+        try:
+            self.axis.config.check_drive(self.axis.config.nearest(volts), hertz)
+        except ParameterError as error:
+            raise CommandRefused(str(error)) from None
         if hertz < self.axis.status.frequency:
             self.axis.command_frequency(hertz)
             self.axis.command_amplitude(volts)

@@ -379,7 +379,9 @@ class ScuDialogue(Dialogue):
             return _scu_error("", Code.SYNTAX)
         name, number, values = found.groups()
         try:
-            return _line(self._answer_channel(name, number, dict(_VALUE.findall(values))))
+            pairs = _VALUE.findall(values)
+            require(len(dict(pairs)) == len(pairs), Code.INVALID)  # each letter once
+            return _line(self._answer_channel(name, number, dict(pairs)))
         except Refused as refused:
             return _scu_error(number, refused.reason)
 
@@ -423,6 +425,7 @@ def _scu_step(sign: int) -> Callable[..., None]:
 
     def run(channel: ScuChannel, F: str, A: str, S: str) -> None:
         hertz, volts, steps = _number(F), 0.1 * _number(A), int(_number(S))
+        _check(steps == _number(S))
         _check(LEAST_HERTZ <= hertz <= MOST_HERTZ and 1 <= steps <= _MOST_STEPS)
         _check(_LEAST_VOLTS <= volts <= FULL_SCALE_V)
         channel.step(sign * steps, volts, hertz, endless=False)

@@ -195,6 +195,10 @@ def _resimulate_run(
     if not found.states:
         topic = next(iter(run.state_topics))
         raise NotRepeatable(f"{bag.path} holds no state of {run.node}; record {topic} as well")
+    later = rerun.advance(max(found.duration, run.events[-1].time))  # what came after the states
+    for event in later.take_events():
+        if copy:
+            copy.event(run, event)
     return found
 
 

@@ -177,6 +177,8 @@ def test_a_jog_cannot_be_made_impossible(waits: bool, command: str, value: objec
     assert (axis.mode, axis.status.frequency) == ("jogging", 5000.0)
     axis.stop()
     axis.command(command, value)  # the frequency of the steps suits it
+    with pytest.raises(CommandRefused, match=r"True steps; a command takes a whole number from -"):
+        axis.command_steps(True)
     with pytest.raises(CommandRefused, match=r"1\.5 steps; a command takes a whole number from -"):
         axis.command_steps(1.5)  # type: ignore[arg-type]
     axis.command_steps(2)

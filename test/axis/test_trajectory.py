@@ -338,6 +338,17 @@ def test_what_is_no_set_point_leaves_no_trace() -> None:
         assert (axis.take_events(), axis.mode) == ([], "stopped")
 
 
+def test_a_set_point_is_held_against_the_reading_not_the_truth() -> None:
+    """A sensor that had drifted by 1 um hid a way of 1 um, and its own reading was one."""
+    axis = Axis({**FAST, "sensor_drift": 1e-7})
+    axis.advance(10.0)
+    axis.take_events()
+    axis.command("joint_command", JOINT, "position", axis.measured)
+    assert (axis.take_events(), axis.mode) == ([], "stopped")
+    axis.command("joint_command", JOINT, "position", 0.0)
+    assert axis.mode == "targeting"
+
+
 def test_a_set_point_out_of_reach_is_refused() -> None:
     axis = Axis({**FAST, "soft_high": 1e-6})
     with pytest.raises(CommandRefused, match="soft limits allow"):

@@ -64,6 +64,8 @@ def test_what_cannot_be_is_answered(emulate: Callable[..., Any]) -> None:
             (":U0F1000A400S0", ":E0C7"),
             (":U0F1000A400S1Q1", ":E0C7"),
             (":U0FUA400S1", ":E0C7"),
+            (":U0F1000F100A400S1", ":E0C7"),
+            (":U0F1000A400S5.9", ":E0C7"),
             (":MTR0H0Z2", ":E0C7"),
             (":GA0", ":E0C143"),
             (":" + "9" * 5000, ":E-1C1"),

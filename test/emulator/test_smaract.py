@@ -117,6 +117,15 @@ def test_without_readings_there_is_an_error_and_no_zero(
         assert client.ask(position) == known
 
 
+def test_a_drive_that_is_refused_leaves_the_running_one(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs", {**MCS, "slewrate": 1.0})
+    with emulated.client() as client:
+        client.ask(":MST0,30000,1638,1000")
+        assert client.ask(":MST0,10,4095,18000") == ":E0,7"
+        volts = emulated.look(lambda: emulated.axes[0].status.amplitude)
+        assert volts == pytest.approx(40.0)
+
+
 def test_mcs_answers_with_a_code_what_cannot_be(emulate: Callable[..., Any]) -> None:
     with emulate("mcs", MCS).client() as client:
         for line, answer in [

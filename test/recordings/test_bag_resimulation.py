@@ -59,6 +59,7 @@ def record_axis(
     change: Callable[[int, Texts], Texts] = lambda number, texts: texts,
     joints: Callable[[int, bytes], bytes] = lambda number, data: data,
     lose: tuple[int, ...] = (),
+    silent_from: int = 60,
     **values: Any,
 ) -> None:
     """Write what an axis and a recorder write: steps, a new amplitude, jogging, a load, targets.
@@ -66,6 +67,7 @@ def record_axis(
     change: may change the texts of each event by its number, as a stranger would.
     joints: may change each message of joint states.
     lose: numbers of events that are not written.
+    silent_from: number of the round from which on no state is written.
     values: parameters of the axis.
     """
     axis = Axis({**TABLE_1, "sensor_noise": 1e-9, "preload": 0.5, **values})
@@ -85,13 +87,16 @@ def record_axis(
                 bag.write(where.name, event(at, **texts), log_ns=ns, publish_ns=ns)
             axis.advance(number * 1_000_000 * 1e-9)
             s = axis.state
+            silent = number >= silent_from
             rows: dict[str, Sequence[float | None]] = {
                 f"axis{end}": numbers for end, *numbers in report.take(axis)
             }
             data = joints(number, state(ns, **rows))
-            bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
+            if not silent:
+                bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
             rows = {"axis_slider": (s.x, s.v, -s.force), "axis_piezo": (s.u, s.rate, s.force)}
-            bag.write(TRUTH.name, state(ns, **rows), log_ns=ns, publish_ns=ns)
+            if not silent:
+                bag.write(TRUTH.name, state(ns, **rows), log_ns=ns, publish_ns=ns)
             each = (
                 axis.simulation.deflections.tolist()
                 if axis.parameters.friction.contacts > 1
@@ -99,7 +104,8 @@ def record_axis(
             )
             parts = {f"axis_contact_{k}": (z, s.w, math.nan) for k, z in enumerate(each, 1)}
             contact = state(ns, axis_contact=(s.z, s.w, s.force), **parts)
-            bag.write(CONTACT.name, contact, log_ns=ns, publish_ns=ns)
+            if not silent:
+                bag.write(CONTACT.name, contact, log_ns=ns, publish_ns=ns)
             if number == 5:
                 axis.command("frequency", 500.0)
                 axis.command("steps", 10)
@@ -142,6 +148,14 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
         (other,) = resimulate(copy, {"mass": 0.006})
     assert not other.bit_for_bit
     assert other.differences["axis_slider position"].largest > 1e-9
+
+
+def test_commands_after_the_last_state_are_carried_out_too(tmp_path: Path) -> None:
+    """A sensor that gives no reading any more ends the states, not the run."""
+    record_axis(tmp_path / "run", silent_from=10)
+    with open_bag(tmp_path / "run") as bag:
+        resimulate(bag, {}, tmp_path / "copy")
+    assert _stamps(tmp_path / "copy") == _stamps(tmp_path / "run")
 
 
 @pytest.mark.slow
