@@ -255,7 +255,10 @@ def test_the_axes_are_watched(
     *_, address = process.stdout.readline().split()
     line = process.stdout.readline()
     port = int(line.partition(" port ")[2].partition(",")[0])
-    what = "axes a: Table 1 of the paper, ceim, preload 0.4 N, mass 4 g, amplitude 100 V (the most of an scu, not 300 V)"
+    what = (
+        "axes a: Table 1 of the paper, ceim, preload 0.4 N, mass 4 g, "
+        "amplitude 100 V (the most of an scu, not 300 V)"
+    )
     assert line.endswith(f", {what}\n")
     with urllib.request.urlopen(address, timeout=20.0) as answer:
         text = answer.read().decode()
