@@ -101,7 +101,7 @@ def _client() -> Iterator[Sequence[str]]:
     for cls in (AxisClient, *AxisClient.__bases__):
         for name, member in vars(cls).items():
             text = inspect.getdoc(member)
-            if name.startswith("_") or not text or name in ("node", "timeout"):
+            if name.startswith("_") or not text:
                 continue
             inputs = "" if isinstance(member, property) else f"({_inputs(member)})"
             yield f"`{name}{inputs}`", " ".join(text.split("\n\n")[0].split())

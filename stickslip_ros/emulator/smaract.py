@@ -424,11 +424,11 @@ def _scu_step(sign: int) -> Callable[..., None]:
     """Return the command that steps up or down: F frequency (Hz), A amplitude (0.1 V), S steps."""
 
     def run(channel: ScuChannel, F: str, A: str, S: str) -> None:
-        hertz, volts, steps = _number(F), 0.1 * _number(A), int(_number(S))
-        _check(steps == _number(S))
+        hertz, volts, steps = _number(F), 0.1 * _number(A), _number(S)
+        _check(steps.is_integer())
         _check(LEAST_HERTZ <= hertz <= MOST_HERTZ and 1 <= steps <= _MOST_STEPS)
         _check(_LEAST_VOLTS <= volts <= FULL_SCALE_V)
-        channel.step(sign * steps, volts, hertz, endless=False)
+        channel.step(sign * int(steps), volts, hertz, endless=False)
 
     return run
 

@@ -327,10 +327,10 @@ def step_metrics(
     of_run, of_measured = _estimates(run, spacing), _estimates(measured, spacing)
     if motions.period is not None:
         of_run["period"] = MeasuredValue(motions.period, 0.0)
-    doubts = "; ".join(dict.fromkeys((*run.doubts, *measured.doubts)))
+    doubts = dict.fromkeys((*run.doubts, *measured.doubts))
     swings = [one for one in (run.ringing_frequency, measured.ringing_frequency) if one > 0.0]
     folded = max(swings, default=0.0) * spacing > 0.5  # then samples show a slower swing
-    counted = set(doubts.split("; ")) <= {"", NO_REST}
+    counted = doubts.keys() <= {NO_REST}
     metrics = []
     for row in METRICS:
         first, second = of_run[row.name], of_measured[row.name]
@@ -349,4 +349,4 @@ def step_metrics(
             ComparisonMetric(row.name, row.unit, first.value, scale * second.value, tolerance, why)
         )
     own, other = (math.nan, math.nan) if doubts else (run.steps, measured.steps)
-    return [*metrics, ComparisonMetric("steps", "", own, other, 0.5, doubts)]
+    return [*metrics, ComparisonMetric("steps", "", own, other, 0.5, "; ".join(doubts))]

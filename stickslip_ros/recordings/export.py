@@ -117,18 +117,25 @@ def _clocks(bag: BagReader) -> Clocks:
     """Learn the clocks of stamps from joint states; an axis that dropped time is behind."""
     found: dict[str, tuple[list[int], list[int]]] = {}
     names = [one.name for one in bag.topics.values() if one.type == JOINT_STATE_TYPE]
+    start = bag.start_ns
     for block in bag.blocks(names) if names else ():
         for name, ns, data in zip(block.topics, block.log_ns, block.data, strict=True):
             heard, ahead = found.setdefault(name, ([], []))
-            since = ns - bag.start_ns
-            if len(data) < 12 or (heard and since < heard[-1] + _HEARD_EVERY):
+            since = ns - start
+            if heard and since < heard[-1] + _HEARD_EVERY:
                 continue
-            order = "<iI" if data[1] & 1 else ">iI"
-            seconds, rest = struct.unpack_from(order, data, 4)
-            if stamp := seconds * 10**9 + rest:
+            if stamp := _stamp_in(data):
                 heard.append(since)
                 ahead.append(stamp - ns)
     return {name: one for name, one in found.items() if one[0]}
+
+
+def _stamp_in(data: bytes) -> int:
+    """Return the stamp (ns) of a message whose header comes first, 0 if it has none."""
+    if len(data) < 12:
+        return 0
+    seconds, ns = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
+    return int(seconds * 10**9 + ns)
 
 
 class _Decoded:
@@ -164,6 +171,15 @@ class _Decoded:
                 "columns together; read them with `stickslip_ros.recordings.open_bag`"
             )
         return made if len(made) < 2 else list(_in_order(made))
+
+    def earliest(self, data: Mapping[int, bytes], recorded: Sequence[int]) -> float:
+        """Return the least time (s) in the rows of messages, of stamps alone where that will do."""
+        if self._layouts.headed:
+            stamps = [_stamp_in(one) for one in data.values()]
+            times = Times(recorded, self._bag.start_ns, self._clock)
+            return float(min(times.columns(list(data), stamps)[0]))
+        rows = self.rows(data, recorded)
+        return min((float(values[0]) for one in rows for values in one.values), default=math.inf)
 
     def _one_by_one(self, number: int, data: bytes, times: Times) -> Iterator[Rows]:
         message = self._decode(data)
@@ -256,18 +272,26 @@ def _each(
     return each
 
 
-def _joined(bag: BagReader, topics: Mapping[str, _Decoded], note: Note) -> Iterator[Part]:
-    """Yield a row for each time, with the values of all topics; columns are named by topic."""
+def _times_to_come(bag: BagReader, topics: Mapping[str, _Decoded]) -> list[float]:
+    """Return for each block the least time (s) of all that follow it."""
+    earliest = [
+        min(topics[topic].earliest(data, recorded) for topic, data in block.items())
+        for block, recorded in _blocks(bag, topics, lambda count: None)
+    ]
+    return [*accumulate([math.inf, *earliest[:0:-1]], min)][::-1]
+
+
+def _joined(
+    bag: BagReader, topics: Mapping[str, _Decoded], to_come: Sequence[float], note: Note
+) -> Iterator[Part]:
+    """Yield a row for each time, with the values of all topics; columns are named by topic.
+
+    to_come: of `_times_to_come`. What comes late is waited for, so memory grows with that alone.
+    """
     names: dict[tuple[str, Columns], Columns] = {}
     waiting: tuple[Columns, tuple[Any, ...]] | None = None
-    # What comes late is waited for, so that memory grows with that alone.
-    earliest = [
-        min((one[3][0] for one in _each(topics, *block)), default=math.inf)
-        for block in _blocks(bag, topics, lambda count: None)
-    ]
-    following = [*accumulate([math.inf, *earliest[:0:-1]], min)][::-1]
     held: list[_One] = []
-    for block, later in zip(_blocks(bag, topics, note), following, strict=True):
+    for block, later in zip(_blocks(bag, topics, note), to_come, strict=True):
         held += _each(topics, *block)
         held.sort(key=_time_of)
         ready = bisect_left(held, later, key=_time_of)
@@ -367,7 +391,7 @@ def _write_csv(bag: BagReader, topics: Mapping[str, _Decoded], out: Path, note: 
         beside = None if part == out else part.parent  # there is no room beside a device
         with tempfile.TemporaryDirectory(dir=beside) as folder:
             table = _Csv(part, Path(folder, "rows"))
-            for columns, rows in _joined(bag, topics, note):
+            for columns, rows in _joined(bag, topics, _times_to_come(bag, topics), note):
                 table.add(columns, rows)
             table.finish()
 
@@ -381,7 +405,8 @@ def _write_parquet(bag: BagReader, topics: Mapping[str, _Decoded], out: Path, no
             f"{out.name} needs pyarrow: pip install 'stickslip_ros[parquet]', or write .csv"
         ) from None
     kinds: dict[str, type] = {TIME: float, RECORDED: int}
-    for columns, rows in _joined(bag, topics, lambda count: None):
+    to_come = _times_to_come(bag, topics)
+    for columns, rows in _joined(bag, topics, to_come, lambda count: None):
         for name, value in zip(columns, rows[0], strict=True):
             kind = kinds.setdefault(name, type(value))
             if kind is not type(value):
@@ -390,7 +415,7 @@ def _write_parquet(bag: BagReader, topics: Mapping[str, _Decoded], out: Path, no
     types = {name: arrow.get(kind, pyarrow.string()) for name, kind in kinds.items()}
     schema = pyarrow.schema(list(types.items()))
     with whole_file(out) as part, parquet.ParquetWriter(part, schema) as writer:
-        for columns, rows in _joined(bag, topics, note):
+        for columns, rows in _joined(bag, topics, to_come, note):
             found = {
                 name: map(str, values) if kinds[name] is str else values
                 for name, values in zip(columns, zip(*rows, strict=True), strict=True)

@@ -156,6 +156,10 @@ class Layouts:
         self._definitions = _definitions_in(schema, type_name)
         self._known: dict[int, list[Layout]] = {}  # by the size of the messages
         self._refused = type_name == STATUS_TYPE  # which has several rows a message
+        package, *_, kind = type_name.split("/")
+        fields = self._definitions.get(f"{package}/{kind}", ())
+        #: Whether messages begin with the stamp of a header
+        self.headed = [*fields[:1]] == [("std_msgs/Header", "", "header")]
 
     def rows(self, data: Mapping[int, bytes], times: Times) -> tuple[list[Rows], list[int]]:
         """Return the rows of messages by number, and the numbers of those to be read one by one.

@@ -182,3 +182,14 @@ def test_ringing_beyond_half_the_rate_of_the_samples_is_not_compared() -> None:
     assert found["ringing frequency"].differs is None
     assert "sample faster" in found["damping ratio"].verdict
     assert found["step size"].differs is False
+
+
+def test_the_decay_of_swings_of_unknown_frequency_is_unknown() -> None:
+    motion = Motion("axis", T, _wave(T))
+    sure = Ringing(1e3, 600.0, frequency_error=1.0, decay_error=10.0)
+    runs = (
+        _steps(ringing=sure),
+        _steps(ringing=replace(sure, decay=300.0, frequency_error=math.inf)),
+    )
+    found = {one.name: one for one in step_metrics(MotionPair(motion, motion), *runs, 1.0, 3.0)}
+    assert found["damping ratio"].differs is None

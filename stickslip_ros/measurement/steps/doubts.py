@@ -92,10 +92,12 @@ class Evidence:
 
     def _multiple(self, k: int) -> list[str]:
         """Return the doubt about cycles that may be several of those whose period was given."""
-        times = 0.0 if self.given is None else self.grids[k].period / self.given
+        if self.given is None:
+            return []
+        times = self.grids[k].period / self.given
         if round(times) < 2 or abs(times / round(times) - 1.0) > _SAME_PERIOD:
             return []
-        return [f"each cycle may be {round(times)} of the {1.0 / (self.given or 1.0):.6g} Hz given"]
+        return [f"each cycle may be {round(times)} of the {1.0 / self.given:.6g} Hz given"]
 
     def _ends(self, k: int) -> list[str]:
         """Return doubts about the number of slips."""

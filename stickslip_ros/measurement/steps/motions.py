@@ -24,10 +24,10 @@ from stickslip_ros.measurement.steps.doubts import too_few_samples
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
 from stickslip_ros.measurement.steps.measured_value import COVERAGE
 from stickslip_ros.measurement.steps.record import (
-    FASTER,
     FEWEST_SAMPLES,
     ImplausibleError,
     TraceError,
+    check_count,
 )
 from stickslip_ros.measurement.steps.run import Cycles, Run, main_run
 from stickslip_ros.measurement.steps.settings import SETTINGS
@@ -252,11 +252,7 @@ def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Ar
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise TraceError(f"{name} sample {bad[0]} is {values[bad[0]]}; leave such samples out")
-    if len(time) < FEWEST_SAMPLES:
-        raise TraceError(
-            f"the trace has {len(time)} samples; at least {FEWEST_SAMPLES} are needed: record a "
-            f"longer one, or {FASTER}"
-        )
+    check_count(len(time))
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if len(back):
         raise TraceError(

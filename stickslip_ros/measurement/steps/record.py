@@ -73,6 +73,15 @@ class Record:
         return float(self.t[-1] - self.t[0])
 
 
+def check_count(samples: int) -> None:
+    """Raise TraceError for a record of too few samples."""
+    if samples < FEWEST_SAMPLES:
+        raise TraceError(
+            f"the trace has {samples} samples; at least {FEWEST_SAMPLES} are needed: record a "
+            f"longer one, or {FASTER}"
+        )
+
+
 def check_samples(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     """Return times (s) and positions (m) as arrays, (samples,).
 
@@ -86,11 +95,7 @@ def check_samples(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
     if not (np.diff(time) > 0.0).all():
         time, first = np.unique(time, return_index=True)
         position = position[first]
-    if len(time) < FEWEST_SAMPLES:
-        raise TraceError(
-            f"the trace has {len(time)} samples; at least {FEWEST_SAMPLES} are needed: record a "
-            f"longer one, or {FASTER}"
-        )
+    check_count(len(time))
     if not np.ptp(position) > 0.0:
         raise TraceError("the runner does not move in the trace")
     return time, position

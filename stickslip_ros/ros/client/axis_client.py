@@ -152,13 +152,11 @@ class AxisClient(AxisListener):
             )
         if self.axis not in axes:
             return f"no axis {self.axis}; here are {', '.join(axes)}"
-        silent = (
-            ""
-            if self._status
-            else ("; with use_sim_time an axis says nothing before the first /clock, publish it")
-        )
+        missing = f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}"
+        if self._status:
+            return missing
         return (
-            f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}{silent}"
+            f"{missing}; with use_sim_time an axis says nothing before the first /clock, publish it"
         )
 
     def _missing(self, listeners: int) -> list[str]:
