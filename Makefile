@@ -31,7 +31,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-quick test-slow lint bench soak campaigns site clean
+.PHONY: help demo test test-all lint bench soak campaigns site clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -43,22 +43,20 @@ demo: $(RUNS)  ## drive a simulated axis over ROS 2, record it, show what it did
 # processors: many tests wait for programs and for DDS.
 PYTEST := $(PY) -m pytest -n auto --dist worksteal
 
-test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
+test: $(STAMP)  ## run the tests that come before each commit (ARGS="-k solver" for some of them)
 	@$(PYTEST) -m 'not long' $(ARGS)
 
-test-quick: $(STAMP)  ## run the quick ones, which start no program (two minutes of processor)
-	@$(PYTEST) -m 'not slow' $(ARGS)
+test-all: $(STAMP)  ## run all tests, also those that take long (ARGS="-m long" for these alone)
+	@$(PYTEST) test validation $(ARGS)
 
-test-slow: $(STAMP)  ## run those that take many seconds each and that make test leaves out
-	@$(PYTEST) -m long test validation/campaigns/tests $(ARGS)
-
-lint: $(STAMP)  ## check format, style, types and the tables in docs/
+lint: $(STAMP)  ## check format, style, types, tables of pages and packaging
 	@$(PY) -m ruff format --check .
 	@$(PY) -m ruff check .
 	@echo "checking types: a minute or two the first time"
 	@$(PY) -m mypy
 	@$(PY) docs/tables.py --check
 	@$(PY) docs/docstrings.py
+	@$(PY) -m pytest -q -n 0 docs/checks/test_pages.py docs/checks/test_packaging.py
 
 bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="--quick")
 	@$(PY) -m validation.benchmark $(ARGS)
@@ -69,8 +67,10 @@ soak: $(STAMP)  ## run axis and recorder for hours under random commands (ARGS="
 campaigns: $(STAMP)  ## run long studies (ARGS="intervals fuzz" for some, ARGS=--help lists them)
 	@$(PY) -m validation.campaigns $(ARGS)
 
-site: $(STAMP)  ## build the documentation as pages: docs/_build/site/index.html
+site: $(STAMP)  ## build the documentation as pages and run what they print: docs/_build/site/index.html
+	@rm -rf docs/_build/site
 	@$(PY) -m sphinx -q -W -b html docs docs/_build/site
+	@$(PY) -m pytest -n auto --dist loadfile docs/checks $(ARGS)
 	@echo "open $(CURDIR)/docs/_build/site/index.html"
 
 clean:  ## remove everything that make and the tools have made

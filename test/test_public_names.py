@@ -9,7 +9,6 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import public_api
 import pytest
 from child import python
 
@@ -69,37 +68,6 @@ def test_the_examples_of_a_page_print_what_they_show(page: str) -> None:
     flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
     results = doctest.testfile(str(ROOT / page), module_relative=False, optionflags=flags)
     assert (results.failed, results.attempted > 0) == (0, True)
-
-
-def unnamed(recorded: set[str], now: set[str], changelog: str) -> list[str]:
-    """Return the public names that have changed and that a changelog does not name.
-
-    Of what comes or goes as a whole the name itself is enough; else the member has to be named.
-    """
-    wanted = set()
-    for line in recorded ^ now:
-        name = line.partition("(")[0]
-        whole = name.partition(".")[0]
-        others = recorded if line in now else now
-        kept = any(re.split(r"[(.]", other)[0] == whole for other in others)
-        wanted.add((name if kept else whole).partition(":")[2])
-    return sorted(name for name in wanted if not re.search(rf"\b{re.escape(name)}\b", changelog))
-
-
-@pytest.mark.slow
-def test_what_changed_since_the_last_release_is_in_the_changelog() -> None:
-    """The record is that of the release; `python test/public_api.py` renews it with the version."""
-    pytest.importorskip("rclpy")
-    text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
-    forthcoming = re.split(r"\n(?=\d+\.\d+\.\d+ )", text)[0]
-    assert (
-        unnamed(
-            {*public_api.RECORD.read_text("utf-8").split("\n")} - {""},
-            {*public_api.surface()},
-            forthcoming,
-        )
-        == []
-    )
 
 
 def test_a_wrong_name_is_answered_with_the_right_one() -> None:

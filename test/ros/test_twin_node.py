@@ -14,7 +14,7 @@ from live import MakeAxis, Ros, Start
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
-from test_documentation import every_series_is_in
+from test_config_files import every_series_is_in
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis

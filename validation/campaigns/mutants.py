@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mutation testing: changes one operator, number or condition at a time and runs the tests.
+"""Mutation testing: changes one operator, number or condition, and runs the tests that reach it.
 
-    python validation/campaigns/mutants.py CONTEXTS --rooms axis traces --count 50 --seed 1
+    python -m validation.campaigns.mutants draw            # once: writes 40 patches, seed 1
+    python -m validation.campaigns.mutants reach CONTEXTS  # writes into each the tests that reach it
+    python -m validation.campaigns.mutants run [--marked "not long"] [--only 7 23] [--tree FOLDER]
 
-CONTEXTS is a file of coverage.py that knows which test runs which line, as
-``pytest --cov=stickslip_ros --cov-branch --cov-context=test test/axis`` writes it: only those tests
-are run that reach the mutated line. Works on a copy; prints what survives, as a difference.
-
-The solver is compiled, so its lines are seen, and its mutants run, as plain Python only: set
-NUMBA_DISABLE_JIT=1 for both commands, and give the first one tests that take a second or two then.
-``--leave-out`` names files that somebody else is changing.
+CONTEXTS are files of coverage.py that know which test runs which line, as
+``pytest --cov=stickslip_ros --cov-context=test`` writes them. Coverage does not see compiled code:
+mutants in it are given all tests of the kernel. ``run`` works on a copy and prints, for each mutant,
+whether its tests fail. A patch that no longer applies counts as gone: the text it changes has left.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -34,9 +33,14 @@ import pytest
 from validation.campaigns.arguments import arguments
 
 ROOT = Path(__file__).resolve().parents[2]
-ROUNDS = (10, 150)  # tests, of those that reach a line: most mutants need few
-TIMEOUT = 600.0  # s; a mutant that runs for ever is killed
-_MOST = "STICKSLIP_MUTANTS_MOST"
+PACKAGE = "stickslip_ros"
+PATCHES = Path(__file__).parent / "mutants"
+FIVE_EACH = ("measurement", "ros", "solver", "recordings")
+OTHERS = 20  # over the other rooms, by their lines
+MOST = 60  # tests of a mutant, those of its room first: most mutants need few
+TIMEOUT = 900.0  # s; a mutant that runs for ever is killed
+_SECONDS = "STICKSLIP_MUTANTS_SECONDS"
+KERNEL = ("test/solver", "test/model", "test/golden", "test/laws", "test/axis/test_axis.py")
 OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
     ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult, ast.Pow: ast.Mult, ast.LShift: ast.RShift,
@@ -47,15 +51,9 @@ OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
 }  # fmt: skip
 
 
-def places(tree: ast.AST) -> Iterator[tuple[int, int]]:
-    """Yield what can be changed: the number of a node in the order of `ast.walk`, and its line."""
-    for number, node in enumerate(ast.walk(tree)):
-        if mutated(copy.copy(node)) is not None:
-            yield number, node.lineno  # type: ignore[attr-defined]
-
-
 def mutated(node: ast.AST) -> ast.AST | None:
-    """Return the node changed, None if nothing can be changed in it alone."""
+    """Return a node changed, None if nothing can be changed in it alone."""
+    node = copy.copy(node)
     if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
         node.op = OPERATORS[type(node.op)]()  # type: ignore[assignment]
     elif isinstance(node, ast.Compare) and type(node.ops[0]) in OPERATORS:
@@ -70,8 +68,6 @@ def mutated(node: ast.AST) -> ast.AST | None:
         node.value = not node.value
     elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         node.value = node.value + 1 if abs(node.value) >= 1 or not node.value else 2 * node.value
-    elif isinstance(node, ast.If | ast.IfExp | ast.While):
-        node.test = ast.UnaryOp(ast.Not(), node.test)
     elif isinstance(node, ast.Break | ast.Continue):
         return OPERATORS[type(node)]()
     else:
@@ -79,94 +75,156 @@ def mutated(node: ast.AST) -> ast.AST | None:
     return node
 
 
-class _Change(ast.NodeTransformer):
-    def __init__(self, wanted: ast.AST) -> None:
-        self._wanted = wanted
-
-    def visit(self, node: ast.AST) -> ast.AST:
-        if node is self._wanted:
-            return ast.copy_location(mutated(node) or node, node)
-        return self.generic_visit(node)
-
-
-def mutant(source: str, number: int) -> str:
-    """Return a source with one node changed."""
-    tree = ast.parse(source)
-    wanted = next(node for k, node in enumerate(ast.walk(tree)) if k == number)
-    return ast.unparse(ast.fix_missing_locations(_Change(wanted).visit(tree)))
-
-
-def tests_of(contexts: list[str]) -> list[str]:
-    """Return the tests that reach a line, from the contexts of coverage.py."""
-    return sorted({one.partition("|")[0] for one in contexts if one})
+def changes(source: str) -> Iterator[tuple[int, str]]:
+    """Yield the mutants of a source: the line that changes, and the whole text."""
+    lines = source.encode().splitlines(keepends=True)
+    starts = [sum(map(len, lines[:row])) for row in range(len(lines) + 1)]
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.If | ast.IfExp | ast.While):
+            place, text = node.test, f"not ({ast.get_source_segment(source, node.test)})"
+        elif (other := mutated(node)) is not None:
+            place, text = node, ast.unparse(other)  # type: ignore[assignment]
+        else:
+            continue
+        first = starts[place.lineno - 1] + place.col_offset
+        last = starts[(place.end_lineno or 0) - 1] + (place.end_col_offset or 0)
+        changed = (source.encode()[:first] + text.encode() + source.encode()[last:]).decode()
+        with contextlib.suppress(SyntaxError):  # a place inside a text is not where it seems to be
+            if ast.dump(ast.parse(changed)) != ast.dump(ast.parse(source)):
+                yield place.lineno, changed
 
 
-def main() -> int:
-    """Try a sample of mutants; return 0."""
-    args = arguments(
-        __doc__,
-        places={"contexts": []},
-        rooms=("axis", "recordings", "traces"),
-        count=50,
-        seed=1,
-        most=60.0,
-        leave_out=(),
-    )
-    os.environ[_MOST] = str(args.most)
+def draw(seed: int) -> None:
+    """Write the patches."""
+    dice = random.Random(seed)
+    rooms = {p.name: sorted(p.rglob("*.py")) for p in (ROOT / PACKAGE).iterdir() if p.is_dir()}
+    lines = {room: sum(_length(file) for file in files) for room, files in rooms.items()}
+    others = sorted(set(rooms) - set(FIVE_EACH) - {"__pycache__"})
+    chosen = [room for room in FIVE_EACH for _ in range(5)]
+    chosen += dice.choices(others, [lines[room] for room in others], k=OTHERS)
+    PATCHES.mkdir(exist_ok=True)
+    for number, room in enumerate(chosen, 1):
+        file = dice.choices(rooms[room], [_length(file) for file in rooms[room]])[0]
+        source = file.read_text(encoding="utf-8")
+        while not (every := list(changes(source))):
+            file = dice.choice(rooms[room])
+            source = file.read_text(encoding="utf-8")
+        name = file.relative_to(ROOT).as_posix()
+        _, changed = dice.choice(every)
+        old, new = source.splitlines(keepends=True), changed.splitlines(keepends=True)
+        patch = "".join(difflib.unified_diff(old, new, f"a/{name}", f"b/{name}"))
+        (PATCHES / f"{number:02}.patch").write_text(patch, encoding="utf-8")
+
+
+def _length(file: Path) -> int:
+    return len(file.read_text(encoding="utf-8").splitlines())
+
+
+def reach(contexts: Iterable[str]) -> None:
+    """Write into each patch the tests that reach its line."""
     from coverage import CoverageData
 
-    found = []
-    for contexts in args.contexts:
-        data = CoverageData(str(contexts))
-        data.read()
-        for room in args.rooms:
-            for file in sorted((ROOT / "stickslip_ros" / room).rglob("*.py")):
-                if file.name in args.leave_out:
-                    continue
-                reached = data.contexts_by_lineno(str(file))
-                for number, line in places(ast.parse(file.read_text(encoding="utf-8"))):
-                    if tests := tests_of(reached.get(line, [])):
-                        found.append((file, number, line, tests))
-    dice = random.Random(args.seed)
-    sample = dice.sample(found, min(args.count, len(found)))
-    print(f"{len(found)} mutants can be made; {len(sample)} are tried", flush=True)
+    known = []
+    for name in contexts:
+        known.append(CoverageData(name))
+        known[-1].read()
+    for path in sorted(PATCHES.glob("*.patch")):
+        patch = path.read_text(encoding="utf-8").partition("--- ")
+        name, line = _place(patch[2])
+        if not (ROOT / name).exists():
+            continue
+        compiled, outside = _surroundings((ROOT / name).read_text(encoding="utf-8"), line)
+        found: set[str] = set()
+        for data in known:
+            by_line = data.contexts_by_lineno(str(ROOT / name))
+            rows = by_line if outside else [line]
+            found |= {_test(one) for row in rows for one in by_line.get(row, []) if "::" in one}
+        room = f"test/{Path(name).parts[1]}/"
+        dice = random.Random(name)
+        tests = sorted(sorted(found), key=lambda test: (not test.startswith(room), dice.random()))
+        tests = list(KERNEL) if compiled else tests[:MOST]
+        text = f"reached by {'the tests of the kernel' if compiled else len(found)}\n"
+        path.write_text(text + "".join(f"test: {one}\n" for one in tests) + "--- " + patch[2])
+
+
+def _place(patch: str) -> tuple[str, int]:
+    """Return the file that a patch changes, and the first line that it changes."""
+    lines = patch.splitlines()
+    line = int(lines[2].split()[1].lstrip("-").partition(",")[0])
+    return lines[0].removeprefix("a/"), line + [one[:1] for one in lines[3:]].index("-")
+
+
+def _surroundings(source: str, line: int) -> tuple[bool, bool]:
+    """Return whether a line is in a compiled function, and whether it is in no function."""
+    inside = [
+        node
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.FunctionDef) and node.lineno <= line <= (node.end_lineno or 0)
+    ]
+    names = [ast.unparse(one) for node in inside for one in node.decorator_list]
+    return any("compiled" in name for name in names), not inside
+
+
+def _test(context: str) -> str:
+    """Return the test function that a context names."""
+    return context.partition("|")[0].partition(" (")[0].partition("[")[0]
+
+
+def run(tree: Path, marked: str, only: Iterable[int]) -> None:
+    """Try the mutants on a copy of a tree."""
     outcomes: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         copied = Path(folder) / "repository"
-        ignored = shutil.ignore_patterns(".git", ".venv", "*.egg-info", ".*_cache")
-        shutil.copytree(ROOT, copied, symlinks=True, ignore=ignored)
-        for file, number, line, tests in sample:
-            dice.shuffle(tests)
-            outcome = tried(copied, file, number, sorted(tests[: ROUNDS[0]]))
-            if outcome == "survived" and (others := tests[ROUNDS[0] : ROUNDS[1]]):
-                outcome = tried(copied, file, number, sorted(others))
+        ignored = shutil.ignore_patterns(".git", ".venv", "*.egg-info", ".*_cache", "demo")
+        shutil.copytree(tree, copied, symlinks=True, ignore=ignored)
+        for path in sorted(PATCHES.glob("*.patch")):
+            if only and int(path.stem) not in only:
+                continue
+            text = path.read_text(encoding="utf-8")
+            place = ":".join(map(str, _place(text.partition("--- ")[2])))
+            tests = [one.removeprefix("test: ") for one in text.splitlines() if one[:6] == "test: "]
+            there = [one for one in tests if (copied / one.partition("::")[0]).exists()]
+            apply = ["git", "apply", "--unsafe-paths", "-p1", f"--directory={copied}", str(path)]
+            if subprocess.run(apply, cwd=folder, capture_output=True).returncode:
+                outcome = "gone"
+            else:
+                outcome = tried(copied, there, marked) if there else "not reached"
+                subprocess.run([*apply, "-R"], cwd=folder, check=True)
             outcomes[outcome] += 1
-            print(f"{outcome:<9} {file.relative_to(ROOT)}:{line} ({len(tests)} tests)", flush=True)
-            if outcome == "survived":
-                show(file, number)
-    killed = outcomes["killed"] + outcomes["hung"]
-    print(f"{dict(outcomes)}: {100 * killed / max(1, sum(outcomes.values())):.0f} % killed")
-    return 0
+            print(f"{path.stem} {outcome:<11} {place} ({len(there)} tests)", flush=True)
+    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(outcomes.items())))
 
 
-def tried(copied: Path, file: Path, number: int, tests: list[str]) -> str:
-    """Run tests on a mutant in the copy; return killed, hung or survived."""
-    target = copied / file.relative_to(ROOT)
-    source = file.read_text(encoding="utf-8")
-    target.write_text(mutant(source, number), encoding="utf-8")
+def tried(copied: Path, tests: list[str], marked: str) -> str:
+    """Run tests on a mutant in the copy; return caught, hung or survived."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
-    command += ["-p", "no:rerunfailures", "-p", "mutants", "-W", "ignore", *tests]
-    path = f"{copied}{os.pathsep}{copied / 'validation' / 'campaigns'}"
-    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
-    try:
-        done = subprocess.run(
-            command, cwd=copied, env=environment, capture_output=True, timeout=TIMEOUT
-        )
-    except subprocess.TimeoutExpired:
-        return "hung"
-    finally:
-        target.write_text(source, encoding="utf-8")
-    return "survived" if done.returncode == 0 else "killed"
+    command += ["-p", "no:rerunfailures", "-p", "validation.campaigns.mutants", "-W", "ignore"]
+    environment = {**os.environ, "PYTHONPATH": str(copied), "PYTHONDONTWRITEBYTECODE": "1"}
+    with tempfile.TemporaryFile("w+") as output:
+        program = subprocess.Popen(
+            [*command, "-m", marked, *tests], cwd=copied, env=environment, stdout=output,
+            stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
+        try:
+            code = program.wait(TIMEOUT)
+        except subprocess.TimeoutExpired:
+            return "hung"
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(program.pid, signal.SIGKILL)
+            program.wait()
+        output.seek(0)
+        failed = [line for line in output if line.startswith(("FAILED", "ERROR"))]
+    if code == 5:
+        return "not reached"  # no test of this kind
+    if code == 4:
+        # A test that has left is named: run what is there.
+        gone = {
+            line.rpartition("/repository/")[2].strip() for line in failed if "not found" in line
+        }
+        there = [one for one in tests if one not in gone]
+        return tried(copied, there, marked) if there and gone else "not reached"
+    return f"caught by {failed[0].split()[1]}" if failed else "survived" if not code else "caught"
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -177,21 +235,27 @@ def pytest_runtest_call() -> Iterator[None]:
         raise TimeoutError("computed for too long")
 
     signal.signal(signal.SIGPROF, end)
-    signal.setitimer(signal.ITIMER_PROF, float(os.environ[_MOST]))
+    signal.setitimer(signal.ITIMER_PROF, float(os.environ.get(_SECONDS, "200")))
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
-def show(file: Path, number: int) -> None:
-    """Print the change of a mutant."""
-    source = ast.unparse(ast.parse(file.read_text(encoding="utf-8")))
-    changed = mutant(file.read_text(encoding="utf-8"), number)
-    lines = difflib.unified_diff(source.splitlines(), changed.splitlines(), lineterm="", n=2)
-    print("\n".join(f"    {line}" for line in list(lines)[2:]), flush=True)
+def main() -> None:
+    """Run what the command line says."""
+    args = arguments(
+        __doc__, places={"what": {"draw", "reach", "run"}, "contexts": []},
+        seed=1, marked="", only=(0,), tree=ROOT,
+    )  # fmt: skip
+    if args.what == "draw":
+        draw(args.seed)
+    elif args.what == "reach":
+        reach(args.contexts)
+    else:
+        run(args.tree, args.marked, [int(one) for one in args.only if int(one)])
 
 
 if __name__ == "__main__":
     with contextlib.suppress(BrokenPipeError):
-        sys.exit(main())
+        main()

@@ -22,8 +22,9 @@ import pytest
 
 from stickslip_ros.cli.main import main
 
-PAGES = sorted((Path(__file__).parent.parent / "docs" / "tutorials").glob("*.md"))
-NOTEBOOK = PAGES[0].parents[2] / "examples" / "from_a_trace_to_a_model.ipynb"
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+NOTEBOOK = ROOT / "examples" / "from_a_trace_to_a_model.ipynb"
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _FILE = re.compile(r"`(test_\w+\.py)`")
 _FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
@@ -58,13 +59,11 @@ def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
 PICTURED = {page.stem for page in PAGES} - {"foxglove"}
 
 
-@pytest.mark.long
 def test_the_pictures_are_what_their_program_draws(tmp_path: Path) -> None:
     runpy.run_path(str(PAGES[0].parent / "pictures.py"))["main"](tmp_path)
     assert {picture.stem for picture in tmp_path.glob("*.png")} == PICTURED
 
 
-@pytest.mark.long
 def test_the_notebook_runs() -> None:
     """Its cells in their order; what the last line of each returns shows itself."""
     matplotlib = pytest.importorskip("matplotlib")
@@ -86,23 +85,14 @@ def test_the_notebook_runs() -> None:
                      "Axes", "Axes"]  # fmt: skip
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(one, marks=pytest.mark.long if one.stem == "fit_my_drive" else (), id=one.stem)
-        for one in PAGES
-    ],
-)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_tutorial_does_what_it_shows(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
-    root = str(Path(__file__).parent.parent)
-    monkeypatch.setenv(
-        "PYTHONPATH", os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-    )
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    monkeypatch.setenv("PYTHONPATH", path)
     text = page.read_text(encoding="utf-8")
     names: dict[str, object] = {}
     runner = doctest.DocTestRunner(optionflags=_FLAGS)

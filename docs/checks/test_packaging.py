@@ -13,7 +13,7 @@ import setuptools
 
 import stickslip_ros
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 SHARE = "share/stickslip_ros"
 
 

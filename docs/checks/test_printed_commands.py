@@ -15,7 +15,7 @@ import pytest
 from stickslip_ros.cli.command_line import SUBCOMMANDS, parser_for
 from stickslip_ros.cli.main import main
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SAMPLES = ROOT / "examples" / "samples"
 _LINE = re.compile(r"^(?:    |\$ )(?:\.venv/bin/)?(stickslip .*)$", re.MULTILINE)
@@ -98,7 +98,6 @@ def test_a_command_in_the_text_is_understood(capsys: pytest.CaptureFixture[str])
             assert end.code in (0, None) or "arguments are required" in said, (page, arguments)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("page", "arguments"), RUNNABLE, ids=str)
 def test_a_printed_command_runs_in_a_fresh_folder(
     page: str, arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -14,21 +14,10 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from child import python
 
-import stickslip_ros as ss
-
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-ROOT = Path(__file__).parent.parent
-#: Public names that the page only mentions: data, and what needs ROS.
-MENTIONED = {"PARAMETERS", "AxisClient", "AxisFault"}
-
-
-def test_every_public_name_is_on_the_page() -> None:
-    text = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
-    listed = re.findall(r"^\.\. auto\w+:: stickslip_ros\.(\w+)$", text, re.MULTILINE)
-    assert sorted(listed) == sorted(set(ss.__all__) - MENTIONED)
-    assert [name for name in MENTIONED if f"`{name}`" not in text] == []
+ROOT = Path(__file__).parents[2]
 
 
 class Links(HTMLParser):
@@ -69,24 +58,23 @@ def dead_links(folder: Path) -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the site, every warning an error; give its folder."""
-    folder = tmp_path_factory.mktemp("site")
-    options = ("-q", "-W", "--keep-going", "-b", "html", "-d", str(folder / "trees"))
-    run = python("-m", "sphinx", *options, str(ROOT / "docs"), str(folder / "site"))
+def site() -> Path:
+    """Build the site where ``make site`` has it, every warning an error; give its folder."""
+    folder = ROOT / "docs" / "_build" / "site"
+    run = python("-m", "sphinx", "-q", "-W", "-b", "html", str(ROOT / "docs"), str(folder))
     assert run.returncode == 0, run.stderr
-    return folder / "site"
+    return folder
 
 
-@pytest.mark.long
 def test_the_site_has_no_dead_link_and_every_public_name(site: Path) -> None:
     assert list(dead_links(site)) == []
     pages = [Links(file.read_text(encoding="utf-8")) for file in site.rglob("*.html")]
     assert [one for page in pages for one in page.loaded] == []
+    api = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\.\. auto\w+:: stickslip_ros\.(\w+)$", api, re.MULTILINE)
     places = Links((site / "api.html").read_text(encoding="utf-8")).places
     # A class that stands elsewhere is found under the name of its own module.
-    found = {place.rpartition(".")[2] for place in places}
-    assert sorted(set(ss.__all__) - MENTIONED - found) == []
+    assert sorted(set(listed) - {place.rpartition(".")[2] for place in places}) == []
 
 
 #: What the search of a page needs of a browser.
@@ -98,7 +86,6 @@ const SPHINX_HIGHLIGHT_ENABLED = false, _ready = () => null, _ = (text) => text;
 """
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("words", "page"),
     [
@@ -122,7 +109,6 @@ def test_the_search_finds_what_readers_look_for(site: Path, words: str, page: st
     assert page in [one[0] for one in json.loads(found)][:2]
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("page", ["index", "effects", "prediction", "states", "architecture"])
 def test_a_page_is_whole_without_a_network(site: Path, browser: Browser, page: str) -> None:
     """Chromium asks for nothing outside and says nothing; equations and pictures are there."""
@@ -148,7 +134,6 @@ def test_a_page_is_whole_without_a_network(site: Path, browser: Browser, page: s
     assert len(diagrams) == (page in ("states", "architecture"))
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("page", ["index", "node", "states", "api"])
 def test_axe_finds_nothing_serious(site: Path, browser: Browser, page: str) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright")
