@@ -44,21 +44,18 @@ hypothesis.settings.register_profile("any machine", deadline=None)
 hypothesis.settings.load_profile("any machine")
 #: Folders whose tests start processes, serve sockets or wait for DDS.
 REAL_TIME = frozenset({"cli", "emulator", "examples", "ros", "testing", "validation"})
-#: Fixtures for tests with DDS, programs or sockets, none of which is quick.
-SLOW = frozenset({"stickslip_domain", "start_module", "emulate", "browser"})
 NO_BROWSER = "no browser for the tests of pages: apt-get install chromium"
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is slow, and give a test that depends on the machine's clock a second chance.
+    """Mark what `make test` leaves out, and give what depends on a clock a second chance.
 
     The summary tells who needed it. Their programs wait for no compiling: it is done before.
     """
     for item in items:
-        starts = SLOW.intersection(getattr(item, "fixturenames", ()))
-        if starts or item.get_closest_marker("long"):
-            item.add_marker(pytest.mark.slow)
+        if item.nodeid.startswith("validation"):
+            item.add_marker(pytest.mark.long)
         if item.nodeid.removeprefix("test/").partition("/")[0] in REAL_TIME:
             item.add_marker(pytest.mark.flaky(reruns=1))
             item.fixturenames.insert(0, "compiled_solver")  # type: ignore[attr-defined]
@@ -77,12 +74,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Return the workers of ``-n auto``: half as many again as processors, as many tests wait.
-
-    Of those that are not slow none does, and each worker costs ten seconds before its first test.
-    """
-    waiting = 1.0 if config.getoption("markexpr") == "not slow" else 1.5
-    return math.ceil(waiting * len(os.sched_getaffinity(0)))
+    """Return the workers of ``-n auto``: half as many again as processors, as many tests wait."""
+    return math.ceil(1.5 * len(os.sched_getaffinity(0)))
 
 
 class CompileOnce:

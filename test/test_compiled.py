@@ -135,7 +135,7 @@ print(numba.njit(lambda a: np.dot(twice(a), a))(np.ones(4)))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_was_compiled_is_loaded_without_what_compiling_needs(tmp_path: Path) -> None:
     """And what is compiled after that has all of it: here the BLAS that numba takes from SciPy."""
     (tmp_path / "kept.py").write_text(
@@ -217,7 +217,7 @@ sys.stderr.write(" ".join(str(globals()[name](1.0)) for name in sys.argv[1:]))
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_namesakes_that_two_processes_compiled_stay_apart(tmp_path: Path) -> None:
     program = tmp_path / "namesakes.py"
     program.write_text(_NAMESAKES)
@@ -302,7 +302,7 @@ for values in ({}, several, {"dwell_growth": 0.1, "amplifier_bandwidth": 2e4}, {
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_running_axis_compiles_and_loads_nothing() -> None:
     """Ten seconds of it would be silence, a minute on a busy machine."""
     done = python("-c", _LATE)
@@ -317,7 +317,6 @@ def test_a_slow_drive_with_a_sensor_of_a_bandwidth_is_compiled_at_once() -> None
     assert time.process_time() - began < 5.0
 
 
-@pytest.mark.slow
 def test_a_damaged_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It would be an UnpicklingError, or a crash in machine code that is none."""
     cache, program = tmp_path / "cache", tmp_path / "program.py"
@@ -346,7 +345,6 @@ def test_a_damaged_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.Monkey
     assert not is_compiled()
 
 
-@pytest.mark.slow
 def test_without_numba_the_same_comes_out_of_plain_python() -> None:
     run = (
         "import sys; sys.modules['numba'] = None\n"

@@ -189,6 +189,7 @@ def complaints(package_folder: Path) -> list[str]:
     return found
 
 
+@pytest.mark.long
 def test_imports_point_one_way() -> None:
     assert complaints(SOURCES) == []
 

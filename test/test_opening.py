@@ -75,7 +75,6 @@ def _reads(tree: ast.AST) -> Iterator[str]:
                 yield named
 
 
-@pytest.mark.slow
 def test_all_who_read_come_in_by_the_door() -> None:
     """Parameter files and tables of sweeps had a way of their own, and waited there."""
     found = {

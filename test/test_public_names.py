@@ -51,7 +51,6 @@ def test_every_function_of_the_library_has_an_example() -> None:
             assert ">>> " in (function.__doc__ or ""), function
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES)
 def test_the_examples_print_what_they_show(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
@@ -62,7 +61,6 @@ def test_the_examples_print_what_they_show(module: str, monkeypatch: pytest.Monk
         assert results.attempted > 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("page", ["README.md", "docs/library.md"])
 def test_the_examples_of_a_page_print_what_they_show(page: str) -> None:
     flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
@@ -103,7 +101,6 @@ def test_the_import_alone_loads_nothing() -> None:
     assert found.stdout.split() == ["False", "False"], found.stderr
 
 
-@pytest.mark.slow
 def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
     found = run(
         "import sys\n"
@@ -132,7 +129,6 @@ def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
     ]
 
 
-@pytest.mark.slow
 def test_the_users_choice_of_a_plot_window_stays() -> None:
     """Pictures are written without a window, and without telling Matplotlib so for everybody."""
     modules = "stickslip_ros.pages.response", "stickslip_ros.reporting.picture"

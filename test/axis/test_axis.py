@@ -333,7 +333,6 @@ def _time_of(start: float, period: float, cycles: float) -> float:
     return start + cycles * period
 
 
-@pytest.mark.slow
 @many_moves
 def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command(count: int) -> None:
     """The nearest time below an end may be rounded to it: one in about a hundred is."""
@@ -347,7 +346,6 @@ def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command(coun
         assert axis.status.steps_done == 0, axis.parameters
 
 
-@pytest.mark.slow
 @many_moves
 def test_a_command_a_hair_before_the_end_of_a_move_is_carried_out(count: int) -> None:
     """Whether it counts as given in the last cycle or after it: the new move runs, in full."""

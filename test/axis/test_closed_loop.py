@@ -96,7 +96,6 @@ def test_a_runner_that_rings_is_not_stepped_to_and_fro_without_end() -> None:
     assert abs(axis.status.position - 1.4e-6) < 5e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, pytest.param(3.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("parameters", "count", "longest"), CASES)
 def test_every_target_is_reached_within_five_nanometres(
@@ -188,7 +187,6 @@ def test_reached_is_what_was_read(case: str, target: float) -> None:
     assert axis.status.target_reached
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "target", "longest"),
     [
@@ -214,7 +212,6 @@ def test_it_is_there_soon_and_quiet(case: str, target: float, longest: float) ->
     assert np.ptp(x) < 2e-9
 
 
-@pytest.mark.slow
 def test_a_runner_that_slides_away_is_not_said_to_be_there() -> None:
     """The mean of the readings followed it late, and said so 25 nm away."""
     axis = Axis(FOUND["closed_loop"]["sliding away"])
@@ -360,7 +357,6 @@ def test_steps_that_lead_nowhere_end_though_they_pass_the_tolerance() -> None:
     assert "has not stayed so near for 0.8 s" in axis.status.fault
 
 
-@pytest.mark.slow
 def test_without_a_timeout_it_is_tried_for_ever() -> None:
     axis = Axis({**TABLE_1, **FAST, "amplitude": 30.0, "target_timeout": 0.0})
     axis.command_position(5e-6)
@@ -368,7 +364,6 @@ def test_without_a_timeout_it_is_tried_for_ever() -> None:
     assert axis.status.state == "targeting"
 
 
-@pytest.mark.slow
 def test_a_long_way_takes_longer_than_the_timeout() -> None:
     """What counts is the time without coming nearer; holding for long is no fault either."""
     axis = Axis({**TABLE_1, **FAST, "target_timeout": 0.2, "amplitude": 100.0})
@@ -378,7 +373,6 @@ def test_a_long_way_takes_longer_than_the_timeout() -> None:
     assert axis.status.state == "holding"
 
 
-@pytest.mark.slow
 def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
     axis = Axis({**TABLE_1, **FAST, "target_timeout": 2.0})
     axis.command_position(2e-6)
@@ -393,7 +387,6 @@ def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
     assert axis.status.state == "holding"
 
 
-@pytest.mark.slow
 def test_a_latency_that_changes_on_the_way_stops_nothing() -> None:
     """With a shorter one, readings arrive at once that should have come before."""
     for seed in range(4):

@@ -132,7 +132,6 @@ def test_a_refusing_axis_can_be_paused() -> None:
     assert axis.paused
 
 
-@pytest.mark.slow
 def test_random_runs_with_every_fault_repeat_bit_for_bit() -> None:
     rng = random.Random(26)
     seen: set[str] = set()

@@ -84,7 +84,6 @@ def test_a_soft_limit_set_on_the_way_holds_from_the_next_cycle() -> None:
     assert axis.status.steps_done == 11
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("actuator", ["linear", "hysteresis"])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_scan_stops_before_a_soft_limit(sign: int, actuator: str) -> None:

@@ -278,7 +278,7 @@ def led_at_random(rng: random.Random, jog: bool) -> tuple[list[Event], Axis]:
     return axis.take_events(), axis
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.long)])
 def test_any_pauses_steps_and_paces_leave_the_motion_as_it_is(count: int) -> None:
     """To the last bit that of an axis that only hears the commands of motion, at their times."""

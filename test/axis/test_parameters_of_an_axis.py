@@ -140,7 +140,6 @@ def test_an_axis_steps_as_the_run_of_steps() -> None:
     assert axis.actuation.sim.position_of_cycle == run.position[-1]
 
 
-@pytest.mark.slow
 def test_the_closed_loop_holds_a_target_against_hysteresis_and_creep() -> None:
     axis = _axis(frequency=1000.0, sensor_drift=0.0)
     for target in (5e-6, 4.9e-6, -1e-6):
@@ -152,7 +151,6 @@ def test_the_closed_loop_holds_a_target_against_hysteresis_and_creep() -> None:
     assert len(follow.signatures) == 1  # type: ignore[attr-defined]
 
 
-@pytest.mark.slow
 def test_a_scan_creeps_after_it_has_arrived() -> None:
     axis = _axis(creep=0.02)
     axis.command_scan(300.0)

@@ -17,8 +17,6 @@ from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.solver import State
 from stickslip_ros.version import __version__
 
-pytestmark = pytest.mark.slow
-
 PARAMETERS = {
     "frequency": 1000.0,
     "soft_high": 2e-5,

@@ -34,7 +34,6 @@ def test_the_noise_has_its_standard_deviation() -> None:
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 0.03
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("corner", [0.0, 10.0])
 def test_a_reading_hangs_on_seed_and_number_only(corner: float) -> None:
     """Whatever was read before."""
@@ -111,7 +110,6 @@ def _filtered(p: Parameters, steps: int, times: NDArray[np.float64]) -> NDArray[
     return np.asarray(found.y[0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "filter_",
     [{"sensor_order": 1}, {"sensor_order": 2}, {"sensor_order": 2, "sensor_damping": 0.1}],
@@ -126,7 +124,6 @@ def test_readings_are_those_of_an_integrator_of_the_filter(filter_: dict[str, An
     assert readings.x[during] == pytest.approx(expected, abs=0.005e-9)
 
 
-@pytest.mark.slow
 def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:
     p = table_1(sensor_bandwidth=3e3, sensor_order=2, frequency=500.0)
     motion = Motion.of_trace(trace_steps(p, 3), "")
@@ -206,7 +203,6 @@ def test_the_bandwidth_may_change_while_the_axis_runs() -> None:
     assert axis.measured == pytest.approx(axis.state.x, abs=1e-13)
 
 
-@pytest.mark.slow
 def test_noise_has_the_density_of_white_and_flicker() -> None:
     """By Welch's method of SciPy."""
     p = table_1(sensor_resolution=0.0, sensor_noise=1e-9, sensor_noise_corner=50.0)
@@ -247,7 +243,6 @@ def test_a_runner_at_rest_is_looked_at_less_often_than_it_is_read(
     assert sum(samples) > still + 250
 
 
-@pytest.mark.slow
 def test_readings_at_rest_are_those_of_every_sample() -> None:
     """To 0.06 nm, with steps, a load and creep, and the same bits however time is divided."""
     lot = np.random.default_rng(1)

@@ -78,7 +78,6 @@ ANYTHING: tuple[tuple[Any, ...], ...] = (
 )
 
 
-@pytest.mark.slow
 def test_whatever_was_commanded_other_parameters_and_one_reset_lead_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

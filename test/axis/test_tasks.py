@@ -186,7 +186,6 @@ def test_a_jog_cannot_be_made_impossible(waits: bool, command: str, value: objec
     assert axis.status.steps_done == 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("at", [0.02, 0.06, 0.1])
 def test_the_closed_loop_goes_on_with_what_the_amplifier_still_gives(at: float) -> None:
     """Its running steps had more volts than it was left with, and an exception ended them."""
@@ -214,7 +213,6 @@ DRIVES: tuple[tuple[Any, ...], ...] = (
 )
 
 
-@pytest.mark.slow
 def test_no_order_of_commands_makes_the_drive_impossible() -> None:
     """A command is refused, or its motion can be carried out; an axis that cannot is in fault."""
     dice = random.Random(5)

@@ -23,7 +23,6 @@ FAST = {"frequency": 1000.0}
 POINTS = [(0.3, 15e-6), (0.6, 2e-6), (0.8, 2e-6), (1.3, 3e-6)]
 
 
-@pytest.mark.slow
 def test_it_follows_and_holds_the_last_point() -> None:
     axis = Axis({**TABLE_1, **FAST})
     axis.advance(0.5)
@@ -106,7 +105,6 @@ def test_a_malformed_trajectory_is_refused_as_a_whole(
     assert (axis.status.state, axis.status.steps_left) == ("stepping", 49)
 
 
-@pytest.mark.slow
 def test_a_trajectory_that_begins_later_leaves_the_runner_where_it_is_until_then() -> None:
     axis = Axis({"frequency": 1000.0})
     axis.command_position(3e-7)
@@ -153,7 +151,6 @@ def finished(axis: Axis) -> list[tuple[float, float]]:
     return [(event.time, axis.state.x) for event in events]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, pytest.param(200, marks=pytest.mark.long)])
 def test_axes_end_within_a_cycle_of_each_other_and_2_nm(count: int) -> None:
     lot = np.random.default_rng(count)
@@ -170,7 +167,6 @@ def test_axes_end_within_a_cycle_of_each_other_and_2_nm(count: int) -> None:
             assert reached == pytest.approx(wanted, abs=2e-9)
 
 
-@pytest.mark.slow
 def test_each_moves_as_it_would_alone() -> None:
     """So its run repeats from its own events."""
     points: Points = [(0.2, [1e-6, 2e-6, -3e-6])]
@@ -271,7 +267,6 @@ def test_a_new_set_point_waits_for_the_hold_time_of_its_own() -> None:
         assert axis.mode == "holding"
 
 
-@pytest.mark.slow
 def test_a_velocity_is_kept_up_and_0_holds() -> None:
     axis = Axis(FAST)
     _stream(axis, "velocity", [3e-5] * 200)
@@ -309,7 +304,6 @@ def test_a_velocity_ends_at_the_soft_limit() -> None:
     assert axis.status.fault == ""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("moved", [0.0, 1.7e-6])
 def test_commanding_back_what_was_read_moves_nothing(moved: float) -> None:
     """At rest and in closed loop, for two seconds of 100 readings a second."""

@@ -14,8 +14,6 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
 from stickslip_ros.motion.trace import save_csv
 
-pytestmark = pytest.mark.slow
-
 #: First bytes of the pictures by the end of their names.
 PICTURES = {"png": b"\x89PNG", "pdf": b"%PDF"}
 

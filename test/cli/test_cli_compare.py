@@ -26,7 +26,6 @@ from stickslip_ros.motion.trace import save_csv
 from stickslip_ros.recordings import BagWriter, open_bag
 from stickslip_ros.version import __version__
 
-pytestmark = pytest.mark.slow
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config" / "table1_typical.yaml"
 STEPS = 10
 #: Whom Chromium asks by itself: for the time, for updates and for accounts. No page of ours would.
@@ -54,6 +53,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_the_model_is_compared_with_a_measurement(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -230,6 +230,7 @@ def test_the_page_draws_in_a_browser_without_a_network(
     assert [host for host in asked if not host.endswith(OF_THE_BROWSER)] == []
 
 
+@pytest.mark.long
 def test_a_run_is_seen_through_the_bandwidth_of_its_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -249,6 +250,7 @@ def test_a_run_is_seen_through_the_bandwidth_of_its_sensor(
     assert rmse[1] == pytest.approx(1e-9, rel=0.05)
 
 
+@pytest.mark.long
 def test_a_bag_of_many_moves_does_not_differ_from_itself(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

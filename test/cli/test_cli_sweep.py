@@ -81,7 +81,7 @@ def test_impossible_points_are_empty_counted_and_explained(
     assert len(error.splitlines()) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("out", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_ctrl_c_keeps_what_is_done(tmp_path: Path, out: bool) -> None:
     csv = tmp_path / "a.csv"

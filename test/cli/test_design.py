@@ -29,7 +29,6 @@ def test_json_in_si_units(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["ratio"] == pytest.approx(8.0**0.5)
 
 
-@pytest.mark.slow
 def test_holds_that_play_no_part_do_not_come_back(capsys: pytest.CaptureFixture[str]) -> None:
     """A sawtooth ignores holds; the shaped slip found for it has none."""
     values = ("hold_before=0.5", "frequency=1000", "creep=0.02", "dwell_growth=0.01")

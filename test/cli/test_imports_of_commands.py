@@ -41,7 +41,7 @@ def test_no_help_loads_what_computes() -> None:
     assert not HEAVY & set(run.stdout.split())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_compiled_run_loads_no_compiler_and_nothing_of_scipy() -> None:
     """Each of these takes a tenth to half a second."""
     _run(_SIMULATE)  # so that it is compiled
@@ -51,7 +51,6 @@ def test_a_compiled_run_loads_no_compiler_and_nothing_of_scipy() -> None:
     assert not slow & modules
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "code",
     [

@@ -74,7 +74,6 @@ def test_the_package_runs_as_a_module() -> None:
     assert python("-m", "stickslip_ros", "--version").stdout.strip() == __version__
 
 
-@pytest.mark.slow
 def test_files_of_the_package_are_found_from_anywhere(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -94,7 +93,6 @@ def test_a_negative_number_is_no_option(capsys: pytest.CaptureFixture[str]) -> N
         assert f"amplitude is {float(number):g}" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_it_works_without_ros() -> None:
     """Neither the help nor a simulation may load a ROS package."""
     block = (
@@ -110,7 +108,6 @@ def test_it_works_without_ros() -> None:
     assert "stickslip demo: needs ROS 2: source it or use `make demo`" in child.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "unbuffered"),
     [
@@ -152,7 +149,6 @@ sys.exit(main(["simulate", "--steps", "10000000"]))
 """
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no full device")
 def test_a_full_disk_below_the_output_is_one_line() -> None:
     with open("/dev/full", "w", encoding="utf-8") as full:
@@ -168,7 +164,6 @@ def test_a_full_disk_below_the_output_is_one_line() -> None:
     assert (child.returncode, complaints(child.stderr)) == (2, text)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
 )
@@ -228,7 +223,6 @@ sys.exit(main(["simulate"]))
 """
 
 
-@pytest.mark.slow
 def test_a_signal_that_a_destructor_swallows_comes_again() -> None:
     """Some that came while numba loaded compiled code were lost, and the command went on."""
     child = python("-c", IGNORING)
@@ -254,7 +248,6 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
     assert json.loads(capsys.readouterr().out) == with_units
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("loaded", "who"),
     [

@@ -23,7 +23,6 @@ from file_layer import FileLayer, each_fault
 
 from stickslip_ros.cli.main import main
 
-pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
 SIMULATE = ("simulate", "--steps", "2", "--frequency", "1000")
@@ -165,6 +164,7 @@ def test_without_a_home_and_an_environment(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["trace.csv"]
 
 
+@pytest.mark.long
 def test_two_processes_on_one_output(tmp_path: Path) -> None:
     """One of the two files is there, whole; of two folders the second is refused."""
     file = tmp_path / "trace.csv"

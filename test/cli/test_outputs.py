@@ -25,28 +25,22 @@ COMMANDS = [
     (["simulate", "--steps", "3"], "time (ms)", "position (m)"),
     (["guide"], "", "forces.A"),
     (["sweep", "--vary", "preload=0.5:1:2"], "step size (nm)", "preload (N)"),
-    *(
-        pytest.param(*one, marks=pytest.mark.slow)
-        for one in (
-            (["predict", "--step", "100nm"], "amplitude (V)", "zero_offset"),
-            (["bag", "info", BAG], "time (ms)", "messages"),
-            (["paper", "fig09"], "blocking preload (N)", "simulated"),
-            (["bag", "resimulate", BAG], "", "axis_slider position"),
-            (["elongate", "--set", "frequency=10kHz"], "runner (nm)", "hold_before"),
-            (
-                ["identify-actuator", "actuator_loop.csv", "--out", "loop.yaml"],
-                "voltage (V)",
-                "parameters.gain",
-            ),
-            (["analyse", "steps_100hz.csv"], "step (nm)", "frequency (Hz)"),
-        )
+    (["predict", "--step", "100nm"], "amplitude (V)", "zero_offset"),
+    (["bag", "info", BAG], "time (ms)", "messages"),
+    (["paper", "fig09"], "blocking preload (N)", "simulated"),
+    (["bag", "resimulate", BAG], "", "axis_slider position"),
+    (["elongate", "--set", "frequency=10kHz"], "runner (nm)", "hold_before"),
+    (
+        ["identify-actuator", "actuator_loop.csv", "--out", "loop.yaml"],
+        "voltage (V)",
+        "parameters.gain",
     ),
+    (["analyse", "steps_100hz.csv"], "step (nm)", "frequency (Hz)"),
 ]
 #: Commands without a result that a picture, page or table could hold.
 WITHOUT = {"explore", "bag", "send", "watch", "emulate", "demo", "warm-up"}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("command", "drawn", "tabled"), COMMANDS)
 def test_a_result_is_written_in_every_form(
     command: list[str],
@@ -82,7 +76,6 @@ def test_every_other_command_has_the_options(name: str, capsys: pytest.CaptureFi
     assert [option for option in wanted if f"{option} " not in text] == []
 
 
-@pytest.mark.slow
 def test_a_picture_is_shown(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)

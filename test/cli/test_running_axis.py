@@ -39,6 +39,7 @@ def test_every_command_of_the_registry_can_be_sent(capsys: pytest.CaptureFixture
     assert [line.split()[0] for line in lines] == list(COMMANDS)
 
 
+@pytest.mark.long
 def test_a_recorder_that_is_waited_for_has_the_command(start_node: Start, tmp_path: Path) -> None:
     """The axis is a process, too: Fast DDS delivers in two ways at once else, and loses states."""
     start_node("axis_node", frequency=1000.0).wait_for("ready")
@@ -174,6 +175,7 @@ def test_watch_prints_lines_in_a_pipe(axis: AxisNode, capsys: pytest.CaptureFixt
         assert float(rows[-1][column]) > float(rows[0][column]), column
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("encoding", "bar"), [pytest.param("utf-8", "█", marks=pytest.mark.long), ("cp1252", "^")]
 )

@@ -40,7 +40,6 @@ def as_json(capsys: pytest.CaptureFixture[str]) -> Simulate:
     return run
 
 
-@pytest.mark.slow
 def test_the_steps_are_those_of_the_reference(as_json: Simulate) -> None:
     """Within 0.05 nm, at every preload and stroke."""
     cases = [(preload, 160, step) for preload, step in OVER_PRELOAD.items()]
@@ -163,7 +162,6 @@ def test_the_trace_is_a_table_that_agrees_with_the_run(as_json: Simulate, tmp_pa
     assert list(tmp_path.iterdir()) == [file]
 
 
-@pytest.mark.slow
 def test_the_sensor_writes_what_it_reads(as_json: Simulate, tmp_path: Path) -> None:
     """A table as a logger writes it, with a rest of a period before and after."""
     file = tmp_path / "readings.csv"

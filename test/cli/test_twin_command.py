@@ -46,7 +46,7 @@ def _with_start(table: Path) -> list[str]:
     return ["--drive", str(drive)]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_change_page_table_and_picture(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -65,7 +65,7 @@ def test_change_page_table_and_picture(
     assert len(out.read_text().splitlines()) == 400
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_columns_and_drive_file_are_told_the_same_way(
     table: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -81,7 +81,6 @@ def test_columns_and_drive_file_are_told_the_same_way(
     assert "the file is not of this axis" in capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_a_bag_of_the_axis_itself_fits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = load_motion(BAG)
     assert {"start", "steps"} <= {one.name for one in read_log(BAG) if isinstance(one, TwinCommand)}

@@ -161,7 +161,7 @@ def test_what_cannot_be_is_an_error_with_a_text_and_changes_nothing(
     amc("move.setControlContinuousFwd", 0, False)  # a stop is never refused
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=40)
 @given(
     st.lists(st.dictionaries(st.text(max_size=4), st.text(max_size=9), max_size=3), max_size=5),

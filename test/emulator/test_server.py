@@ -179,7 +179,6 @@ def withstand(
     assert used[2] - used[1] < 2000, used  # kB
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
 @pytest.mark.parametrize(
     ("name", "question", "lines"),
@@ -197,7 +196,6 @@ def test_noise_and_clients(
     withstand(start, name, lines, 50, question)
 
 
-@pytest.mark.slow
 def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs")
     with ExitStack() as stack:
@@ -208,7 +206,6 @@ def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) 
         assert clients[0].ask(":GNC") == ":N1"
 
 
-@pytest.mark.slow
 def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs")
     with emulated.client() as deaf, emulated.client() as other:
@@ -219,7 +216,6 @@ def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any
         assert other.ask(":GNC") == ":N1"
 
 
-@pytest.mark.slow
 def test_what_a_program_said_is_a_table(
     emulate: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -245,7 +241,7 @@ def test_what_a_program_said_is_a_table(
     assert "exists already; name another one" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_axes_are_watched(
     start: Callable[..., subprocess.Popen[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -276,7 +272,6 @@ def test_the_axes_are_watched(
     assert process.wait(20.0) == 0
 
 
-@pytest.mark.slow
 def test_a_client_that_has_gone_is_not_written_to(
     emulate: Callable[..., Any], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -327,7 +322,7 @@ def test_a_command_that_is_not_emulated_is_told_once(
     assert not commands_of(name)[lacking]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_example_of_the_page_passes(tmp_path: Path) -> None:
     pytest.importorskip("pymeasure.instruments.attocube")
     pytest.importorskip("pyvisa_py")

@@ -11,7 +11,6 @@ pytest.importorskip("rclpy")
 FOLDER = REPOSITORY / "examples" / "my_node"
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("stickslip_domain")
 @pytest.mark.skipif(not find_spec("launch_testing"), reason="launch_testing is not installed")
 def test_with_launch_testing() -> None:

@@ -6,7 +6,6 @@ import pytest
 from samples import FOLDER, SAMPLES
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SAMPLES)
 def test_a_sample_is_what_the_integrator_makes(name: str) -> None:
     make, digits = SAMPLES[name]

@@ -40,7 +40,6 @@ def found_here() -> dict[str, Any]:
     return found
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", AXES)
 def test_axes_recorded_by_version_1_resimulate(name: str, tmp_path: Path) -> None:
     with open_bag(BAGS / name) as bag:
@@ -60,7 +59,6 @@ def _levels(bag: BagReader) -> dict[str, int]:
     return {one.message: one.level for one in statuses(bag, "/stickslip_axis/events")}
 
 
-@pytest.mark.slow
 def test_results_are_what_they_were() -> None:
     assert_same_bits(found_here(), {key: GOLDEN[key] for key in found_here()})
 
@@ -76,7 +74,7 @@ def assert_same_bits(found: dict[str, Any], golden: dict[str, Any]) -> None:
             assert positions_of(found[kind][name]) == near, name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "variant",
     [
@@ -90,7 +88,7 @@ def test_another_processor_gives_the_same_bits(variant: Variant, tmp_path: Path)
     assert_same_bits(there, found_here())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(not HAS_UNFUSED, reason="this library has one version of its functions")
 def test_a_run_of_another_library_is_the_same_up_to_rounding_and_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -114,7 +112,6 @@ def positions_of(run: dict[str, Any]) -> list[float]:
     return [float.fromhex(text) for text in run["position"]]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -65,7 +65,6 @@ def test_a_curve_gives_breakaway_distance_and_friction(
     assert told["noise"] is None
 
 
-@pytest.mark.slow
 def test_the_numbers_of_the_paper_give_the_mass_and_leave_a_ridge() -> None:
     """Table 1 with Fig. 14: 4 kHz need 14.3 g (Eq. 11); damping and friction stay open."""
     curve = read_curve(CONFIG / "paper_numbers.csv")

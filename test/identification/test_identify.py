@@ -20,7 +20,6 @@ def found() -> Fit:
     return identify([small()[1]])
 
 
-@pytest.mark.slow
 def test_every_interval_holds_the_truth_and_is_narrow(found: Fit) -> None:
     for name, true in truth_of(small()[0]).items():
         one = found.parameters[name]
@@ -31,7 +30,6 @@ def test_every_interval_holds_the_truth_and_is_narrow(found: Fit) -> None:
     assert found.unknown == ()
 
 
-@pytest.mark.slow
 def test_what_the_values_rest_on_is_said(found: Fit) -> None:
     """A payload of 20 % moved sigma_0 by as much, which no residual shows; nothing was said."""
     (mass,) = (line for line in found.given if line.startswith("10 % more mass"))
@@ -43,18 +41,15 @@ def test_what_the_values_rest_on_is_said(found: Fit) -> None:
     assert not any("gain" in line for line in found.given)  # a wrong one is a misfit
 
 
-@pytest.mark.slow
 def test_the_noise_of_the_sensor_is_told(found: Fit) -> None:
     assert found.noise == pytest.approx(1e-9, rel=0.05)
 
 
-@pytest.mark.slow
 def test_the_file_of_the_fit_has_the_values(found: Fit) -> None:
     assert found.base.friction.sigma_0 == found.parameters["sigma_0"].value
     assert found.base.friction.preload == 0.5
 
 
-@pytest.mark.slow
 def test_json_has_everything_and_no_nan(found: Fit) -> None:
     told = json.loads(json.dumps(found.as_json(), allow_nan=False))
     assert set(told) >= {"parameters", "correlations", "noise", "residual", "misfit", "runs"}
@@ -63,7 +58,6 @@ def test_json_has_everything_and_no_nan(found: Fit) -> None:
     assert told["runs"][0]["steps"] == 10
 
 
-@pytest.mark.slow
 def test_the_profile_is_lowest_at_the_value(found: Fit) -> None:
     for one in found.profiles:
         assert one.values[np.argmin(one.rise)] == pytest.approx(found.parameters[one.name].value)
@@ -117,7 +111,6 @@ def test_a_gap_in_the_middle_of_a_run_moves_no_interval() -> None:
         assert holds(one.low, true, one.high), name
 
 
-@pytest.mark.slow
 def test_interrupted_it_gives_the_best_so_far() -> None:
     calls = 0
 
@@ -133,7 +126,7 @@ def test_interrupted_it_gives_the_best_so_far() -> None:
     assert json.dumps(found.as_json(), allow_nan=False)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_cannot_be_known_is_said() -> None:
     """Mass, stiffness and damping times a factor move alike."""
     axis, (known, motion) = small()
@@ -146,7 +139,6 @@ def test_what_cannot_be_known_is_said() -> None:
     assert "give the mass" in told
 
 
-@pytest.mark.slow
 def test_a_prior_determines_what_the_trace_does_not() -> None:
     axis, (known, motion) = small()
     scaled = Parameters.of({**known.flat(), **truth_of(axis)})
@@ -156,7 +148,7 @@ def test_a_prior_determines_what_the_trace_does_not() -> None:
     assert mass.low < 5e-3 < mass.high
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_measurement_in_which_the_amplitude_changes_is_refused() -> None:
     drive = Drive(8, frequency=400.0, amplitude=280.0, pause=8e-3)
     drives = (drive, replace(drive, direction=-1), replace(drive, amplitude=200.0))
@@ -171,6 +163,7 @@ def test_a_measurement_in_which_the_amplitude_changes_is_refused() -> None:
     assert found.steps == 24
 
 
+@pytest.mark.long
 def test_a_trace_without_steps_is_refused() -> None:
     t = np.arange(0.0, 0.1, 1e-5)
     still = Motion("still.csv", t, 1e-9 * np.random.default_rng(1).standard_normal(len(t)))
@@ -178,7 +171,6 @@ def test_a_trace_without_steps_is_refused() -> None:
         identify([(Parameters.of({"frequency": 100.0}), still)])
 
 
-@pytest.mark.slow
 def test_bad_use_is_refused() -> None:
     for names, options, words in [
         (["amplitude"], {}, "amplitude cannot be free"),

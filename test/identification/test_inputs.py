@@ -101,7 +101,7 @@ def test_a_velocity_is_integrated(tmp_path: Path) -> None:
         read_motion(bare)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_record_of_velocity_gives_the_contact() -> None:
     axis, (known, _) = small()
     drive = Drive(10, frequency=800.0, amplitude=250.0, pause=5e-3)
@@ -118,7 +118,7 @@ def test_a_record_of_velocity_gives_the_contact() -> None:
         assert one.value == pytest.approx(true, rel=0.2), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_grow_by_what_an_input_is_uncertain() -> None:
     """A preload off by 4 % moves sigma_0ss as much, and no record can tell."""
     axis, (known, motion) = small()

@@ -17,8 +17,6 @@ from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
 
-pytestmark = pytest.mark.slow
-
 AXIS = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
 KNOWN = {"preload": 0.6, "mass": 5e-3, "frequency": 400.0, "amplitude": 280.0}
 
@@ -159,6 +157,7 @@ def test_hysteresis_of_the_drive_file_is_no_misfit(lag: float) -> None:
         assert holds(one.low, true, one.high), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lag", [3e-7, 1.5e-6, 3e-6])
 def test_twelve_lagging_cycles_are_those_of_the_integrator(lag: float) -> None:
     motion = trace(Other(lag=lag), noise=0.0)

@@ -55,7 +55,6 @@ def test_one_line_says_what_does_not_fit(changed: dict[str, object], words: str 
     assert re.search(words, line)
 
 
-@pytest.mark.slow
 def test_a_run_that_is_not_determined_is_left_out() -> None:
     """Two moves of other size beside a run, in the hum of its rest, were fitted as its steps."""
     _, (known, motion) = small()
@@ -71,7 +70,6 @@ def test_a_run_that_is_not_determined_is_left_out() -> None:
     assert "after the run, about as far as in a step" in said
 
 
-@pytest.mark.slow
 def test_a_few_cycles_of_another_frequency_are_left_out() -> None:
     axis = Axis()
     drives = Drive(12, 400.0, pause=5e-3), Drive(3, 280.0, pause=8e-3)
@@ -139,7 +137,6 @@ def test_a_record_is_too_coarse_for_what_is_seen_or_found() -> None:
     assert is_too_coarse(RECORD, KNOWN.replace(sigma_0=2e8))
 
 
-@pytest.mark.slow
 def test_nothing_is_claimed_of_a_ringing_with_too_few_samples() -> None:
     """Wrong values in tight intervals came of 2.7 samples a swing, and nothing was said."""
     _, (known, motion) = small()

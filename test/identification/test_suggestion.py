@@ -20,8 +20,6 @@ from stickslip_ros.identification.trace import Trace
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.parameters import Parameters
 
-pytestmark = pytest.mark.slow
-
 #: Records of 20 ms.
 RECORDS = CandidateSensor(5e5, 10_000, 1e-9)
 

@@ -103,7 +103,6 @@ def test_hum_that_stands_out_is_told_and_noise_is_not() -> None:
     assert plain.mains == ()
 
 
-@pytest.mark.slow
 def test_what_a_sensor_adds_moves_no_residual() -> None:
     """Zero, drift and hum, also of a frequency that is off by 0.05 Hz, are projected out."""
     known, motion = small()[1]
@@ -116,7 +115,6 @@ def test_what_a_sensor_adds_moves_no_residual() -> None:
     assert float(bare @ bare) > 1e4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("bandwidth", [6e4, 1e5])  # computed in full, and as delay and width
 def test_the_width_of_an_instrument_is_as_its_low_pass(bandwidth: float) -> None:
     """A sensor of first order is late by its time constant, and as wide."""

@@ -71,7 +71,6 @@ def documented() -> dict[str, str]:
     return {name: "agrees in kind" if one == "in kind" else one for name, one in names.items()}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_the_paper(whole: bool, tmp_path: Path) -> None:
     checks: dict[str, list[dict[str, str]]] = {}

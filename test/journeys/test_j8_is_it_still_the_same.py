@@ -49,7 +49,6 @@ def write_tables(folder: Path, hidden: Hidden) -> RealAxis:
     return axis
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["nothing", "payload", pytest.param("preload", marks=pytest.mark.long)]
 )

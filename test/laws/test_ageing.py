@@ -24,7 +24,6 @@ def simulated(p: Parameters, cycles: int) -> NDArray[np.float64]:
     return simulation.run_cycles(cycles).position
 
 
-@pytest.mark.slow
 def test_it_agrees_with_an_integrator() -> None:
     """To 0.01 nm a cycle."""
     for beta, d_c, theta_0, values in [

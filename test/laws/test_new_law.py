@@ -164,7 +164,6 @@ def _run(folder: Path, program: str, *arguments: str) -> Any:
     return json.loads(done.stdout)
 
 
-@pytest.mark.slow
 def test_a_law_reaches_kernel_and_identification(tmp_path: Path) -> None:
     """All its constants: whole numbers, and those that are not set, as nan."""
     folder = _with(tmp_path, "laws", "dahl", LAW, "DAHL")
@@ -172,7 +171,6 @@ def test_a_law_reaches_kernel_and_identification(tmp_path: Path) -> None:
     assert found == [[0.5, 2.0 * 0.75**2], ["sigma_0", "dahl_share"], True]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "reason"), [("second", "field of the solver"), ("mass", "which Dahl has")]
 )

@@ -105,7 +105,6 @@ def off(found: IdentifiedActuator, recording: Bench) -> float:
     return float(np.ptp(error) / 2.0 / np.ptp(recording.hysteresis))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(
     ("model", "bar"), [(preisach, 0.012), (maxwell_slip, 0.007)], ids=["preisach", "maxwell"]
@@ -134,7 +133,6 @@ def test_a_rate_law_with_cycles_of_one_height(seed: int) -> None:
     assert found.width == pytest.approx(0.174, abs=0.01)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 3, 5, 7])
 @pytest.mark.parametrize("noise", [0.0005, 0.002])
 def test_creep_is_told_where_the_voltage_rests(seed: int, noise: float) -> None:
@@ -162,7 +160,6 @@ def test_the_axis_repeats_the_recording() -> None:
     assert np.ptp(apart) / 2.0 < 0.006 * STROKE
 
 
-@pytest.mark.slow
 def test_spikes_and_a_long_recording() -> None:
     """300 000 uneven samples with spikes and steps of a converter, in less than 5 s of work."""
     recording = bench(preisach, 3, drift=0.02, noise=0.0005)

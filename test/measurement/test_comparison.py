@@ -29,8 +29,6 @@ from stickslip_ros.motion.motion import Motion
 from stickslip_ros.motion.sampling import PlannedRun, trace_runs, trace_steps
 from stickslip_ros.parameters import Parameters
 
-pytestmark = pytest.mark.slow
-
 STEPS, OFFSET, NOISE = 12, 37e-6, 1e-9
 PERIOD = 0.01  # s, of the drive
 
@@ -126,6 +124,7 @@ def test_offsets_of_more_than_a_step_are_found(offset: float) -> None:
     assert found.alignment.offset == pytest.approx(offset, abs=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("cycles", "off", "period"),
     [(150, 4e-6, 3e-4), pytest.param(6000, 2e-6, 1e-5, marks=pytest.mark.long)],
@@ -251,6 +250,7 @@ def to_and_fro(**parameters: float) -> Motion:
     return Motion("run", *trace_runs(table_1(**parameters), runs, before=0.02, after=0.03))
 
 
+@pytest.mark.long
 def test_each_run_of_steps_is_compared_with_its_own() -> None:
     """Forward and backward: the run had no steps, so nothing ever differed."""
     t = np.arange(to_and_fro().t[0], to_and_fro().t[-1], 2e-5)
@@ -281,6 +281,7 @@ def test_each_run_of_steps_is_compared_with_its_own() -> None:
     assert "cannot be determined" in str(judge(stopped, {"step-error": 1.0})[0])
 
 
+@pytest.mark.long
 def test_slips_that_the_search_finds_late_are_judged_alike_in_both() -> None:
     """Ringing that lasts hid the slips, and the backstep of the true run differed by a fifth."""
     axis = Axis(0.59682, 7.4904e-3, 3.14516, 7.39566e6, 1.422245e7)
@@ -292,6 +293,7 @@ def test_slips_that_the_search_finds_late_are_judged_alike_in_both() -> None:
     assert abs(metric(found, "backstep").difference) < 6e-9
 
 
+@pytest.mark.long
 def test_a_run_that_is_not_determined_is_left_out_beside_one_that_is() -> None:
     """A phantom of two cycles in the hum of a rest set the clock, and was simulated, too."""
     t = np.arange(to_and_fro().t[0], to_and_fro().t[-1], 2e-5)
@@ -398,6 +400,7 @@ def test_steps_of_another_size_are_named() -> None:
     assert metric(found, "step size").difference == pytest.approx(wanted, abs=2e-10)
 
 
+@pytest.mark.long
 def test_gain_and_drift_are_fitted_if_asked() -> None:
     sensor = measured(run(), gain=1.02, drift=1e-4)
     found = compare_told(run(), sensor, Fits(drift=True, gain=True))
@@ -504,7 +507,6 @@ def test_limits_are_kept_or_not() -> None:
     assert [one.kept for one in judge(found, tight)] == [False, False]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "drive", "sensor", "part"),
     [

@@ -51,6 +51,7 @@ def record(
             bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rate", [20, 1000])
 def test_analyse_gives_the_backstep_of_the_simulation(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], rate: int
@@ -66,6 +67,7 @@ def test_analyse_gives_the_backstep_of_the_simulation(
     assert found.step_size == pytest.approx(truth.step_size, abs=0.02e-9)
 
 
+@pytest.mark.long
 def test_the_commands_work_on_such_a_bag(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     record(tmp_path / "run", 1000)
     assert main(["analyse", str(tmp_path / "run")]) == 0
@@ -76,6 +78,7 @@ def test_the_commands_work_on_such_a_bag(tmp_path: Path, capfd: pytest.CaptureFi
     assert "DIFFERS" not in out and "backstep" in out
 
 
+@pytest.mark.long
 def test_samples_that_suffice_and_bags_without_commands_stay_as_they_are(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -146,7 +146,6 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
         search(Motion("run", T, np.zeros_like(T)), sensor).fit_velocity(start, None)
 
 
-@pytest.mark.slow
 def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
     """Back and forth, the amplitude at the cutoff is half; uneven samples are made even before."""
     t: Array = np.arange(0.0, 0.5, 1e-4)

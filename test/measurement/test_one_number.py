@@ -58,7 +58,7 @@ def _with_actuator(folder: Path) -> tuple[str, list[tuple[float, float]]]:
     return str(folder / "trace.csv"), [(run.step_size, run.backstep)]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "make",
     [_forward, _there_and_back, _with_actuator, pytest.param(_fast, marks=pytest.mark.long)],

@@ -218,7 +218,6 @@ def test_bytes_that_are_no_text(table: Path) -> None:
 # -- columns
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("actuator", ["linear", "hysteresis"])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("waveform", WAVEFORMS)

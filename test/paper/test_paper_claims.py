@@ -92,7 +92,6 @@ def test_a_bound_of_the_stiffness_acts_above_it_alone(table: str) -> None:
     assert np.array_equal(capped[preload < 1.95], linear[preload < 1.95])
 
 
-@pytest.mark.slow
 def test_slewrate_moves_the_zero_amplitude_a_little_and_methods_differ() -> None:
     slewrate = column("fig07", "slewrate (V/us)")
     assert (slewrate[0], slewrate[-1]) == (pytest.approx(50.0), pytest.approx(1000.0))
@@ -105,7 +104,6 @@ def test_slewrate_moves_the_zero_amplitude_a_little_and_methods_differ() -> None
     assert check("fig07", "depth of the minimum with").value == pytest.approx(1 * NANO, rel=0.2)
 
 
-@pytest.mark.slow
 def test_a_fresh_actuator_rises_further_the_first_time() -> None:
     assert check("fig02b", "first rise").value == pytest.approx(184 * NANO, rel=1e-3)
     assert check("fig02b", "second rise of the actuator short").value == pytest.approx(24e-9, 1e-3)

@@ -73,7 +73,7 @@ class Reader(HTMLParser):
         self.tags.append((tag, dict(attrs)))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("earlier", [False, True])
 def test_whatever_fails_the_folder_is_whole_or_as_before(
     tmp_path: Path, executor: Executor, earlier: bool

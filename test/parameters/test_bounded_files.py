@@ -63,7 +63,6 @@ SCALARS = st.one_of(
 )
 
 
-@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(TEXTS, inner)))
 def test_all_else_is_as_with_pyyaml(value: object) -> None:

@@ -143,7 +143,6 @@ def test_who_reads_it_is_told_what_is_wrong_and_the_cure(
             assert contents(file.parent) == expected(written), damage.name
 
 
-@pytest.mark.slow
 def test_damage_costs_no_more_than_the_chunk_it_is_in(
     sound: tuple[list[Sample], Path, bytes], tmp_path: Path
 ) -> None:

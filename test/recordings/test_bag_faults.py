@@ -46,7 +46,6 @@ class Promises:
                     self.kept[place] = number + 1
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
 def test_nothing_that_was_flushed_is_lost_whatever_fails(tmp_path: Path, broken: bool) -> None:
     promises = Promises()
@@ -85,7 +84,6 @@ def test_the_error_names_the_reason_and_the_cure(
         Promises().record(layer, tmp_path)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
 @pytest.mark.parametrize("way", ["recovered", "computed"])
 def test_a_bag_made_of_another_is_whole_or_not_there(
@@ -114,7 +112,6 @@ def test_a_bag_made_of_another_is_whole_or_not_there(
     assert {"mkdir", "open", "write", "fsync", "rename"} <= told
 
 
-@pytest.mark.slow
 def test_a_power_cut_costs_a_second_at_most(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -176,7 +173,7 @@ def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
     assert times(tmp_path / "run") == [1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_memory_of_a_recording_does_not_grow(tmp_path: Path) -> None:
     """Six thousand chunks, 18 minutes of an axis; each took some hundred bytes to the end."""
     written = [data for one, _, data in samples(2) if one is JOINTS]
@@ -205,7 +202,6 @@ def test_the_memory_of_a_recording_does_not_grow(tmp_path: Path) -> None:
     assert len(times(tmp_path / "run")) == 12_000
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "zstd"])
 def test_nothing_that_was_flushed_is_lost_when_memory_runs_out(
     tmp_path: Path, compression: str

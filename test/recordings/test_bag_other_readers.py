@@ -62,7 +62,6 @@ def values(topic: str, message: Any) -> Any:
     ]
 
 
-@pytest.mark.slow
 def test_rosbags_agrees(bag: Path) -> None:
     with AnyReader([bag]) as theirs, open_bag(bag) as ours:
         assert {c.topic: c.msgcount for c in theirs.connections} == ours.counts
@@ -82,7 +81,6 @@ def test_rosbags_agrees(bag: Path) -> None:
             )
 
 
-@pytest.mark.slow
 def test_mcap_agrees(bag: Path) -> None:
     counts: Counter[str] = Counter()
     for file in sorted(bag.glob("*.mcap")):
@@ -117,7 +115,6 @@ def pymcap(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_pymcap_agrees_and_finds_nothing_wrong(
     bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -168,7 +165,6 @@ def test_every_policy_comes_back(tmp_path: Path) -> None:
             assert bag.topics["/odd"] == topic
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("version", [8, 9])
 @pytest.mark.parametrize("mode", ["none", "storage", "file", "message"])
 def test_bags_of_rosbags_are_read(tmp_path: Path, version: Literal[8, 9], mode: str) -> None:

@@ -322,7 +322,6 @@ def memory_to_read(*paths: Path) -> tuple[float, list[str]]:
     return int(kilobytes) / 1000, said
 
 
-@pytest.mark.slow
 def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path) -> None:
     """One process reads all of them, and never takes more than the largest may."""
     for name, chunk in _bombs().items():
@@ -355,7 +354,6 @@ def test_a_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
     refused(tmp_path, "its zstd data is broken")
 
 
-@pytest.mark.slow
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
     """Thirty times the messages, the same memory but for 250 bytes a chunk."""
     used = {}
@@ -422,7 +420,6 @@ def test_metadata_yaml_that_counts_otherwise_is_told(
     assert caplog.messages == [warning]
 
 
-@pytest.mark.slow
 def test_chunks_are_bounded_in_sum(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred chunks of 4 MB of zeros in 40 kB; each by itself is no larger than is allowed."""
     zeros = struct.pack("<BQ", 0x80, 2**22 - 9) + bytes(2**22 - 9)

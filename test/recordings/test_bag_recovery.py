@@ -64,7 +64,6 @@ def recover_from(file: Path, data: bytes | bytearray) -> Recovered:
     return recover(file.parent)
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(300 + 60 * int(KILLS))  # a disk that is busy with other things
 @pytest.mark.parametrize(("compression", "hertz"), [("none", 1000), ("zstd", 1000), ("zstd", 4000)])
 def test_a_killed_recorder_loses_a_second_at_most(
@@ -90,7 +89,6 @@ def test_a_killed_recorder_loses_a_second_at_most(
     assert max(lost) <= 1.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_what_is_whole_is_kept_as_it_was(tmp_path: Path, compression: str) -> None:
     written = record(tmp_path / "run", compression=compression, max_duration_ns=SECOND // 4)
@@ -109,7 +107,6 @@ def test_what_is_whole_is_kept_as_it_was(tmp_path: Path, compression: str) -> No
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "run_recovered"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_every_cut_keeps_the_whole_chunks_before_it(tmp_path: Path, compression: str) -> None:
     written = record(tmp_path / "run", 300, flush_every=100, compression=compression)
@@ -212,7 +209,6 @@ def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: 
     assert any(f == "metadata.yaml counts 400 messages, 0 were found" for f in done.findings)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 @pytest.mark.parametrize("junk", [0, 7, 5000])
 def test_a_cut_chunk_is_told_whatever_comes_behind_it(
@@ -378,6 +374,7 @@ def test_the_work_of_a_recovery_grows_with_the_file(
     assert third - second < 2.2 * (second - first)
 
 
+@pytest.mark.long
 def test_a_bag_of_more_topics_than_its_metadata_can_hold(tmp_path: Path) -> None:
     """65 000 of them, as many as MCAP can number, made texts that filled the memory."""
     qos = STEPS.offered_qos

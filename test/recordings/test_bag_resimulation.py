@@ -158,7 +158,6 @@ def test_commands_after_the_last_state_are_carried_out_too(tmp_path: Path) -> No
     assert _stamps(tmp_path / "copy") == _stamps(tmp_path / "run")
 
 
-@pytest.mark.slow
 def test_a_run_with_every_effect_on_comes_out_bit_for_bit(tmp_path: Path) -> None:
     preset = read_yaml(PRESET).flat()
     different = {name: value for name, value in preset.items() if value != PARAMETERS[name].default}
@@ -259,7 +258,6 @@ HOSTILE: dict[str, Texts] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", HOSTILE)
 def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> None:
     record_axis(
@@ -270,7 +268,6 @@ def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> No
     assert "\n" not in str(refused.value) and len(str(refused.value)) < 1000
 
 
-@pytest.mark.slow
 def test_events_of_strangers_end_in_one_error(tmp_path: Path) -> None:
     """Any text in place of another: the run comes out or is refused, and nothing else."""
     dice = random.Random(7)
@@ -389,7 +386,6 @@ def _of_model(version: str | None) -> Callable[[int, Texts], Texts]:
     return change
 
 
-@pytest.mark.slow
 def test_a_run_of_another_model_is_told_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -115,7 +115,6 @@ def test_a_table_has_one_clock_and_is_in_order_of_it(tmp_path: Path) -> None:
     assert told[f"{EVENTS.name}/event"] == "steps"
 
 
-@pytest.mark.slow
 def test_parquet_holds_the_same(tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     record(tmp_path / "run", 100)

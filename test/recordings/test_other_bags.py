@@ -27,7 +27,6 @@ def write_sqlite(folder: Path, version: Literal[8, 9], count: int = 500) -> list
     return by_rosbags(Writer(folder, version=version, storage_plugin=StoragePlugin.SQLITE3), count)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("version", [8, 9])
 @pytest.mark.parametrize("what", ["folder", "without metadata.yaml", "file"])
 def test_a_bag_of_sqlite3_is_read(tmp_path: Path, version: Literal[8, 9], what: str) -> None:
@@ -114,7 +113,6 @@ def test_counts_are_held_against_the_metadata(tmp_path: Path) -> None:
         assert len(list(bag.messages([STEPS.name]))) == bag.counts[STEPS.name]
 
 
-@pytest.mark.slow
 def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:
     store = get_typestore(Stores.ROS1_NOETIC)
     time, header = (
@@ -171,7 +169,6 @@ def test_a_table_that_is_missing_is_told(tmp_path: Path) -> None:
         open_bag(tmp_path / "run.db3")
 
 
-@pytest.mark.slow
 def test_without_the_library_the_cure_is_told(tmp_path: Path) -> None:
     (tmp_path / "run.db3").touch()
     program = (

@@ -40,7 +40,6 @@ def figure() -> Figure:
     }
 
 
-@pytest.mark.slow
 def test_text_stays_text_and_fonts_are_embedded(tmp_path: Path) -> None:
     for name in ("a.svg", "a.pdf", "a.png"):
         save_picture(tmp_path / name, picture_of_plots([figure(), figure()], "a title"))

@@ -97,6 +97,7 @@ def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHos
     assert all(len(names) == 6 for names in blocks)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("host")
 def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> None:
     assert SQUARE.main(["square", "--size", "2.0e-6"]) == 0
@@ -108,6 +109,7 @@ def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> No
         assert at_y == pytest.approx(to_y, abs=5.0)
 
 
+@pytest.mark.long
 def test_a_trajectory_of_several_axes_is_taken_by_all_or_by_none(ros: Ros, host: AxisHost) -> None:
     with AxisClient("/x") as x, AxisClient("/y") as y, AxisClient("/z") as z:
         clients, goal = (x, y, z), (1e-6, 2e-6, -1e-6)

@@ -94,6 +94,7 @@ def panels_of(node: Any) -> set[str]:
     return panels_of(node["first"]) | panels_of(node["second"])
 
 
+@pytest.mark.long
 def test_every_series_is_in_a_bag(
     ros: Ros, make_axis: MakeAxis, start_node: Start, tmp_path: Path
 ) -> None:
@@ -128,7 +129,6 @@ def allowed(enclave: str, kind: str, how: str) -> set[str]:
     return {name.text or "" for part in found.iter(kind) if part.get(how) for name in part}
 
 
-@pytest.mark.slow
 def test_the_policy_allows_what_the_nodes_have_and_no_more(
     ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,7 +161,6 @@ def test_the_policy_allows_what_the_nodes_have_and_no_more(
         recorder.destroy_node()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "strategy", ["Permissive", pytest.param("Enforce", marks=pytest.mark.long)]
 )

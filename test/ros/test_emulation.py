@@ -12,6 +12,7 @@ from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient
 
 
+@pytest.mark.long
 def test_a_client_and_the_topics_command_one_axis(start_node: Callable[..., Any]) -> None:
     """One of two, which are the channels of the controller."""
     node = start_node(

@@ -62,6 +62,7 @@ def waiting(world: InProcess) -> Callable[[Callable[[], object], str], None]:
     return lambda condition, what: world.wait_until(condition, 10.0, what)
 
 
+@pytest.mark.long
 @pytest.mark.stickslip(
     sensor_noise=NOISE,
     sensor_latency=LATENCY,

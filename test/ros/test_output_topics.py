@@ -57,6 +57,7 @@ def test_a_new_topic_is_a_line_of_the_table_and_stands_in_a_bag(
     assert bag.counts["/stickslip_axis/joint_states"] > 0  # what ros2_control reads
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kept", [30, pytest.param(1000, marks=pytest.mark.long)])
 def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
     ros: Ros, make_axis: MakeAxis, record: Record, monkeypatch: pytest.MonkeyPatch, kept: int

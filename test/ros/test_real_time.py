@@ -174,6 +174,7 @@ def test_stop_and_signals_are_heard_whatever_it_costs(
     assert not [word for word in CRASH if word in process.output]
 
 
+@pytest.mark.long
 def test_it_says_how_slow_it_is_and_why_and_faults_after_the_limit(
     ros: Ros, start_node: Start
 ) -> None:

@@ -131,6 +131,7 @@ def test_a_full_disk_is_said_and_loses_nothing_before(
     assert kept * 2006 > 150_000
 
 
+@pytest.mark.long
 def test_a_recorder_that_gets_no_processor_for_a_while_loses_nothing(
     start_node: Start, tmp_path: Path
 ) -> None:

@@ -17,7 +17,7 @@ ROUNDS = 10
     [
         (25, Trigger, "stop", Trigger.Request),
         (25, GetParameters, "get_parameters", lambda: GetParameters.Request(names=["mass"])),
-        pytest.param(100, Trigger, "stop", Trigger.Request, marks=pytest.mark.slow),
+        pytest.param(100, Trigger, "stop", Trigger.Request, marks=pytest.mark.long),
     ],
     ids=["25", "25 for parameters", "100"],
 )

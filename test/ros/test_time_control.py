@@ -124,6 +124,7 @@ def test_it_follows_the_clock_of_somebody_else_with_stops_and_jumps(
     assert stamp(heard.joints[0]) == 100 * 10**9
 
 
+@pytest.mark.long
 def test_the_process_paces_and_pauses(ros: Ros, start_node: Start) -> None:
     """With the executor of events, whose timers are others, and a priority if it may have one."""
     assert request_priority(0) == "off"

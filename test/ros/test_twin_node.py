@@ -32,6 +32,7 @@ from stickslip_ros.twin.recording import read_log
 TWIN, JOINTS, REPORTS = "/stickslip_twin", "/joint_states", "/diagnostics"
 
 
+@pytest.mark.long
 def test_a_twin_beside_an_axis(ros: Ros, make_axis: MakeAxis, start_node: Start) -> None:
     """It knows the step and where a move ends, and tells steps that it was not told of."""
     make_axis(frequency=100.0)
@@ -123,6 +124,7 @@ def test_bad_parameters(ros: Ros, name: str, value: Any, message: str) -> None:
         TwinNode(parameter_overrides=given, context=ros.context)
 
 
+@pytest.mark.long
 def test_a_recording_beside_a_twin_gives_the_same_bits(
     ros: Ros, start_node: Start, tmp_path: Path
 ) -> None:

@@ -13,8 +13,6 @@ import stickslip_ros as ss
 from stickslip_ros.cli.analyse import analysis_text
 from stickslip_ros.measurement import Fits
 
-pytestmark = pytest.mark.slow
-
 
 @cache
 def typical() -> ss.Comparison:
@@ -65,6 +63,7 @@ def test_a_run_can_be_compared_with_another_one() -> None:
     assert ss.compare(run, run).rmse == pytest.approx(0.0, abs=1e-13)
 
 
+@pytest.mark.long
 def test_a_standing_axis_has_nothing_to_compare(tmp_path: Path) -> None:
     """It ended with an IndexError."""
     t = np.arange(0.0, 0.1, 1e-5)
@@ -75,6 +74,7 @@ def test_a_standing_axis_has_nothing_to_compare(tmp_path: Path) -> None:
         ss.compare({"preload": 0.4}, path)
 
 
+@pytest.mark.long
 def test_steps_that_only_the_actuator_shows_are_simulated() -> None:
     """The command compared them, the library found none; and it simulated no rest before them."""
     t = np.arange(-0.01, 0.1, 2e-5)

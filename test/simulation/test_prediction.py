@@ -94,7 +94,7 @@ def shares(p: Parameters, count: int) -> tuple[float, float, int]:
     return float(kept[holds].mean()), float(kept[stepping].mean()), int(holds.sum())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_agrees_with_an_independent_integrator() -> None:
     """Over preload and over stroke."""
     for preload, step in OVER_PRELOAD.items():
@@ -108,7 +108,6 @@ def test_it_agrees_with_an_independent_integrator() -> None:
             assert found.stroke - found.zero_offset == pytest.approx(found.step)
 
 
-@pytest.mark.slow
 def test_a0_hardly_depends_on_the_stroke() -> None:
     """25.8 nm for strokes of 50 to 160 nm, as the solver has it."""
     offsets = [
@@ -117,7 +116,6 @@ def test_a0_hardly_depends_on_the_stroke() -> None:
     assert offsets == pytest.approx([25.9e-9] * 3, abs=3e-10)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("points", [random_points, points_of_the_form])
 def test_the_stated_error_holds(points: Callable[[int, int], Parameters]) -> None:
     """Where the limit of z is short beside the stroke, the form was up to a thousand times off."""
@@ -135,7 +133,6 @@ def test_the_stated_error_holds_at_ten_thousand_points() -> None:
     assert of_stepping >= 0.99
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "step", [1e-9, *(pytest.param(one, marks=pytest.mark.long) for one in (30e-9, 120e-9))]
 )
@@ -146,7 +143,6 @@ def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
     assert solved[0] == pytest.approx(step, abs=found.error)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "words"),
     [
@@ -169,7 +165,7 @@ def test_outside_of_its_range_it_refuses(values: dict[str, object], words: str) 
         predict(TABLE_1.replace(**values))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_inverse_looks_where_the_form_holds() -> None:
     """At the largest voltage of a slow slip it has no step: a smaller one makes that wanted."""
     p = TABLE_1.replace(
@@ -183,7 +179,6 @@ def test_the_inverse_looks_where_the_form_holds() -> None:
         predict(p, step=1e-6)
 
 
-@pytest.mark.slow
 def test_a_step_out_of_reach_is_refused() -> None:
     for step, words in (
         (1e-6, "1000 nm is out of reach: 300 V make 133.9 nm, of a stroke of 160.*voltage$"),
@@ -196,7 +191,7 @@ def test_a_step_out_of_reach_is_refused() -> None:
         predict(TABLE_1, step=0.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["predict", "--set", "preload=1.0", "--step", "5e-8", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
@@ -204,7 +199,6 @@ def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -
     assert told["amplitude"] == ss.predict(preload=1.0, step=5e-8).amplitude
 
 
-@pytest.mark.slow
 def test_many_amplitudes_at_once_are_each_of_them() -> None:
     """Also where the form does not hold, and where a slip takes longer than its cycle."""
     p = Parameters.of(preload=0.4, slewrate=0.5)

@@ -78,7 +78,6 @@ def test_an_impossible_number_of_steps_is_refused(steps: Any) -> None:
         ss.simulate(steps=steps)
 
 
-@pytest.mark.slow
 def test_the_table_adds_up() -> None:
     table = ss.simulate(steps=12, frequency=200.0).to_frame()
     np.testing.assert_allclose(table["step (m)"].cumsum(), table["position (m)"], rtol=1e-12)
@@ -126,7 +125,6 @@ def heavier() -> ss.Comparison:
     return ss.compare(table_1(preload=1.0), "steps_100hz.csv")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "texts"),
     [
@@ -146,7 +144,6 @@ def test_a_table_is_displayed(make: Any, texts: list[str]) -> None:
     assert len(found.report().splitlines()) >= 2
 
 
-@pytest.mark.slow
 def test_a_comparison_is_one_line_of_text() -> None:
     """Without the arrays, which a dataclass would print by the page."""
     text = repr(heavier())
@@ -168,7 +165,7 @@ def results() -> dict[str, Any]:
     }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_result_is_a_table_of_pandas(results: dict[str, Any]) -> None:
     pytest.importorskip("pandas")
     tables = {name: one.to_frame() for name, one in results.items()}
@@ -184,7 +181,6 @@ def test_a_result_is_a_table_of_pandas(results: dict[str, Any]) -> None:
     assert "step size" in tables["comparison"]["name"].tolist()
 
 
-@pytest.mark.slow
 def test_a_result_draws_its_own_numbers_into_given_axes(results: dict[str, Any]) -> None:
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("agg")
@@ -204,7 +200,6 @@ def test_a_result_draws_its_own_numbers_into_given_axes(results: dict[str, Any])
         pyplot.close(figure)
 
 
-@pytest.mark.slow
 def test_a_fit_is_displayed_and_reported_as_its_command_prints_it(results: dict[str, Any]) -> None:
     fit = results["fit"]
     found = fit.parameters["sigma_1"]
@@ -216,7 +211,6 @@ def test_a_fit_is_displayed_and_reported_as_its_command_prints_it(results: dict[
     assert "clock offset" in results["comparison"].report()
 
 
-@pytest.mark.slow
 def test_a_result_is_one_line_of_text(results: dict[str, Any]) -> None:
     """Without the arrays, which a dataclass would print by the page."""
     run = ss.simulate(table_1(), steps=3)
@@ -240,7 +234,6 @@ def test_a_report_says_what_is_not_so_yet(steps: int, said: bool) -> None:
 matplotlib.use("agg")
 
 
-@pytest.mark.slow
 def test_every_point_is_as_it_is_alone() -> None:
     preloads, masses = [1.0, 0.4], np.array([0.003, 0.004, 0.01])
     found = ss.sweep(preload=preloads, mass=masses, metric=["step_size", "backstep"])

@@ -340,7 +340,6 @@ def test_parts_come_in_order_and_cover_the_sweep() -> None:
     np.testing.assert_array_equal(found["step_size"], whole)
 
 
-@pytest.mark.slow
 def test_result_does_not_depend_on_the_number_of_threads() -> None:
     sweep = sweep_of("preload=0.1:6:50", metrics=("step_size", "zero_amplitude"))
     wanted = sweep.evaluate(0, 50)
@@ -376,7 +375,7 @@ def test_a_sweep_that_fits_no_memory_is_refused() -> None:
         sweep_of("preload=0.1:6:10000", "amplitude=100:300:10000")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_cluster_gives_the_same_numbers_and_a_worker_that_dies_loses_nothing() -> None:
     """Real scheduler, two processes; one is killed while the sweep runs."""
     distributed = pytest.importorskip("distributed")
@@ -417,7 +416,6 @@ def test_table_holds_coordinates_and_metrics_with_units() -> None:
 # -- the picture
 
 
-@pytest.mark.slow
 def test_lines_and_maps_are_drawn(tmp_path: Path) -> None:
     for ranges in (
         ("preload=0.1:6:5",),

@@ -24,7 +24,6 @@ def shaped(p: Parameters, split: float, latency: float) -> Parameters:
     return p.replace(waveform="shaped", split=split, latency=latency)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("preload", [0.4, pytest.param(1.0, marks=pytest.mark.long)])
 def test_the_ringing_goes(preload: float) -> None:
     """At least twenty times less than after the single slip, in the runner's own trace too."""

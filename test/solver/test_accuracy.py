@@ -36,7 +36,6 @@ def test_position_after_many_cycles() -> None:
     assert NANO * positions(200, frequency=1e3)[-1] == pytest.approx(24536.587, abs=0.02)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [
@@ -65,7 +64,6 @@ def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     agree(p, drive_of(p), 4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(
     "values",
@@ -234,7 +232,6 @@ def test_swings_of_a_plastic_contact_are_those_of_an_integrator(side: int, force
         assert abs(gone) * share * top == pytest.approx(abs(path), abs=10 * TOLERANCE)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

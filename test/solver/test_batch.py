@@ -47,7 +47,6 @@ def everywhere(points: int = POINTS) -> NDArray[np.bool_]:
     return np.ones(points, dtype=bool)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("sign", "steps"), [(1, STEPS), (-1, STEPS), (1, 1)])
 @pytest.mark.parametrize("model", LAWS)
 def test_every_point_is_as_if_it_were_alone(model: str, sign: int, steps: int) -> None:

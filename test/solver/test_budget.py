@@ -16,7 +16,6 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, SolverError, advance
 
 
-@pytest.mark.slow
 def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     p = Parameters.of({"frequency": 3e3, "model": "epm_fix"})
     runs = []

@@ -72,7 +72,6 @@ def test_random_drives_agree_with_an_integrator(seed: int) -> None:
     assert simulation.deflections == pytest.approx(system.z, abs=1e-12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [
@@ -113,7 +112,6 @@ def test_one_contact_takes_the_way_it_always_took() -> None:
     assert Plant.of(p).contacts == ()
 
 
-@pytest.mark.slow
 def test_some_contacts_slide_while_others_stick() -> None:
     """The weak ones of the guide give way first; each keeps its own side of its borders."""
     p = table_1(**UNEQUAL, frequency=1e3)

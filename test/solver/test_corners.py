@@ -26,7 +26,6 @@ def positions(values: dict[str, Any], tolerance: float, cycles: int = 6) -> Any:
     return simulation.run_cycles(cycles).position
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("case", FOUND["carried_off"])
 def test_a_runner_that_the_load_carries_off(case: str) -> None:
     """What its speed is off by stays with it."""

@@ -57,7 +57,6 @@ def _run(p: Parameters, cycles: int, rest: float = 0.0, **how: Any) -> np.ndarra
     return x
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [*EFFECTS, *FOUND["rate_counts"]])
 def test_each_effect_agrees_with_an_integrator(name: str) -> None:
     """To 0.01 nm a cycle, and after the actuator has come to rest."""
@@ -66,7 +65,6 @@ def test_each_effect_agrees_with_an_integrator(name: str) -> None:
     assert x == pytest.approx(positions(p, 2, rest=5e-5), abs=2e-11)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("waveform", ["triangle", "sawtooth"])
 def test_an_output_that_lags_when_a_cycle_ends_lags_in_the_next_one(waveform: str) -> None:
     """With a slew limit alone; the amplifier never runs faster than that, back or forth."""
@@ -162,7 +160,6 @@ def test_creep_does_not_drift_off() -> None:
     assert u == pytest.approx(expected, abs=1e-14)
 
 
-@pytest.mark.slow
 def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
     """A slip in two parts, and a table of one's own."""
     table = tmp_path / "own.csv"
@@ -176,7 +173,6 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
         assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", FOUND["driven"])
 def test_a_drive_that_a_lot_found_agrees(name: str) -> None:
     """To 0.01 nm a cycle.
@@ -195,7 +191,6 @@ def test_a_drive_that_a_lot_found_agrees(name: str) -> None:
 COUNT, RADIANS = int(os.environ.get("STICKSLIP_DRIVES", "1")), 2e4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("effect", [*LOTS, "all"])
 @pytest.mark.parametrize("real", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_random_drives_agree_with_an_integrator(effect: str, real: bool) -> None:
@@ -312,7 +307,6 @@ def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
     assert simulation.state.rate == 0.0
 
 
-@pytest.mark.slow
 @given(
     name=st.sampled_from([*LOTS, "all"]),
     seed=st.integers(0, 10**6),

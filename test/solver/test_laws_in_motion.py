@@ -173,7 +173,6 @@ def _drift(values: dict[str, Any], cycles: int, replay: bool) -> np.ndarray:
     return simulation.run_cycles(cycles).position
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
     "values",

@@ -74,7 +74,6 @@ def test_a_mass_that_tends_to_none() -> None:
     assert abs(ends[2] - ends[1]) < 0.3 * abs(ends[1] - ends[0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("cycles", [20_000, pytest.param(100_000, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("preload", "mass", "most"), [(0.4, 4e-3, 1e-14), (1.0, 3e-3, 1e-15)])
 def test_no_bias_adds_up(preload: float, mass: float, most: float, cycles: int) -> None:

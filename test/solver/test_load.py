@@ -36,7 +36,6 @@ def run(
     return simulation, found
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

@@ -155,7 +155,7 @@ drives = some.fixed_dictionaries(
 )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(values=drives, cut=some.floats(0.01, 7.99))
 def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
@@ -316,7 +316,6 @@ def test_a_scan_carries_the_runner_and_holds_the_level() -> None:
     assert not simulation.stepping_back
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("replay", [True, False])
 def test_u_is_continuous_over_patterns_and_rests(replay: bool) -> None:
     """Cut short, led elsewhere, resting: u never jumps, and u' is what it rises by."""

@@ -22,7 +22,6 @@ def between(p: Parameters, low: float, high: float, replay: bool = True) -> Simu
     return simulation
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 @pytest.mark.parametrize("frequency", [1e3, pytest.param(100.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
@@ -98,7 +97,6 @@ def test_a_free_fall_takes_the_time_that_it_should() -> None:
     assert simulation.stopped == 1
 
 
-@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     model=some.sampled_from(["ceim", "lugre", "epm_fix", "epm_calc"]),

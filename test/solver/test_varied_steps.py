@@ -159,7 +159,6 @@ def _agrees(p: Parameters) -> None:
     assert off.max() < 1e-11
 
 
-@pytest.mark.slow
 def test_random_runs_with_rests_agree_with_an_integrator() -> None:
     for name, seed in [
         *(("dwell and rate", seed) for seed in range(2)),

@@ -10,7 +10,6 @@ from faulty import FAULTS
 from stickslip_ros.testing import contract
 from stickslip_ros.testing.axis_drivers import Offline
 
-pytestmark = pytest.mark.slow
 ALL = 21
 
 

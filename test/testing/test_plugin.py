@@ -6,10 +6,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 
-import pytest
 from child import python
-
-pytestmark = pytest.mark.slow
 
 PLUGIN = "stickslip_ros.testing.plugin"
 

@@ -83,6 +83,7 @@ def test_time_of_its_own_comes_out_alike(stickslip_world: InProcess, number: int
     assert RUNS[-1] == RUNS[0]
 
 
+@pytest.mark.long
 @pytest.mark.stickslip(own_time=True, frequency=1000.0)
 def test_waits_are_in_simulated_time(stickslip_world: InProcess) -> None:
     axis = stickslip_world.axis

@@ -2,13 +2,11 @@
 """The bound on false alarms, and what the detector says of changes."""
 
 import numpy as np
-import pytest
 from scipy.stats import poisson
 
 from stickslip_ros.twin.changes import ChangeDetector
 
 
-@pytest.mark.slow
 def test_mean_time_to_a_false_alarm_is_the_one_set_or_longer() -> None:
     """Upper 95 % bound of the rate over 200 runs as long as the interval, each begun anew."""
     interval, readings = 20.0, 400

@@ -74,7 +74,7 @@ def test_readings_at_one_phase_of_the_ringing_are_no_change() -> None:
     assert not twin.changes and twin.driven > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_causes_beyond_what_a_law_knows_are_left_out() -> None:
     """EPM_calc has no contact below 0.625 N: most preloads that could be asked of it are none."""
     p = P.replace(model="epm_calc", preload=0.66)
@@ -84,7 +84,6 @@ def test_causes_beyond_what_a_law_knows_are_left_out() -> None:
     assert change.verdict and change.verdict.explained and "preload" in change.verdict.possible
 
 
-@pytest.mark.slow
 def test_an_axis_that_stays_the_same_is_ok_and_known() -> None:
     twin = Twin(P)
     updates = [one for one in feed(twin, list(_log())) if one]
@@ -96,7 +95,7 @@ def test_an_axis_that_stays_the_same_is_ok_and_known() -> None:
         assert estimate.low < truth < estimate.high
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_fifth_of_the_preload_is_told_within_fifty_cycles() -> None:
     twin = _told(_log(preload=0.8))
     (change,) = twin.changes
@@ -125,7 +124,7 @@ def test_the_cause_is_among_those_named(name: str, value: float) -> None:
     assert math.expm1(size) == pytest.approx(value - 1.0, abs=0.012)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
     """The amplifier takes a share of the stroke, the sensor one of the step."""
     axis = RealAxis(P, lambda t, _: Hidden(amplifier=0.97 if t >= 2.5 else 1.0), seed=5)
@@ -136,7 +135,7 @@ def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
     assert change.verdict is not None and change.verdict.cause == "amplifier"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_readings_go_on_while_a_cause_is_judged() -> None:
     """A piece at a time; then the tracker starts anew from the cause and has lost no reading."""
     twin, axis, random = Twin(P), Axis(P), _random()
@@ -161,7 +160,6 @@ def test_readings_go_on_while_a_cause_is_judged() -> None:
     assert twin.troubles.keys() <= {"jumps of the position"}  # that of the preload
 
 
-@pytest.mark.slow
 def test_what_changes_slowly_drifts() -> None:
     """The preload falls by 6 % in a second, which is no change where drift may be as large."""
     twin, axis, random = Twin(P, TwinSettings(drift_hour=0.3, drift_window=4.0)), Axis(P), _random()
@@ -177,7 +175,6 @@ def test_what_changes_slowly_drifts() -> None:
     assert not twin.changes
 
 
-@pytest.mark.slow
 def test_steps_to_and_fro_do_not_drift() -> None:
     """A step back is no step that has fallen by twice its size."""
     twin, axis, random = Twin(P, TwinSettings(drift_window=4.0)), Axis(P), _random()
@@ -192,14 +189,14 @@ def test_steps_to_and_fro_do_not_drift() -> None:
         assert abs(twin.drift[0]) < 0.01  # what it learns; back and forth would be 0.5
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_wrong_file_is_told_from_the_start() -> None:
     twin = _told(_log(), P.replace(preload=0.8, mu=0.4))
     assert twin.changes[0].at_start
     assert "file" in twin.changes[0].text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_no_parameter_explains_is_unlike_the_model() -> None:
     random = np.random.default_rng(2)
     log: Log = [
@@ -209,7 +206,6 @@ def test_what_no_parameter_explains_is_unlike_the_model() -> None:
     assert _told(log).level[0] == UNLIKE
 
 
-@pytest.mark.slow
 def test_a_prediction_holds_what_comes() -> None:
     axis, twin = RealAxis(P, lambda *_: Hidden(), seed=2), Twin(P)
     axis.step(200)
@@ -232,7 +228,6 @@ def test_a_prediction_holds_what_comes() -> None:
         twin.predict_steps(1)
 
 
-@pytest.mark.slow
 def test_troubles_are_told_and_survived() -> None:
     log = list(_log())
     bad: Log = [*log[:100], (math.nan, 0.0), (1.0, math.nan), log[50], log[99]]
@@ -260,7 +255,6 @@ def test_troubles_are_told_and_survived() -> None:
     assert twin.measure(t - 39.9, x) is None
 
 
-@pytest.mark.slow
 def test_old_readings_among_new_ones_move_nothing() -> None:
     """Somebody sends readings of seconds ago once more: that is no jump of the clock."""
     log, random = list(_log()), _random()
@@ -274,7 +268,6 @@ def test_old_readings_among_new_ones_move_nothing() -> None:
     assert twin.tracker.x == good.tracker.x and (twin.tracker.theta == good.tracker.theta).all()
 
 
-@pytest.mark.slow
 def test_a_command_that_comes_late_makes_no_change() -> None:
     """The axis was stopped 0.3 s ago; the readings since deviate, but are no evidence."""
     twin, axis, random = Twin(P), Axis(P), _random()
@@ -296,7 +289,7 @@ def test_a_command_that_comes_late_makes_no_change() -> None:
     assert step.low < 133.85e-9 < step.high
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("trouble", ["late", "twice", "old", "none", "gap", "clock", "restart"])
 def test_an_axis_that_stays_the_same_is_not_accused_in_disorder(trouble: str) -> None:
     """Random steps back and forth, and one trouble in each move; the axis is another one a time."""
@@ -340,7 +333,6 @@ def _arrival(one: tuple[float, Any]) -> float:
     return one[0]
 
 
-@pytest.mark.slow
 def test_rest_and_closed_loop_make_blind_and_move_no_estimate() -> None:
     twin = _told(_log())
     before = twin.tracker.theta.copy()
@@ -364,7 +356,7 @@ def test_settings_out_of_range_are_refused() -> None:
         TwinSettings(certainty=2.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("begins", [0.0, 3.0])
 def test_a_drift_is_told_and_forecasts_go_with_it(begins: float) -> None:
     """The preload falls by 3 % a second, at 80 V: a move of a second ends 2 % beyond.
@@ -448,12 +440,14 @@ def test_a_step_that_waves_with_the_parameters_is_no_change() -> None:
     assert abs(abs(step.value) - 125.725e-9) < 0.05e-9
 
 
+@pytest.mark.long
 def test_a_force_is_named_and_told_once() -> None:
     (force,) = _in_moves({"force": 6e-3}, 12).changes
     assert force.verdict and force.verdict.cause == "force"
     assert abs(force.verdict.sizes["force"] - 6e-3) < 6e-4
 
 
+@pytest.mark.long
 def test_a_sensor_that_makes_the_position_jump_is_judged_from_there_on() -> None:
     (sensor,) = _in_moves({}, 12, gain=1.1).changes
     assert sensor.verdict and "sensor gain" in sensor.verdict.possible

@@ -40,7 +40,6 @@ from validation.campaigns.identification import intervals, misfit, summary
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.slow
 def test_bench_compares_with_peers_and_names_those_that_are_missing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -76,12 +75,10 @@ def test_the_solver_keeps_its_promise_on_sets_by_lot(count: int) -> None:
     assert found.judged
 
 
-@pytest.mark.slow
 def test_corners_of_all_ranges_end_well() -> None:
     assert accuracy.campaign(12, seed=3, corners=True).findings == []
 
 
-@pytest.mark.slow
 def test_what_an_unstable_motion_makes_of_an_error_is_no_error_of_the_solver() -> None:
     """A ringing under a narrow Stribeck curve; but a cycle by itself has to keep the bar."""
     ringing: dict[str, Any] = {
@@ -113,7 +110,6 @@ def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
     assert "there is no campaign 'fizz'; known: accuracy, " in capsys.readouterr().err
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["guide", pytest.param("emulate", marks=pytest.mark.long)])
 def test_ctrl_c_ends_a_command_soon_and_leaves_nothing_half(
     name: str, capsys: pytest.CaptureFixture[str]
@@ -129,6 +125,7 @@ def test_sets_over_all_ranges_give_a_result_or_a_word() -> None:
         assert parameter_sets.judged(values) in ("result", "refused", "budget"), values
 
 
+@pytest.mark.long
 def test_records_of_any_shape_give_a_result_or_a_sentence() -> None:
     for number in range(20):
         case = record_shapes.drawn(1, number)
@@ -152,7 +149,6 @@ def test_every_pair_of_crosses_is_among_the_first_crossings() -> None:
     assert str(crossings.drawn(5, 900)) == str(crossings.drawn(5, 900))  # alone, as among others
 
 
-@pytest.mark.slow
 def test_crossings_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     """What works, what is refused with a cure that helps, and what is wrong in silence."""
     plain = dict.fromkeys(crossings.JOURNEYS["J4 design"].crosses, "plain")
@@ -166,13 +162,13 @@ def test_crossings_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     assert crossing_judges.verdict(case).startswith("WRONG: the position is")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_axes_under_random_commands_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(commands, "TAKES", 1.0)
     assert commands.main(["--axes", "2"]) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_targets_are_reached_or_given_up(capsys: pytest.CaptureFixture[str]) -> None:
     """Of them a load carries two away for ever, and one is reached where no scan corrects it."""
     for seed, number in (("1", "16"), ("1", "27"), ("777001", "61082")):

@@ -57,7 +57,6 @@ def test_a_curve_over_the_preload_is_that_of_the_same_integrator() -> None:
         assert np.interp(preload, curve["x"], curve["y"]) == pytest.approx(step, abs=1.0)
 
 
-@pytest.mark.slow
 def test_every_answer_is_json_without_nan(overlay: Overlay) -> None:
     cases: list[dict[str, Any]] = [
         {},
@@ -81,7 +80,6 @@ def test_phases_follow_each_other_and_a_step_backward_mirrors_one_forward() -> N
     assert [point["name"] for point in curves(P)["slip"]["points"]] == ["C", "D", "E", "F"]
 
 
-@pytest.mark.slow
 def test_the_sample_measurement_lies_on_the_step_that_made_it(overlay: Overlay) -> None:
     """Made by an integrator that shares no code, with 2 nm of noise."""
     assert (overlay.steps, overlay.direction) == (10, 1)

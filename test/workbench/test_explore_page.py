@@ -235,6 +235,7 @@ def test_the_address_holds_the_changes_and_reset_ends_them(open_page: Open) -> N
     assert number(page, "step size") == "133.8 nm"
 
 
+@pytest.mark.long
 def test_a_plot_is_moved_and_zoomed(open_page: Open) -> None:
     page = open_page()
 
@@ -285,6 +286,7 @@ def test_a_plot_is_saved_as_picture_and_data(open_page: Open, tmp_path: Path) ->
     assert len(rows) > 500
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_the_contact_is_fitted_to_the_measurement(browser: Browser, whole: bool) -> None:
     """From a wrong stiffness back to that of the sample, then shown by the sliders."""

@@ -140,7 +140,6 @@ def test_a_fit_needs_a_measurement_and_a_request_of_the_page(server: WorkbenchSe
     assert answer == {"error": "there is no measurement to fit to; open one below"}
 
 
-@pytest.mark.slow
 def test_a_measurement_from_the_page_is_laid_over(server: WorkbenchServer) -> None:
     name = "steps_100hz.csv"
     answer = post(server, name, (SAMPLES / name).read_bytes())

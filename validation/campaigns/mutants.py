@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mutation testing: changes one operator, number or condition, and runs the tests that reach it.
 
-    python -m validation.campaigns.mutants draw            # once: writes 40 patches, seed 1
-    python -m validation.campaigns.mutants reach CONTEXTS  # writes into each the tests that reach it
+    python -m validation.campaigns.mutants draw             once: writes 40 patches, seed 1
+    python -m validation.campaigns.mutants reach CONTEXTS   writes into each the tests that reach it
     python -m validation.campaigns.mutants run [--marked "not long"] [--only 7 23] [--tree FOLDER]
 
 CONTEXTS are files of coverage.py that know which test runs which line, as
 ``pytest --cov=stickslip_ros --cov-context=test`` writes them. Coverage does not see compiled code:
-mutants in it are given all tests of the kernel. ``run`` works on a copy and prints, for each mutant,
-whether its tests fail. A patch that no longer applies counts as gone: the text it changes has left.
+mutants in it get all tests of the kernel. ``run`` works on a copy and prints, for each mutant,
+whether its tests fail. A patch that no longer applies is gone: the text that it changes has left.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def _length(file: Path) -> int:
     return len(file.read_text(encoding="utf-8").splitlines())
 
 
-def reach(contexts: Iterable[str]) -> None:
-    """Write into each patch the tests that reach its line."""
+def reach(tree: Path, contexts: Iterable[str]) -> None:
+    """Write into each patch the tests of a tree that reach its line."""
     from coverage import CoverageData
 
     known = []
@@ -131,12 +131,12 @@ def reach(contexts: Iterable[str]) -> None:
     for path in sorted(PATCHES.glob("*.patch")):
         patch = path.read_text(encoding="utf-8").partition("--- ")
         name, line = _place(patch[2])
-        if not (ROOT / name).exists():
+        if not (tree / name).exists():
             continue
-        compiled, outside = _surroundings((ROOT / name).read_text(encoding="utf-8"), line)
+        compiled, outside = _surroundings((tree / name).read_text(encoding="utf-8"), line)
         found: set[str] = set()
         for data in known:
-            by_line = data.contexts_by_lineno(str(ROOT / name))
+            by_line = data.contexts_by_lineno(str(tree / name))
             rows = by_line if outside else [line]
             found |= {_test(one) for row in rows for one in by_line.get(row, []) if "::" in one}
         room = f"test/{Path(name).parts[1]}/"
@@ -167,7 +167,8 @@ def _surroundings(source: str, line: int) -> tuple[bool, bool]:
 
 def _test(context: str) -> str:
     """Return the test function that a context names."""
-    return context.partition("|")[0].partition(" (")[0].partition("[")[0]
+    (name, *_) = (part for part in context.split("|") if "::" in part)
+    return name.partition(" (")[0].partition("[")[0]
 
 
 def run(tree: Path, marked: str, only: Iterable[int]) -> None:
@@ -251,7 +252,7 @@ def main() -> None:
     if args.what == "draw":
         draw(args.seed)
     elif args.what == "reach":
-        reach(args.contexts)
+        reach(args.tree, args.contexts)
     else:
         run(args.tree, args.marked, [int(one) for one in args.only if int(one)])
 

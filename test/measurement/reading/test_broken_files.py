@@ -22,8 +22,6 @@ from stickslip_ros.measurement.reading import MeasurementError, Reading
 from stickslip_ros.motion.motion import Motion
 from stickslip_ros.recordings import BagError
 
-pytestmark = pytest.mark.slow
-
 TIMES = int(os.environ.get("STICKSLIP_MUTATIONS", "0"))
 #: Samples that one piece of damage may change unseen: a doubled or a cut line at both its ends.
 _UNSEEN = 4

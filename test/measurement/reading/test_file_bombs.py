@@ -297,7 +297,7 @@ BOMBS: list[tuple[str, Callable[[Path], None], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="measures memory as Unix does")
 @pytest.mark.parametrize("share", [10, pytest.param(1, marks=pytest.mark.long)])
 def test_a_small_file_fills_neither_memory_nor_time(
@@ -361,7 +361,6 @@ def test_a_pipe_is_refused_whatever_its_name_says(tmp_path: Path) -> None:
             read_measurement(path)
 
 
-@pytest.mark.slow
 def test_a_pipe_beside_a_file_is_not_waited_for(tmp_path: Path) -> None:
     if not hasattr(os, "mkfifo"):
         pytest.skip("there are no pipes")
@@ -376,7 +375,6 @@ def test_a_pipe_beside_a_file_is_not_waited_for(tmp_path: Path) -> None:
         read_measurement(tmp_path / "scope.bin")
 
 
-@pytest.mark.slow
 def test_a_user_may_allow_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "large.npz"
     np.savez_compressed(path, t=np.arange(5e5), x_nm=np.zeros(500_000))

@@ -225,7 +225,6 @@ def options_of(how: Reading | None) -> list[str]:
     return words
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "files",
     [[FILES[1], FILES[-1]], pytest.param([FILES[0], *FILES[2:-1]], marks=pytest.mark.long)],
@@ -393,7 +392,6 @@ def write_bag(path: Path, ros: int, storage: str = "") -> None:
         fill(writer2)
 
 
-@pytest.mark.slow
 def test_bags_of_others_are_read(tmp_path: Path) -> None:
     """The slider by itself; any other number of any topic by its path."""
     for name, ros, storage in [("axis.bag", 1, ""), ("sqlite", 2, "SQLITE3"), ("mcap", 2, "MCAP")]:

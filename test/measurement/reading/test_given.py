@@ -41,6 +41,7 @@ def test_every_form_is_the_motion_of_the_file(motion: ss.Motion, form: str) -> N
     np.testing.assert_allclose(read.x, motion.x, rtol=0.0, atol=1e-15)
 
 
+@pytest.mark.long
 def test_analyse_and_compare_take_them(motion: ss.Motion) -> None:
     frame = forms_of(motion)["frame"]
     of_file = ss.analyse("steps_100hz.csv").step_size

@@ -17,8 +17,6 @@ from live import Ros, wait_until
 
 from stickslip_ros.numba_internals import is_whole
 
-pytestmark = pytest.mark.slow
-
 #: As the executable that is installed does.
 COMMAND = [
     sys.executable,
