@@ -31,7 +31,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-quick test-slow lint bench soak campaigns site clean
+.PHONY: help demo test test-quick test-slow lint paper bench soak campaigns site clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -50,7 +50,7 @@ test-quick: $(STAMP)  ## run the quick ones, which start no program (two minutes
 	@$(PYTEST) -m 'not slow' $(ARGS)
 
 test-slow: $(STAMP)  ## run those that take many seconds each and that make test leaves out
-	@$(PYTEST) -m long test validation/campaigns/tests $(ARGS)
+	@$(PYTEST) -m long test validation/paper validation/campaigns/tests $(ARGS)
 
 lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m ruff format --check .
@@ -59,6 +59,9 @@ lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m mypy
 	@$(PY) docs/tables.py --check
 	@$(PY) docs/docstrings.py
+
+paper: $(STAMP)  ## simulate every figure and table of the paper and compare (ARGS="fig09" for some)
+	@$(PY) -m validation.paper $(ARGS)
 
 bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="--quick")
 	@$(PY) -m validation.benchmark $(ARGS)

@@ -34,7 +34,6 @@ SUBCOMMANDS = {
     "explore": "open a local page with sliders for the drive and curves that follow them",
     "sweep": "vary one or two parameters and compute step size, force, 0-amplitude, ...",
     "predict": "compute the step in closed form, or the amplitude for a wanted step",
-    "paper": "simulate every figure and table of the paper and write a report",
     "analyse": "print steps, backsteps and ringing of a trace or a measurement",
     "compare": "show how a measurement differs from a run",
     "shape": "find the slip in two parts that leaves the least ringing",
@@ -62,6 +61,7 @@ _MODULES = {
 #: Old subcommands, and their replacements.
 MOVED = {
     "completion": "it left in 2.0.0: stickslip COMMAND --help lists the options of a command",
+    "paper": 'make paper ARGS="..." in a checkout simulates its figures and tables (docs/paper.md)',
     "bench": 'make bench ARGS="..." in a checkout measures speed and error (docs/benchmark.md)',
     "soak": 'make soak ARGS="--hours 2" in a checkout runs axis and recorder for hours',
 }

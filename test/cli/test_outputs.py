@@ -30,7 +30,6 @@ COMMANDS = [
         for one in (
             (["predict", "--step", "100nm"], "amplitude (V)", "zero_offset"),
             (["bag", "info", BAG], "time (ms)", "messages"),
-            (["paper", "fig09"], "blocking preload (N)", "simulated"),
             (["bag", "resimulate", BAG], "", "axis_slider position"),
             (["elongate", "--set", "frequency=10kHz"], "runner (nm)", "hold_before"),
             (

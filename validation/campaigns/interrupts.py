@@ -57,7 +57,6 @@ COMMANDS = {
     "effects": Command("simulate --steps 40 --config edeler_2011_everything --trace t.csv"),
     "sweep": Command("sweep --vary preload=0.1:6:20 --out sweep.csv --plot sweep.svg"),
     "predict": Command("predict --json"),
-    "paper": Command("paper --out paper"),
     "analyse": Command(f"analyse {STEPS} --report analyse.html"),
     "compare": Command(f"compare {CONFIG} {STEPS} --report compare.html"),
     # It writes what it has found so far.
