@@ -2,7 +2,7 @@
 """The subcommands of ``stickslip``, each imported only when it is named.
 
 A new subcommand is a module in this folder, with ``arguments`` and ``run``, and a row of
-`SUBCOMMANDS`. Of several in one module, each has a function of its own, such as ``run_guide``.
+`SUBCOMMANDS`. Of several in one module, each has a function of its own, such as ``run_shape``.
 """
 
 from __future__ import annotations
@@ -41,7 +41,6 @@ SUBCOMMANDS = {
     "identify": "find the parameters of the contact from measurements, with 95 % intervals",
     "identify-actuator": "find hysteresis and creep of an actuator from a recording",
     "twin": "run the model beside a recorded axis: what changed, where the next move ends",
-    "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
     "bag": "work with recordings: info, record, play, resimulate, recover, export",
     "send": "send a command to a running axis over ROS 2: steps, jog, position, stop, ...",
     "watch": "show what a running axis does: state, position, refused commands",
@@ -52,7 +51,7 @@ SUBCOMMANDS = {
 
 #: Modules that do not have the name of the subcommand, with _ for -.
 _MODULES = {
-    **dict.fromkeys(("predict", "guide", "shape", "elongate"), "design"),
+    **dict.fromkeys(("predict", "shape", "elongate"), "design"),
     "send": "running_axis",
     "watch": "running_axis",
     "demo": "installation",

@@ -64,7 +64,6 @@ COMMANDS = {
     "identify-actuator": Command(f"identify-actuator {SAMPLES / 'actuator_loop.csv'} --out a.yaml"),
     "shape": Command("shape"),
     "elongate": Command("elongate --set frequency=10kHz"),
-    "guide": Command("guide"),
     "explore": Command("explore --no-browser", serves=True),
     "emulate": Command("emulate anc300 --port 0", serves=True),
     "bag info": Command(f"bag info {BAGS / 'plain'}"),

@@ -126,16 +126,16 @@ def report(
     refuse_foreign(folder)
     with writing(folder):
         folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-    outcomes, files = [], {}
+    outcomes = []
     waiting = [executor.submit(claim.compute) for claim in claims]
     try:
         for claim, future in zip(claims, waiting, strict=True):
             outcomes.append(_outcome(claim, future.result))
-            files.update(outcomes[-1].files)
             progress(outcomes[-1])
     finally:
         for future in waiting:
             future.cancel()
+    files = {name: content for one in outcomes for name, content in one.files.items()}
     files[PAGE] = _page(outcomes).encode()
     files[CONTENTS] = "\n".join([_FIRST_LINE, *sorted(files), ""]).encode()
     with writing(folder):
