@@ -31,7 +31,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all lint bench soak campaigns site clean
+.PHONY: help demo test test-all lint paper bench soak campaigns site clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
@@ -57,6 +57,9 @@ lint: $(STAMP)  ## check format, style, types, tables of pages and packaging
 	@$(PY) docs/tables.py --check
 	@$(PY) docs/docstrings.py
 	@$(PY) -m pytest -q -n 0 docs/checks/test_pages.py docs/checks/test_packaging.py
+
+paper: $(STAMP)  ## simulate every figure and table of the paper and compare (ARGS="fig09" for some)
+	@$(PY) -m validation.paper $(ARGS)
 
 bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="--quick")
 	@$(PY) -m validation.benchmark $(ARGS)

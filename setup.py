@@ -96,7 +96,6 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         PACKAGE: ["py.typed"],
-        f"{PACKAGE}.paper": ["charts.yaml", "checks.csv", "claims.yaml", "errata.md"],
         f"{PACKAGE}.reporting": ["templates/*.html"],
         f"{PACKAGE}.workbench": ["*.js"],
     },

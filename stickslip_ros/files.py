@@ -102,33 +102,28 @@ def write_text(path: Path, text: str) -> None:
 
 
 @contextlib.contextmanager
-def whole_folder(path: Path, replace: bool = False) -> Iterator[Path]:
+def whole_folder(path: Path) -> Iterator[Path]:
     """Give the path of a folder to make; at the end it is moved to its real place.
 
     The folder given has its final name already, for files named after it, and is not there yet.
-    An exception leaves nothing behind, and with ``replace`` what was there before.
+    An exception leaves nothing behind.
 
     Raises WriteError: it exists, its parent does not, or it cannot be written.
     """
     with writing(path):
         target = path.expanduser().absolute()
-        if target.exists() and not replace:
+        if target.exists():
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
         around = _temporary(target)
         around.mkdir()
-        made, before = around / target.name, around / f"{target.name}.before"
+        made = around / target.name
         try:
             yield made
-            if target.exists():
-                target.rename(before)
+            made.rename(target)
             try:
-                made.rename(target)
                 synchronize(target.parent)
             except OSError:
-                if not made.exists():
-                    target.rename(made)
-                if before.exists():
-                    before.rename(target)
+                target.rename(made)
                 raise
         finally:
             shutil.rmtree(around, ignore_errors=True)

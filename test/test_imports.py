@@ -37,7 +37,7 @@ ORDER = (
     ("identification",),
     ("twin",),
     ("pages",),
-    ("paper", "workbench"),
+    ("workbench",),
     ("emulator",),
     ("ros",),
     ("testing",),

@@ -37,7 +37,7 @@ IDENTIFY = [
 ]  # fmt: skip
 #: Subcommands that are run by tests of their own, with what these need.
 ELSEWHERE = {
-    "bag", "demo", "emulate", "explore", "identify", "paper", "send", "twin", "warm-up", "watch",
+    "bag", "demo", "emulate", "explore", "identify", "send", "twin", "warm-up", "watch",
 }  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 """The subcommands of ``stickslip``, each imported only when it is named.
 
 A new subcommand is a module in this folder, with ``arguments`` and ``run``, and a row of
-`SUBCOMMANDS`. Of several in one module, each has a function of its own, such as ``run_guide``.
+`SUBCOMMANDS`. Of several in one module, each has a function of its own, such as ``run_shape``.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ SUBCOMMANDS = {
     "explore": "open a local page with sliders for the drive and curves that follow them",
     "sweep": "vary one or two parameters and compute step size, force, 0-amplitude, ...",
     "predict": "compute the step in closed form, or the amplitude for a wanted step",
-    "paper": "simulate every figure and table of the paper and write a report",
     "analyse": "print steps, backsteps and ringing of a trace or a measurement",
     "compare": "show how a measurement differs from a run",
     "shape": "find the slip in two parts that leaves the least ringing",
@@ -42,7 +41,6 @@ SUBCOMMANDS = {
     "identify": "find the parameters of the contact from measurements, with 95 % intervals",
     "identify-actuator": "find hysteresis and creep of an actuator from a recording",
     "twin": "run the model beside a recorded axis: what changed, where the next move ends",
-    "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
     "bag": "work with recordings: info, record, play, resimulate, recover, export",
     "send": "send a command to a running axis over ROS 2: steps, jog, position, stop, ...",
     "watch": "show what a running axis does: state, position, refused commands",
@@ -53,7 +51,7 @@ SUBCOMMANDS = {
 
 #: Modules that do not have the name of the subcommand, with _ for -.
 _MODULES = {
-    **dict.fromkeys(("predict", "guide", "shape", "elongate"), "design"),
+    **dict.fromkeys(("predict", "shape", "elongate"), "design"),
     "send": "running_axis",
     "watch": "running_axis",
     "demo": "installation",
@@ -62,6 +60,7 @@ _MODULES = {
 #: Old subcommands, and their replacements.
 MOVED = {
     "completion": "it left in 2.0.0: stickslip COMMAND --help lists the options of a command",
+    "paper": 'make paper ARGS="..." in a checkout simulates its figures and tables (docs/paper.md)',
     "bench": 'make bench ARGS="..." in a checkout measures speed and error (docs/benchmark.md)',
     "soak": 'make soak ARGS="--hours 2" in a checkout runs axis and recorder for hours',
 }

@@ -8,7 +8,6 @@ import asyncio
 import contextlib
 import errno
 import signal
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,13 +18,11 @@ from stickslip_ros.errors import UsageError, ending_signals
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from stickslip_ros.axis import Axis
     from stickslip_ros.emulator import Server
 
-#: Time (s) between two looks at the axes, on a terminal and in a pipe.
-_LIVE, _LINES = 0.1, 1.0
+#: Time (s) after which the page stops at the latest.
+_STOPS = 0.1
 _HEADS = "axis", "state", "position", "steps", "drive"
 
 
@@ -39,8 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "address to listen on; others than loopback allow network access (default: %(default)s)"
     option(parser, "--host", "HOST", text, default="127.0.0.1")
     option(parser, "--axes", "NAMES", "names of the axes (default: x,y,z; x where there is one)")
-    flag(parser, "--watch", "show where the axes are, live on a terminal, as lines in a pipe")
-    flag(parser, "--page", "show them on a page of this machine; its address is printed")
+    flag(parser, "--page", "show the axes on a page of this machine; its address is printed")
     option(parser, "--record", "BAG", "record what programs do, and the axes, into a new bag", Path)
     add_parameters(parser)
 
@@ -69,7 +65,6 @@ def run(args: argparse.Namespace) -> int:
     what = f"axes {', '.join(names)}: {_setting(args.config, axes[0])}"
     if axes[0].status.amplitude != asked:
         what += f" (the most of an {args.controller}, not {asked:g} V)"
-    watched = axes if args.watch else []
     with contextlib.suppress(KeyboardInterrupt), contextlib.ExitStack() as stack:  # the usual end
         if args.record:
             from stickslip_ros.emulator import Recorder
@@ -80,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         if args.page:
             print(f"the axes are shown at {_show(stack, what, names, axes)}", flush=True)
         server = Server(controller, own.run)
-        asyncio.run(_serve(server, args.host, port, args.controller, what, names, watched))
+        asyncio.run(_serve(server, args.host, port, args.controller, what))
     return 0
 
 
@@ -94,15 +89,7 @@ def _setting(config: Path | None, axis: Axis) -> str:
     )
 
 
-async def _serve(
-    server: Server,
-    host: str,
-    port: int,
-    controller: str,
-    what: str,
-    names: list[str],
-    watched: Sequence[Axis],
-) -> None:
+async def _serve(server: Server, host: str, port: int, controller: str, what: str) -> None:
     try:
         try:
             host, port = await server.start(host, port)
@@ -116,10 +103,8 @@ async def _serve(
                 f"choose another {cure}"
             ) from None
         print(f"{controller} listens on {host} port {port}, {what}", flush=True)
-        watching = asyncio.create_task(_watch(names, watched))
         with _ended_by_signals(), contextlib.suppress(asyncio.CancelledError):
             await server.failed()
-        watching.cancel()
     finally:
         await server.close()
 
@@ -151,37 +136,9 @@ def _show(
 
     panel = AxesPanel(what, _HEADS, lambda: _rows(names, axes))
     server = stack.enter_context(WorkbenchServer(panel))
-    Thread(target=server.serve_forever, args=(_LIVE,), daemon=True).start()
+    Thread(target=server.serve_forever, args=(_STOPS,), daemon=True).start()
     stack.callback(server.shutdown)
     return server.address
-
-
-async def _watch(names: Sequence[str], axes: Sequence[Axis]) -> None:
-    """Show the axes until it is cancelled; none are watched where axes is empty."""
-    if not axes:
-        return
-    if not sys.stdout.isatty():
-        print("axis,state,position (m),steps", flush=True)
-        while True:
-            for name, axis in zip(names, axes, strict=True):
-                print(f"{name},{axis.mode},{axis.state.x:.9g},{axis.status.step_count}", flush=True)
-            await asyncio.sleep(_LINES)
-    from rich.live import Live
-
-    with Live(auto_refresh=False) as live:
-        while True:
-            live.update(_table(names, axes), refresh=True)
-            await asyncio.sleep(_LIVE)
-
-
-def _table(names: Sequence[str], axes: Sequence[Axis]) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(*_HEADS, box=box.SIMPLE)
-    for row in _rows(names, axes):
-        table.add_row(*row)
-    return table
 
 
 def _rows(names: Sequence[str], axes: Sequence[Axis]) -> list[tuple[str, ...]]:

@@ -12,13 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
-from stickslip_ros.cli.options import (
-    flag,
-    option,
-    progress_bar,
-    repeated,
-    report_left_out,
-)
+from stickslip_ros.cli.options import option, progress_bar, repeated, report_left_out
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
 from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.files import write_text
@@ -71,10 +65,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="whether the amplifier may lag, so that intervals allow for it (default: if no "
         "amplifier_bandwidth is given)",
     )  # fmt: skip
-    text = "look for the run that would narrow the widest interval most"
-    flag(parser, "--next", text, dest="suggest_next")
-    text = "rank friction laws, all or those named, by recordings left out, or by the deviance"
-    option(parser, "--laws", "A,B", text, nargs="?", const="")
     text = "write the parameters of the first run with the values found"
     option(parser, "--out", "FILE.yaml", text, Path)
     text = "data and fit, residuals, profiles"
@@ -85,7 +75,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.identification import RANKED_LAWS, Prior, identify, read_curve
+    from stickslip_ros.identification import Prior, identify, read_curve
     from stickslip_ros.identification.inputs import Known, deviation_of, read_motion
     from stickslip_ros.measurement.load_motion import is_parameter_file
     from stickslip_ros.pages.fitted import fit_page
@@ -103,9 +93,6 @@ def run(args: argparse.Namespace) -> int:
                 "it has to be above 0"
             )
     names = [name.strip() for name in args.fit.split(",")] if args.fit else None
-    laws = list(RANKED_LAWS) if args.laws == "" else []  # all if the option names none
-    if args.laws:
-        laws = [name.strip() for name in args.laws.split(",")]
     for drive, path in (*args.runs, *args.curves):
         if is_parameter_file(path) and not is_parameter_file(drive):
             raise UsageError(
@@ -124,9 +111,8 @@ def run(args: argparse.Namespace) -> int:
         report_left_out("identify", left_out(Known.of(drive).parameters))
     with report_compilation(), progress_bar(_PARTS, "identifying") as bar:
         found = identify(
-            runs, names, bounds=bounds, priors=priors, curves=curves, laws=laws,
-            uncertain=uncertain, samples=args.samples, fit_lag=args.fit_lag,
-            suggest_next=args.suggest_next, progress=partial(_show, bar),
+            runs, names, bounds=bounds, priors=priors, curves=curves, uncertain=uncertain,
+            samples=args.samples, fit_lag=args.fit_lag, progress=partial(_show, bar),
             say=lambda note: print(note, file=sys.stderr),
         )  # fmt: skip
     if args.out:

@@ -3,13 +3,11 @@
 
 from stickslip_ros.identification.curve import Curve, read_curve
 from stickslip_ros.identification.experiment import Experiment, IdentificationError
-from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, RankedLaw
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun
 from stickslip_ros.identification.free import Prior
 from stickslip_ros.identification.identify import identify
-from stickslip_ros.identification.laws import RANKED_LAWS
 
 __all__ = [
-    "RANKED_LAWS",
     "Curve",
     "Estimate",
     "Experiment",
@@ -17,7 +15,6 @@ __all__ = [
     "FittedRun",
     "IdentificationError",
     "Prior",
-    "RankedLaw",
     "identify",
     "read_curve",
 ]

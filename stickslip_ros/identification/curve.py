@@ -131,7 +131,8 @@ class CurveFit:
             usual = max(_USUAL * abs(float(np.nanmedian(values))), 1e-12)
             sizes.append(np.full(self._points, usual) if own is None else own)
             stated.append(np.full(self._points, own is not None))
-        self.deviation = np.concatenate(sizes)[self._known]
+        self._first = np.concatenate(sizes)[self._known]
+        self.deviation = self._first.copy()
         self._stated = np.concatenate(stated)[self._known]
         number = np.repeat(np.arange(len(curve.metrics)), self._points)
         self._metric = number[self._known]
@@ -143,6 +144,11 @@ class CurveFit:
     def is_stated(self) -> bool:
         """Whether the table states the deviation of each number."""
         return bool(self._stated.all())
+
+    @property
+    def loudness(self) -> float:
+        """Size of the deviations against what they were taken for, in -2 log likelihood."""
+        return 2.0 * float(np.sum(np.log(self.deviation / self._first)))
 
     def sets(self) -> list[Parameters]:
         """Return the parameters of each point. ParameterError where one is out of range."""

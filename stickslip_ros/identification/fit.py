@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -139,48 +139,18 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Suggestion:
-    """The run that would narrow the widest interval most, SI units."""
-
-    amplitude: float  #: V
-    frequency: float  #: Hz
-    slewrate: float  #: V/us
-    preload: float  #: N
-    payload: float  #: kg
-    spring: float | None  #: N/m
-    rate: float  #: at which to sample, Hz
-    steps: int
-    parameter: str  #: whose interval is the widest
-    low: float  #: the 95 % interval to expect with this run beside the others
-    high: float
-    text: str  #: for people
-
-
-@dataclass(frozen=True)
-class RankedLaw:
-    """A friction law, judged by recordings that were left out, or by its deviance."""
-
-    law: str
-    parameters: Mapping[str, float]  #: its constants, fitted to everything, SI units
-    score: float  #: deviance, 4 more for each constant, minus that of the best law
-    residual: float  #: root mean square (m) of the residuals of the blocks
-    likely: bool  #: whether it may be the law: it predicts as well as the best, but for chance
-
-
-@dataclass(frozen=True)
 class Fit:
     """Parameters found in measurements, with how sure they are."""
 
     parameters: Mapping[str, Estimate]
     base: Parameters  #: parameters of the first experiment, with the values found
     correlations: Mapping[str, Mapping[str, float]]  #: of the logarithms
+    deviance: float  #: -2 log likelihood, but for a constant of the measurements
     unknown: tuple[str, ...]  #: freedoms that the measurements leave, in words
     given: tuple[str, ...]  #: what would change the values and not show, in words
     runs: tuple[FittedRun, ...]
     curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]
-    next: Suggestion | None = None  #: what to measure next, if asked for
-    laws: tuple[RankedLaw, ...] = ()  #: friction laws, the best first, if asked for
     misfit: Misfit | None = None  #: residuals that are more than noise
     notes: tuple[str, ...] = ()  #: contradictions of records and parameters, gaps of records
     complete: bool = True  #: False if it was interrupted: the best so far, without intervals
@@ -204,17 +174,6 @@ class Fit:
         """Return the same fit with values only: nothing is known of how far they may be off."""
         values = {name: replace(one, low=None, high=None) for name, one in self.parameters.items()}
         return replace(self, parameters=values)
-
-    @property
-    def laws_alike(self) -> str:
-        """The laws that the measurements cannot distinguish, in words; empty for a single one."""
-        likely = [law.law for law in self.laws if law.likely]
-        if len(likely) < 2:
-            return ""
-        return (
-            f"{', '.join(likely)}: these measurements do not tell them apart; runs at other "
-            "preloads, amplitudes or frequencies may"
-        )
 
     @property
     def posterior(self) -> Posterior | None:
@@ -270,16 +229,8 @@ class Fit:
             )
         for curve in self.curves:
             lines.append(f"{curve.source}: {curve.points} points")
+        lines.append(f"deviance {self.deviance:.1f}")
         lines += self.unknown
-        if self.next:
-            lines.append(f"next: {self.next.text}")
-        if self.laws:
-            lines += ["", f"{'law, best first':<16} {'constants':>14} {'score':>14} {'left':>14}"]
-        for law in self.laws:
-            left = format_si(law.residual, "m", 3)
-            lines.append(f"{law.law:<16} {len(law.parameters):>14} {law.score:>14.1f} {left:>14}")
-        if self.laws_alike:
-            lines.append(self.laws_alike)
         return "\n".join(lines)
 
     def to_frame(self) -> pandas.DataFrame:
@@ -321,12 +272,11 @@ class Fit:
             "given": list(self.given),
             "noise": self.noise,
             "residual": self.residual,
+            "deviance": self.deviance,
             "misfit": self.misfit.text if self.misfit else None,
             "notes": list(self.notes),
             "runs": [run.as_json() for run in self.runs],
             "curves": [one.as_json() for one in self.curves],
-            "next": asdict(self.next) if self.next else None,
-            "laws": [asdict(one) for one in self.laws] or None,
             "complete": self.complete,
         }
 

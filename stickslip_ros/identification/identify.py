@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import copy
+import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -20,14 +20,13 @@ from stickslip_ros.identification.experiment import (
     check_record,
     is_too_coarse,
 )
-from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Profile, RankedLaw
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Profile
 from stickslip_ros.identification.free import (
     LAG,
     WIDTH,
     FreeParameters,
     Nuisance,
     Prior,
-    default_names,
     free_parameters,
     lag_of_amplifier,
     uncertain_input,
@@ -35,13 +34,11 @@ from stickslip_ros.identification.free import (
 )
 from stickslip_ros.identification.inputs import Known, known_runs
 from stickslip_ros.identification.intervals import BetterOptimum, Span, Surroundings
-from stickslip_ros.identification.laws import RANKED_LAWS, FittedLaw, rank_laws, with_law
 from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.problem import Point, Problem
 from stickslip_ros.identification.search import clock_of, search
-from stickslip_ros.identification.suggestion import CandidateSensor, suggest
 from stickslip_ros.identification.trace import CLOCK, RATE, Trace
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import Parameters
 
 #: Called with the stage, its progress (0 to 1) and the best values so far.
 Progress = Callable[[str, float, Mapping[str, float]], None]
@@ -74,8 +71,6 @@ def identify(
     uncertain: Mapping[str, float] | None = None,
     samples: str | None = None,
     fit_lag: bool | None = None,
-    suggest_next: bool = False,
-    laws: Sequence[str] = (),
     seed: int = 1,
     progress: Progress = _silent,
     say: Callable[[str], None] = lambda note: None,
@@ -98,8 +93,6 @@ def identify(
     :param fit_lag: whether the amplifier may lag (``amplifier_lag``, a time constant in s); None:
         where runs are measured and no set of parameters has an ``amplifier_bandwidth``. An ordinary
         lag of half a microsecond moves ``sigma_0ss`` by more than its interval.
-    :param suggest_next: whether to look for the run that would narrow the widest interval most.
-    :param laws: friction laws to rank, of `identification.RANKED_LAWS`.
     :param seed: of the search, which is random.
     :param progress: called with the stage, its progress and the best values so far.
     :param say: called with each line on what a record and its parameters or fit disagree in, or on
@@ -112,16 +105,9 @@ def identify(
     """
     if not isinstance(runs, str | Mapping) and not len(runs) and not curves:
         raise IdentificationError("no measurement was given; give one run or curve at least")
-    for name in laws:
-        if name not in RANKED_LAWS:
-            raise IdentificationError(
-                f"{name} is no law to rank; known are {', '.join(RANKED_LAWS)}"
-            )
     if samples not in (None, *SAMPLES):
         raise IdentificationError(f"samples is {samples!r}; it has to be {' or '.join(SAMPLES)}")
     measured = known_runs(runs)
-    if laws and not measured:
-        raise IdentificationError("laws are ranked by runs that they predict; give one (--run)")
     known_curves = [Known.of(p) for p, _ in curves]
     tables = [CurveFit(one.parameters, curve)
               for one, (_, curve) in zip(known_curves, curves, strict=True)]  # fmt: skip
@@ -141,12 +127,10 @@ def identify(
     for note in notes:
         say(note)
     work = _Estimation([Trace(one) for one in experiments], tables, free, nuisances, seed, progress)
-    found = replace(work.fit(suggest_next), notes=tuple(notes))
+    found = replace(work.fit(), notes=tuple(notes))
     if experiments and all(is_too_coarse(one, found.base) for one in experiments):
         found = found.without_intervals()
-    if not laws or not found.complete:
-        return found
-    return replace(found, laws=work.rank(laws, bounds or {}, priors or {}))
+    return found
 
 
 def _may_lag(sets: Sequence[Parameters], fit_lag: bool | None, measured: bool) -> bool:
@@ -200,86 +184,20 @@ class _Estimation:
         self.searched = free.start
         self.best: Point | None = None
 
-    def fit(self, suggest_next: bool) -> Fit:
+    def fit(self) -> Fit:
         """Return the result, or the best so far if interrupted."""
         around: Surroundings | None = None
-        whole: Surroundings | None = None
         spans: list[Span] = []
-        complete = True
-        try:
+        with contextlib.suppress(KeyboardInterrupt):
             self.find_optimum()
-            whole = around = self._surroundings()
-            around, spans = self._spans(whole)
-        except KeyboardInterrupt:
-            complete = False
+            around, spans = self._spans(self._surroundings())
         if self.best is None:
             self.best = self.problem.point(self.problem.begin(self.searched))
         if self.best is None:
             raise IdentificationError(
                 "the starting values make no contact; change the free parameters' values"
             )
-        found = self._estimate_all(around if complete else None, spans)
-        if around is None or not (suggest_next and complete):
-            return found
-        at = self.best.unknowns
-        sensor = CandidateSensor.of(self.traces, [run.noise for run in found.runs])
-        base = self.problem.fits[0].parameters
-        told = suggest(
-            whole or around, base, found.parameters, sensor,
-            lambda part: self._report("next", part, at),
-        )  # fmt: skip
-        return replace(found, next=told)
-
-    def rank(
-        self,
-        laws: Sequence[str],
-        bounds: Mapping[str, tuple[float, float]],
-        priors: Mapping[str, Prior],
-    ) -> tuple[RankedLaw, ...]:
-        """Return friction laws, the best first; those that make no contact are left out."""
-        found = []
-        for k, name in enumerate(laws):
-            self.progress(f"law {name}", k / len(laws), {})
-            model, more = RANKED_LAWS[name]
-            own = self.problem.fits[0].parameters.friction.model == model and not more
-            work = self if own else self._with_law(model, more, bounds, priors)
-            if work is not None and work.best is not None:
-                found.append(FittedLaw(name, work.problem, work.best))
-        return rank_laws(found) if found else ()
-
-    def _with_law(
-        self,
-        model: str,
-        more: Sequence[str],
-        bounds: Mapping[str, tuple[float, float]],
-        priors: Mapping[str, Prior],
-    ) -> _Estimation | None:
-        """Return the same measurements with another law at its optimum, None if it has none."""
-        traces, tables = [], []
-        try:
-            for trace in self.traces:
-                own = copy.copy(trace)
-                p = with_law(trace.parameters, model)
-                own.experiment = replace(trace.experiment, parameters=p)
-                own.starts = trace.starts.copy()
-                traces.append(own)
-            tables = [CurveFit(with_law(one.parameters, model), one.curve) for one in self.tables]
-            sets = [one.parameters for one in traces] + [p for one in tables for p in one.sets()]
-            names = (*default_names(sets), *more)
-            free = free_parameters(
-                sets, names,
-                {name: one for name, one in bounds.items() if name in names},
-                {name: one for name, one in priors.items() if name in names},
-                [one.experiment for one in traces],
-            )  # fmt: skip
-        except (ParameterError, IdentificationError):
-            return None
-        work = _Estimation(traces, tables, free, self.problem.nuisances, self.seed, _silent)
-        try:
-            work.find_optimum()
-        except IdentificationError:
-            return None
-        return work
+        return self._estimate_all(around, spans)
 
     def _report(self, what: str, part: float, theta: Array) -> None:
         self.progress(what, part, self.free.values(theta[: len(self.free.names)]))
@@ -434,6 +352,7 @@ class _Estimation:
             parameters=estimates,
             base=base,
             correlations=correlations,
+            deviance=best.deviance + sum(fit.loudness for fit in problem.fits),
             unknown=tuple(around.unknown()) if around else (),
             given=tuple(one.given for one in effects if one.given),
             runs=tuple(self._run(problem, best, k) for k in range(len(self.traces))),

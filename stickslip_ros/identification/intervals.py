@@ -97,10 +97,6 @@ class Surroundings:
             own = own - basis @ (basis.T @ own)
         return np.asarray(own.T @ own / self.scale)
 
-    def shared_information(self) -> Array:
-        """Return the information of all shared unknowns, clocks projected out, (shared,) * 2."""
-        return information_of(self.problem, self.jacobian) / self.scale
-
     def correlations(self) -> Array:
         """Return the correlations of the logarithms, (parameters,) * 2."""
         count, size = self.problem.count, self.deviations
@@ -215,22 +211,6 @@ class Surroundings:
             return np.interp(at, places, rises, math.inf, math.inf)
         across = max(self._across(k), float(np.abs(np.diff(middle)).max()) ** 2)
         return np.asarray(np.min(rises + (at[:, None] - middle) ** 2 / across, axis=1))
-
-
-def information_of(problem: Problem, jacobian: Array) -> Array:
-    """Return the information of a Jacobian about the shared unknowns, clocks projected out."""
-    own, clocks = jacobian[:, : problem.shared], jacobian[:, problem.shared :]
-    if clocks.shape[1]:
-        basis, _ = np.linalg.qr(clocks)
-        own = own - basis @ (basis.T @ own)
-    return np.asarray(own.T @ own)
-
-
-def deviations_of(information: Array) -> Array:
-    """Return the standard deviations of unknowns; very large for undetermined ones."""
-    size = np.sqrt(np.maximum(np.diag(information), 1e-6))
-    scaled = information / np.outer(size, size) + 1e-12 * np.eye(len(size))
-    return np.asarray(np.sqrt(np.diag(np.linalg.inv(scaled))) / size)
 
 
 def in_words(names: Sequence[str], direction: Array) -> str:

@@ -137,12 +137,14 @@ class Trace:
         self.clocks = len(self.starts) + 1
         self.placed = False  #: whether models have been laid over the runs
         self.mains: tuple[float, ...] = ()  #: frequencies of hum that stands out, Hz
+        self.loudness = 0.0  #: of the noise against what it was taken for, in -2 log likelihood
         self._hum = _HUM
         self._kept: _Kept | None = None
         self._gaps = self._bridges()
         second = np.diff(self.blocks.x[self.blocks.full], 2)
         white = 1.4826 * float(np.median(np.abs(second - np.median(second)))) / math.sqrt(6.0)
-        self.set_noise(np.array([max(white, _LEAST) ** 2, 0.0, 0.0]))
+        self._first = max(white, _LEAST) ** 2
+        self.set_noise(np.array([self._first, 0.0, 0.0]))
 
     @property
     def parameters(self) -> Parameters:
@@ -279,7 +281,9 @@ class Trace:
         """Take S(f) = a + b/f + c/f^2 (m^2, f in cycles a block) for the noise of a block."""
         self.noise, count = power, len(self.blocks.t)
         f = np.fft.rfftfreq(count)[1:]
-        self._weights = np.sqrt(2.0 / (count * (power[0] + power[1] / f + power[2] / f**2)))
+        size = power[0] + power[1] / f + power[2] / f**2
+        self.loudness = self.known * float(np.mean(np.log(size / self._first)))
+        self._weights = np.sqrt(2.0 / (count * size))
         if count % 2 == 0:
             self._weights[-1] /= math.sqrt(2.0)
         t = self.blocks.t

@@ -65,7 +65,5 @@ CEIM = Law(
     ),
 )  # fmt: skip
 CEIM_WITHOUT_MU = CEIM._replace(
-    constants=partial(_constants, sigma_0ss=SIGMA_0SS_WITHOUT_MU),
-    contact=_contact_without_mu,
-    ranked=False,
+    constants=partial(_constants, sigma_0ss=SIGMA_0SS_WITHOUT_MU), contact=_contact_without_mu
 )

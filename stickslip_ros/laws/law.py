@@ -39,7 +39,6 @@ class Law(NamedTuple):
     #: Constants that are fitted by default, to runs at one preload
     free: tuple[str, ...] = ()
     several_free: tuple[str, ...] = ()  #: the same at several preloads, where they differ
-    ranked: bool = True  #: False: another form of a law that `identify --laws` ranks already
 
 
 def value_or(value: Any, own: Any) -> Any:

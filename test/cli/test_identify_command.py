@@ -2,6 +2,7 @@
 """``stickslip identify``: files in, parameters out."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ def test_the_table_names_values_and_intervals(
     printed = capsys.readouterr().out
     assert "sigma_0" in printed and "low (95 %)" in printed
     assert "trace.csv: 6 steps, noise" in printed
+    assert re.search(r"^deviance \d+\.\d$", printed, re.MULTILINE)
 
 
 def test_a_wrong_constant_that_is_kept_is_a_misfit(
@@ -47,4 +49,6 @@ def test_a_wrong_constant_that_is_kept_is_a_misfit(
     assert main(["identify", "--run", *files, "--fit", "sigma_0", "--json"]) == 1
     captured = capsys.readouterr()
     assert "misfit: trace.csv: " in captured.err
-    assert json.loads(captured.out)["misfit"].startswith("trace.csv: ")
+    told = json.loads(captured.out)
+    assert told["misfit"].startswith("trace.csv: ")
+    assert told["deviance"] > 0.0

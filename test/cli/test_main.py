@@ -278,7 +278,6 @@ _SPEAKING = (
     "compare table1_typical.yaml steps_100hz.csv --set preload=1.0",
     "identify-actuator actuator_loop.csv --out loop.yaml",
     "shape --set preload=0.4",
-    "guide",
     "explore --port 70000",
 )
 

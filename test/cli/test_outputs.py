@@ -23,11 +23,9 @@ BAG = str(Path(__file__).parents[1] / "golden" / "bags" / "everything")
 #: Command, a text in its picture ("" for none), and a column or a name of its table.
 COMMANDS = [
     (["simulate", "--steps", "3"], "time (ms)", "position (m)"),
-    (["guide"], "", "forces.A"),
     (["sweep", "--vary", "preload=0.5:1:2"], "step size (nm)", "preload (N)"),
     (["predict", "--step", "100nm"], "amplitude (V)", "zero_offset"),
     (["bag", "info", BAG], "time (ms)", "messages"),
-    (["paper", "fig09"], "blocking preload (N)", "simulated"),
     (["bag", "resimulate", BAG], "", "axis_slider position"),
     (["elongate", "--set", "frequency=10kHz"], "runner (nm)", "hold_before"),
     (
@@ -72,7 +70,7 @@ def test_every_other_command_has_the_options(name: str, capsys: pytest.CaptureFi
     with pytest.raises(SystemExit):
         main([name, "--help"])
     text = capsys.readouterr().out
-    wanted = ["--report", "--table", "--json", *(["--plot", "--show"] if name != "guide" else [])]
+    wanted = ["--report", "--table", "--json", "--plot", "--show"]
     assert [option for option in wanted if f"{option} " not in text] == []
 
 

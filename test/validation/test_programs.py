@@ -110,7 +110,7 @@ def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
     assert "there is no campaign 'fizz'; known: accuracy, " in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["guide", pytest.param("emulate", marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", ["predict", pytest.param("emulate", marks=pytest.mark.long)])
 def test_ctrl_c_ends_a_command_soon_and_leaves_nothing_half(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -71,8 +71,6 @@ CAMPAIGNS: dict[str, Campaign] = {
         name: Campaign(text, (f"{_STUDIES}identification", name, count, first))
         for name, text, count, first in (
             ("intervals", "how often 95 % intervals hold the truth", "200", "1001"),
-            ("laws", "which law a contact follows", "80", "1"),
-            ("next", "a run as suggested against one at random", "10", "1"),
             ("misfit", "whether what the model does not have is told", "198", "1"),
         )
     },

@@ -715,7 +715,7 @@ def emulation_recorded(case: Case) -> str:
     return emulated(case, Path("bag").absolute()) or _again(Path("bag"))
 
 
-# -- the paper elsewhere
+# -- commands elsewhere
 
 
 def elsewhere(case: Case) -> str:
@@ -725,7 +725,6 @@ def elsewhere(case: Case) -> str:
         "sweep": ["sweep", "--vary=preload=0.7:1.3:3", "--json", f"--set=model={model}"],
         "trace": ["simulate", "--steps=2", "--trace={}/t.csv", f"--set=model={model}",
                   "--set=preload=1", "--json"],
-        "figure": ["paper", "tab02", "--json", "--out={}/paper"],
         "report": ["simulate", "--steps=3", "--report={}/r.html", "--json", "--set=preload=1"],
     }[case.chosen["command"]]  # fmt: skip
     here, there, folder = (Path(one).absolute() for one in ("here", "there", "cwd"))

@@ -186,8 +186,8 @@ JOURNEYS: dict[str, Journey] = {
          "slot": _named("first", "second"), "end": _named("all steps", "stopped")},
         ("emulated", "emulation recorded"),
     ),
-    "J6 paper": Journey(
-        {"law": LAW, "command": _named("simulate", "sweep", "trace", "figure", "report"),
+    "J6 elsewhere": Journey(
+        {"law": LAW, "command": _named("simulate", "sweep", "trace", "report"),
          "machine": _named("plain", "German", "Turkish", "no locale", "no home", "read-only",
                            "nohup", "no network", "time zone")},
         ("elsewhere",),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often identify is right: random experiments, from integrators that share nothing with it.
 
-    python -m validation.campaigns.identification intervals|misfit|laws|next COUNT [FIRST] >> FILE
+    python -m validation.campaigns.identification intervals|misfit COUNT [FIRST] >> FILE
     python -m validation.campaigns.identification STUDY 0 --sum FILE [FILE ...]
 
 Each experiment prints a line of JSON; the second counts those of files. ``intervals``: a contact
@@ -10,8 +10,7 @@ noise, a walk, hum, drift, a bandwidth, samples that are points or means, a lag 
 up to 2 us. Half of the files say how the sensor samples. Widths are given beside those of a linear
 estimate at the truth that is told the noise (the Cramer-Rao bound). ``misfit``: what the model does
 not have, by turns; an experiment is silent if it names nothing and a value is off by more than half
-the width of its interval beyond its end. ``laws``: contacts of four laws, by turns. ``next``: a run
-as suggested against one at random.
+the width of its interval beyond its end.
 """
 
 from __future__ import annotations
@@ -25,14 +24,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_traces import GAIN, SLEWRATE, Array, Axis, Drive, Sensor, integrate_pieces, random_axis
-from experiments import experiment, truth_of
+from bench_traces import GAIN, SLEWRATE, Array, Axis, Drive, integrate_pieces, random_axis
+from experiments import truth_of
 from other_axes import Other, other_trace
 
 from stickslip_ros.identification import Experiment, Fit, IdentificationError, identify
 from stickslip_ros.identification.experiment import Stepping
 from stickslip_ros.identification.free import free_parameters, lag_of_amplifier, width_of_sensor
-from stickslip_ros.identification.intervals import deviations_of, information_of
 from stickslip_ros.identification.problem import Problem
 from stickslip_ros.identification.trace import Trace
 from stickslip_ros.measurement.steps.ringing import Ringing
@@ -246,8 +244,8 @@ def bound_of(drawn: Drawn) -> Array:
     trace.learn(problem.seen(unknowns)[0])
     at = problem.point(unknowns)
     assert at is not None
-    information = information_of(problem, problem.jacobian(at, central=True))
-    return deviations_of(information)[: problem.count]
+    covariance = problem.covariance(problem.jacobian(at, central=True))
+    return np.sqrt(np.diag(covariance))[: problem.count]
 
 
 def fitted(drawn: Drawn, **how: Any) -> tuple[Fit | str, float]:
@@ -343,60 +341,6 @@ def misfit(seed: int) -> dict[str, Any]:
     return about | {"off": off, "misfit": told, "said": said, "silent": silent}
 
 
-def laws(seed: int) -> dict[str, Any]:
-    """Return the rank of the law that made a trace."""
-    random = np.random.default_rng(seed)
-    law = ("lugre", "epm_fix", "ceim", "epm_calc")[seed % 4]
-    axis = replace(random_axis(random), preload=float(random.uniform(0.4, 1.0)))
-    frequency = math.exp(random.uniform(math.log(100.0), math.log(800.0)))
-    drive = Drive(12, frequency, float(random.uniform(220.0, 300.0)), 1, 8e-3)
-    t, x = other_trace(axis, Other(law=law), drive, 5e5, 1e-9, seed)
-    file = {"preload": axis.preload, "mass": axis.mass, "frequency": frequency,
-            "amplitude": drive.amplitude}  # fmt: skip
-    begun = time.process_time()
-    found = identify([(file, t, x)], laws=["ceim", "lugre", "epm_fix", "epm_calc", "free"]).laws
-    order = {one.law: round(one.score, 1) for one in found}
-    likely = [one.law for one in found if one.likely]
-    right = found[0].law == law or (law in likely and len(likely) > 1)
-    took = round(time.process_time() - begun, 1)
-    return {"seed": seed, "law": law, "right": right, "order": order, "seconds": took}
-
-
-def _widest(found: Fit) -> float:
-    widths = [
-        math.log(one.high / one.low) if one.low and one.high else math.inf
-        for name, one in found.parameters.items()
-        if name not in ("amplifier_lag", "sensor_width")
-    ]
-    return max(widths)
-
-
-def next_runs(seed: int) -> dict[str, Any]:
-    """Return the widest interval after a run as suggested, and after one at random."""
-    random = np.random.default_rng(seed)
-    axis, sensor = random_axis(random), Sensor(rate=5e5, noise=2e-9)
-
-    def measured(drive: Drive, payload: float, own: int) -> tuple[Parameters, Motion]:
-        loaded = replace(axis, mass=axis.mass + payload)
-        pause = max(1.2e-3, 0.3 / drive.frequency)
-        p, trace = experiment(loaded, replace(drive, pause=pause), sensor, own, rest=pause)
-        return p.replace(mass=axis.mass, payload=payload), trace
-
-    def by_lot() -> Drive:
-        frequency = math.exp(random.uniform(math.log(100.0), math.log(2000.0)))
-        return Drive(max(int(0.018 * frequency), 4), frequency, float(random.uniform(100.0, 300.0)))
-
-    first, other = measured(by_lot(), 0.0, seed), measured(by_lot(), 0.0, 100 * seed)
-    told = identify([first], suggest_next=True).next
-    assert told is not None
-    drive = Drive(told.steps, told.frequency, told.amplitude, slewrate=1e6 * told.slewrate)
-    suggested = _widest(identify([first, measured(drive, told.payload, 100 * seed + 1)]))
-    return {
-        "seed": seed, "suggested": suggested, "random": _widest(identify([first, other])),
-        "expected": math.log(told.high / told.low), "text": told.text,
-    }  # fmt: skip
-
-
 def summary(lines: Sequence[dict[str, Any]]) -> str:
     """Return the counts over experiments, in words."""
     whole = [one for one in lines if "refused" not in one]
@@ -411,21 +355,14 @@ def summary(lines: Sequence[dict[str, Any]]) -> str:
             )
         named = sum(bool(one["misfit"]) for one in whole)
         text.append(f"misfit named: {_share(named, len(whole))}")
-    for key in ("kind", "law"):
-        for kind in dict.fromkeys(one[key] for one in whole if key in one):
-            own = [one for one in whole if one[key] == kind]
-            if key == "law":
-                text.append(f"{kind}: {sum(one['right'] for one in own)} of {len(own)} right")
-            else:
-                told = sum(bool(one["misfit"]) or one["said"] for one in own)
-                silent = sum(one["silent"] for one in own)
-                text.append(f"{kind}: {told} of {len(own)} told, {silent} wrong in silence")
+    for kind in dict.fromkeys(one["kind"] for one in whole if "kind" in one):
+        own = [one for one in whole if one["kind"] == kind]
+        told = sum(bool(one["misfit"]) or one["said"] for one in own)
+        silent = sum(one["silent"] for one in own)
+        text.append(f"{kind}: {told} of {len(own)} told, {silent} wrong in silence")
     if "seconds" in whole[0]:
         seconds = [one["seconds"] for one in whole]
         text.append(f"{np.mean(seconds):.1f} s of processor a fit, at most {max(seconds):.1f} s")
-    if "suggested" in whole[0]:
-        ratio = [one["suggested"] / one["random"] for one in whole]
-        text.append(f"widest interval {np.median(ratio):.2f} of that after a run at random")
     return "\n".join(text)
 
 
@@ -435,9 +372,7 @@ def _share(part: int, of: int) -> str:
     return f"{part} of {of} ({100.0 * share:.1f} +- {100.0 * error:.1f} %)"
 
 
-STUDIES: Mapping[str, Callable[[int], dict[str, Any]]] = {
-    "intervals": intervals, "misfit": misfit, "laws": laws, "next": next_runs,
-}  # fmt: skip
+STUDIES: Mapping[str, Callable[[int], dict[str, Any]]] = {"intervals": intervals, "misfit": misfit}
 
 
 if __name__ == "__main__":

@@ -57,7 +57,6 @@ COMMANDS = {
     "effects": Command("simulate --steps 40 --config edeler_2011_everything --trace t.csv"),
     "sweep": Command("sweep --vary preload=0.1:6:20 --out sweep.csv --plot sweep.svg"),
     "predict": Command("predict --json"),
-    "paper": Command("paper --out paper"),
     "analyse": Command(f"analyse {STEPS} --report analyse.html"),
     "compare": Command(f"compare {CONFIG} {STEPS} --report compare.html"),
     # It writes what it has found so far.
@@ -65,7 +64,6 @@ COMMANDS = {
     "identify-actuator": Command(f"identify-actuator {SAMPLES / 'actuator_loop.csv'} --out a.yaml"),
     "shape": Command("shape"),
     "elongate": Command("elongate --set frequency=10kHz"),
-    "guide": Command("guide"),
     "explore": Command("explore --no-browser", serves=True),
     "emulate": Command("emulate anc300 --port 0", serves=True),
     "bag info": Command(f"bag info {BAGS / 'plain'}"),

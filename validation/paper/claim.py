@@ -126,14 +126,10 @@ def read_checks(path: Path) -> dict[str, list[Check]]:
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
             check = Check(
-                row["what"],
-                unit=row["unit"],
-                paper=row["paper"],
-                low=float(row["low"] or -math.inf),
-                high=float(row["high"] or math.inf),
-                basis=Basis(row["basis"]),
-                why=row["why"],
-            )
+                row["what"], unit=row["unit"], paper=row["paper"],
+                low=float(row["low"] or -math.inf), high=float(row["high"] or math.inf),
+                basis=Basis(row["basis"]), why=row["why"],
+            )  # fmt: skip
             found.setdefault(row["claim"], []).append(check)
     return found
 

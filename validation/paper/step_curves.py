@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fig. 3, 4, 5, 7 and 14, Table 2, sections 3, 4.3 and 5.3: steps over amplitude and preload."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,8 +8,13 @@ import numpy as np
 from stickslip_ros.arrays import Array
 from stickslip_ros.model import Plant
 from stickslip_ros.motion.settled import MEASURABLE, TRIAL_STEPS
-from stickslip_ros.paper.claim import ClaimVerdict, Result, Values, paired
-from stickslip_ros.paper.parameter_sets import (
+from stickslip_ros.simulation.operating_points import (
+    blocking_preloads,
+    intersections,
+    zero_amplitudes,
+)
+from validation.paper.claim import ClaimVerdict, Result, Values, paired
+from validation.paper.parameter_sets import (
     EPM_CALC,
     EPM_FIX,
     JOINT,
@@ -24,11 +27,6 @@ from stickslip_ros.paper.parameter_sets import (
     power,
     steps,
     volts,
-)
-from stickslip_ros.simulation.operating_points import (
-    blocking_preloads,
-    intersections,
-    zero_amplitudes,
 )
 
 #: Amplitudes as actuator deflection, m; LuGre is convex over the lower part.
@@ -71,11 +69,9 @@ def dead_zone() -> Result:
         "largest step over the ideal one": np.max(np.stack([lugre, epm, ceim]) / DEFLECTION),
     }
     table = {
-        "deflection (m)": DEFLECTION,
-        "step LuGre (m)": lugre,
-        "step EPM_fix (m)": epm,
+        "deflection (m)": DEFLECTION, "step LuGre (m)": lugre, "step EPM_fix (m)": epm,
         "step CEIM 1 N (m)": ceim,
-    }
+    }  # fmt: skip
     return Result(values, tables={"": table})
 
 
@@ -126,11 +122,9 @@ def negative_steps() -> Result:
     }
     epm_map = {"frequency (Hz)": frequency, "deflection (m)": deflection, "step at 5 % (m)": epm}
     ceim_map = {
-        "frequency (Hz)": over,
-        "preload (N)": preload,
-        "step CEIM at 50 % (m)": ceim,
+        "frequency (Hz)": over, "preload (N)": preload, "step CEIM at 50 % (m)": ceim,
         "step CEIM at 90 % (m)": late,
-    }
+    }  # fmt: skip
     return Result(values, tables={"_100Hz": low, "_epm": epm_map, "_ceim": ceim_map})
 
 
@@ -266,12 +260,9 @@ def earlier_laws() -> Result:
         "smallest EPM_calc step, alpha with |z|": np.nanmin(symmetric),
     }
     table = {
-        "preload (N)": PRELOAD,
-        "step LuGre (m)": lugre,
-        "step EPM_fix (m)": fix,
-        "step EPM_calc, alpha as printed (m)": calc,
-        "step EPM_calc, alpha with |z| (m)": symmetric,
-    }
+        "preload (N)": PRELOAD, "step LuGre (m)": lugre, "step EPM_fix (m)": fix,
+        "step EPM_calc, alpha as printed (m)": calc, "step EPM_calc, alpha with |z| (m)": symmetric,
+    }  # fmt: skip
     return Result(
         values,
         tables={"": table},
@@ -338,16 +329,12 @@ def parameter_sets() -> Result:
     values = {
         **{f"sigma_0, {n}": c.sigma_0 for n, c in contact.items()},
         **{f"sigma_1, {n}": c.sigma_1 for n, c in contact.items()},
-        "mu_s of LuGre": contact["LuGre"].z_s * 1e6,
-        "mu_k of LuGre": contact["LuGre"].z_k * 1e6,
-        "z_ba, EPM_calc": contact["EPM_calc"].z_ba,
-        "z_ba, EPM_fix": contact["EPM_fix"].z_ba,
-        "z_ss, EPM_fix": contact["EPM_fix"].z_ss,
-        "z_ss of EPM_calc at 1.5 N, at rest": z_ss[2],
-        "z_ss of EPM_calc at 2 N, at rest": z_ss[3],
-        "z_ss of EPM_calc at 0.6 N": z_ss[0],
+        "mu_s of LuGre": contact["LuGre"].z_s * 1e6, "mu_k of LuGre": contact["LuGre"].z_k * 1e6,
+        "z_ba, EPM_calc": contact["EPM_calc"].z_ba, "z_ba, EPM_fix": contact["EPM_fix"].z_ba,
+        "z_ss, EPM_fix": contact["EPM_fix"].z_ss, "z_ss of EPM_calc at 1.5 N, at rest": z_ss[2],
+        "z_ss of EPM_calc at 2 N, at rest": z_ss[3], "z_ss of EPM_calc at 0.6 N": z_ss[0],
         "z_ss of EPM_calc at 10 N": z_ss[-1],
-    }
+    }  # fmt: skip
     return Result(values, tables={"": table}, settled=ClaimVerdict.DATA)
 
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameter sets of the paper, and results of many operating points around them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fig. 1 and 2, Eq. 9, sections 4.2 and 4.5: the response to a sawtooth and to other waveforms."""
 
-from __future__ import annotations
-
 from dataclasses import astuple
 
 import numpy as np
@@ -18,15 +16,6 @@ from stickslip_ros.motion.sampling import trace_steps
 from stickslip_ros.motion.settled import TRIAL_STEPS
 from stickslip_ros.motion.trace import HEADER, Trace
 from stickslip_ros.pages.response import draw_closer, draw_cycles
-from stickslip_ros.paper.claim import ClaimVerdict, Result, Table
-from stickslip_ros.paper.parameter_sets import (
-    FULL_DEFLECTION,
-    FULL_VOLTAGE,
-    TABLE_1_VIBRATION,
-    columns,
-    mesh,
-    steps_and_backsteps,
-)
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.simulation.operating_points import zero_amplitudes
 from stickslip_ros.simulation.waveform_search import (
@@ -36,6 +25,15 @@ from stickslip_ros.simulation.waveform_search import (
     shaping_map,
 )
 from stickslip_ros.solver import Simulation
+from validation.paper.claim import ClaimVerdict, Result, Table
+from validation.paper.parameter_sets import (
+    FULL_DEFLECTION,
+    FULL_VOLTAGE,
+    TABLE_1_VIBRATION,
+    columns,
+    mesh,
+    steps_and_backsteps,
+)
 
 #: A swing of the ringing that counts, m.
 _SWING = 1e-9
@@ -216,13 +214,9 @@ def balance() -> Result:
         },
     }
     table = {
-        "preload (N)": _PRELOAD,
-        "step (m)": step,
-        "backstep (m)": backstep,
-        "0-amplitude (m)": zero,
-        "Eq. 9 (m)": left,
-        "lasting backstep (m)": lasting,
-    }
+        "preload (N)": _PRELOAD, "step (m)": step, "backstep (m)": backstep,
+        "0-amplitude (m)": zero, "Eq. 9 (m)": left, "lasting backstep (m)": lasting,
+    }  # fmt: skip
     return Result(values, tables={"": table}, settled=ClaimVerdict.CONTRADICTORY)
 
 
@@ -308,13 +302,11 @@ def elongation() -> Result:
 
     values = {
         "best step over the plain one at 10 kHz": best.step_after / best.step_before,
-        "plain step at 10 kHz": best.step_before,
-        "longest step at 10 kHz": best.step_after,
-        "best gain at 100 Hz": gain[0],
-        "lowest frequency of the curve with a gain of 1.4": first,
+        "plain step at 10 kHz": best.step_before, "longest step at 10 kHz": best.step_after,
+        "best gain at 100 Hz": gain[0], "lowest frequency of the curve with a gain of 1.4": first,
         "hold before the slip": 100.0 * best.hold_before,
         "hold after the slip": 100.0 * best.hold_after,
-    }
+    }  # fmt: skip
     table = {"frequency (Hz)": _FREQUENCIES, "best gain": gain}
     tried = {"hold before (T)": before, "hold after (T)": after, "step (m)": step}
     holds = {"hold before (T)": best.hold_before, "hold after (T)": best.hold_after}

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sections 2.2, 3, 5.1 and 5.2: influences on LuGre, vibration, velocity, several contacts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -10,23 +8,18 @@ from scipy.optimize import brentq
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.model import Contact, Plant, drive_of, friction_force, z_rate
-from stickslip_ros.paper.claim import Result
-from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Set, columns, one_step
 from stickslip_ros.simulation.operating_points import batch_of
 from stickslip_ros.solver import Simulation
+from validation.paper.claim import Result
+from validation.paper.parameter_sets import EPM_FIX, LUGRE, Set, columns, one_step
 
 #: A large drive such as those that the sentences of section 2.2 are about: 2 um, a slip of 50 us.
 LARGE: Set = {**LUGRE, "sigma_0": 1e7, "gain": 2e-6 / 300.0, "slewrate": 6.0}
 #: What is changed, and to which value, or to which part of its value.
 _CHANGES = {
-    "mu_s": 0.45,
-    "mu_k": 0.3,
-    "v_stribeck": 1e-2,
-    "sigma_2": 0.05,
-    "sigma_0": 1.5,
-    "slewrate": 1.5,
+    "mu_s": 0.45, "mu_k": 0.3, "v_stribeck": 1e-2, "sigma_2": 0.05, "sigma_0": 1.5, "slewrate": 1.5,
     "preload": 0.6,
-}
+}  # fmt: skip
 _FACTORS = ("sigma_0", "slewrate")
 #: Vibration of a vertical axis: amplitudes, m of actuator deflection, and cycles at 500 Hz.
 VIBRATIONS, _CYCLES, _VIBRATION_HZ = np.array([2e-9, 5e-9, 10e-9, 20e-9]), 400, 500.0
