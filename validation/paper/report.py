@@ -138,13 +138,17 @@ def report(
     files = {name: content for one in outcomes for name, content in one.files.items()}
     files[PAGE] = _page(outcomes).encode()
     files[CONTENTS] = "\n".join([_FIRST_LINE, *sorted(files), ""]).encode()
+    fresh = folder.with_name(f"{folder.name}.new")  # whole before the old one goes
     with writing(folder):
-        if folder.exists():
-            shutil.rmtree(folder)
-    with whole_folder(folder) as work:
+        shutil.rmtree(fresh, ignore_errors=True)
+    with whole_folder(fresh) as work:
         work.mkdir()
         for name, content in files.items():
             (work / name).write_bytes(content)
+    with writing(folder):
+        if folder.exists():
+            shutil.rmtree(folder)
+        fresh.rename(folder)
     return outcomes
 
 
