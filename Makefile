@@ -56,7 +56,8 @@ lint: $(STAMP)  ## check format, style, types, tables of pages and packaging
 	@$(PY) -m mypy
 	@$(PY) docs/tables.py --check
 	@$(PY) docs/docstrings.py
-	@$(PY) -m pytest -q -n 0 docs/checks/test_pages.py docs/checks/test_packaging.py
+	@$(PY) -m pytest -q -n 0 docs/checks/test_imports.py docs/checks/test_packaging.py \
+	  docs/checks/test_pages.py
 
 paper: $(STAMP)  ## simulate every figure and table of the paper and compare (ARGS="fig09" for some)
 	@$(PY) -m validation.paper $(ARGS)

@@ -106,7 +106,7 @@ def unnamed(recorded: set[str], now: set[str], changelog: str) -> list[str]:
 
 
 def test_what_changed_since_the_last_release_is_in_the_changelog() -> None:
-    """The record is that of the release; `python test/public_api.py` renews it with the version."""
+    """The record is that of the release; `python docs/checks/public_api.py` renews it."""
     pytest.importorskip("rclpy")
     text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
     forthcoming = re.split(r"\n(?=\d+\.\d+\.\d+ \(\d)", text)[0]

@@ -14,9 +14,8 @@ import termios
 from pathlib import Path
 
 import pytest
-from child import PATIENCE, REPOSITORY, complaints, environment, python
+from child import PATIENCE, complaints, environment, python
 
-from stickslip_ros.cli.bag import ACTIONS
 from stickslip_ros.cli.command_line import SUBCOMMANDS
 from stickslip_ros.cli.main import main
 from stickslip_ros.version import __version__
@@ -228,14 +227,6 @@ def test_a_signal_that_a_destructor_swallows_comes_again() -> None:
     child = python("-c", IGNORING)
     said = complaints(child.stderr)
     assert (child.returncode, said) == (130, "stickslip simulate: interrupted\n")
-
-
-def test_every_subcommand_in_a_module_is_listed() -> None:
-    found = {"elongate"}  # whose options are those of shape
-    for file in (REPOSITORY / "stickslip_ros" / "cli").glob("*.py"):
-        for own in re.findall(r"^def (\w+_)?arguments\(", file.read_text("utf-8"), re.MULTILINE):
-            found.add((own.removesuffix("_") or file.stem).replace("_", "-"))
-    assert found == {*SUBCOMMANDS, *ACTIONS}
 
 
 def test_a_quantity_takes_its_unit_wherever_one_is_typed(

@@ -2,7 +2,6 @@
 """Several axes in one process: names, parameters of each, one time for all; the nanorobot."""
 
 import statistics
-import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from itertools import pairwise
@@ -185,27 +184,3 @@ def test_a_parameter_file_for_other_nodes_is_told(tmp_path: Path) -> None:
         named = f"/{pattern.strip('/')}"
         said = f"no parameters for /stickslip_axis in {file}; it names {named}"
         assert unused_files(arguments, ["/stickslip_axis"]) == ([] if fits else [said])
-
-
-def test_a_controller_reads_and_commands_all_axes_in_one_message(ros: Ros, host: AxisHost) -> None:
-    """As one component of ros2_control does, which keeps the last message of its topic alone."""
-    joints = ["x_slider", "y_slider", "z_slider"]
-    states = ros.hear(JointState, "/stickslip_axis/joint_states")
-    out = ros.publisher(ros.node("hardware"), JointState, "/stickslip_axis/joint_commands", 1)
-    ros.wait_until(lambda: states, "the joints")
-    assert states[-1].name == joints
-    goals = (2e-6, 3e-6, 22e-6)
-    start = list(states[-1].position)
-    for _ in range(20):  # a controller that starts holds where it is
-        out.publish(JointState(name=joints, position=start))
-        time.sleep(0.01)
-    assert [node.axis.mode for node in host.axes] == ["stopped"] * 3
-    for k in range(1, 101):
-        way = min(k / 80, 1.0)
-        out.publish(JointState(name=joints, position=[way * one for one in goals]))
-        time.sleep(0.01)
-    ros.wait_until(lambda: all(one.axis.mode == "holding" for one in host.axes), "all hold")
-    ros.wait_until(
-        lambda: list(states[-1].position) == pytest.approx(goals, abs=1e-8), "the three goals"
-    )
-    assert [node.axis.status.refused for node in host.axes] == [0, 0, 0]

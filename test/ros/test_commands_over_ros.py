@@ -3,9 +3,6 @@
 
 import math
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -188,12 +185,3 @@ def test_an_axis_that_vanishes_says_and_answers_nothing_and_comes_back(
 def test_faults_have_to_be_allowed(node: AxisNode, ros: Ros) -> None:
     with pytest.raises(CommandRefused, match="start the axis with allow_faults"):
         AxisClient(node=ros.node("user")).inject("axis_stuck")
-
-
-@pytest.mark.stickslip(frequency=1000.0)
-def test_the_fixture_injects(
-    stickslip_axis: AxisClient, stickslip_fault: Callable[..., AbstractContextManager[Any]]
-) -> None:
-    with stickslip_fault("axis_stuck"):
-        assert stickslip_axis.step(50).wait().position < 1e-8
-    assert stickslip_axis.step(50).wait().position > 1e-6

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = "stickslip_ros"
-SOURCES = Path(__file__).parent.parent / PACKAGE
+SOURCES = Path(__file__).parents[2] / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
 SHARED = {

@@ -6,7 +6,7 @@ import inspect
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 RECORD = Path(__file__).with_suffix(".txt")
 
 
