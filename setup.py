@@ -98,6 +98,7 @@ setup(
         PACKAGE: ["py.typed"],
         f"{PACKAGE}.paper": ["charts.yaml", "checks.csv", "claims.yaml", "errata.md"],
         f"{PACKAGE}.reporting": ["templates/*.html"],
+        f"{PACKAGE}.solver": ["*.csv"],
         f"{PACKAGE}.workbench": ["*.js"],
     },
     data_files=[
