@@ -318,6 +318,16 @@ class WholeSystem:
         self.y = np.zeros(CREEP + len(half_decades) + 2 * len(self.contacts))
         self.command = 0.0  # V
 
+    @classmethod
+    def moving(
+        cls, p: Parameters, v: float, z: float, accuracy: tuple[float, float]
+    ) -> WholeSystem:
+        """Begin at a speed (m/s), with a deflection (m) of each contact."""
+        system = cls(p, accuracy)
+        system.y[V] = v / _SPEED
+        system.y[CREEP + len(system.system.taus) :: 2] = z / _NM
+        return system
+
     def take(self, plant: Plant) -> None:
         """Go on with other contacts."""
         own = plant.own if plant.own else (0.0, 1.0, 1.0)

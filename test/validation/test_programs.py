@@ -18,16 +18,14 @@ pytest.importorskip("rclpy")
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import Parameters
 from validation import benchmark
-from validation.benchmark import LIMIT, Effort, accuracy
+from validation.benchmark import LIMIT, Effort
 from validation.benchmark.__main__ import main as bench
-from validation.benchmark.accuracy import BAR, CYCLES
-from validation.benchmark.unstable import growth_of
 from validation.campaigns import (
     commands,
     crossing_judges,
     crossings,
+    drives,
     interrupts,
     parameter_sets,
     record_shapes,
@@ -69,33 +67,26 @@ def test_make_installs_the_peers_of_the_extra(monkeypatch: pytest.MonkeyPatch) -
     assert listed[1].split() == handed["extras_require"]["bench"]
 
 
-@pytest.mark.parametrize("count", [15, pytest.param(40, marks=pytest.mark.long)])
-def test_the_solver_keeps_its_promise_on_sets_by_lot(count: int) -> None:
-    found = accuracy.campaign(count, seed=7)
-    assert (found.findings, found.over_budget, len(found.errors)) == ([], [], count)
-    assert found.judged
-
-
 @pytest.mark.slow
-def test_corners_of_all_ranges_end_well() -> None:
-    assert accuracy.campaign(12, seed=3, corners=True).findings == []
-
-
-@pytest.mark.slow
-def test_what_an_unstable_motion_makes_of_an_error_is_no_error_of_the_solver() -> None:
-    """A ringing under a narrow Stribeck curve; but a cycle by itself has to keep the bar."""
-    ringing: dict[str, Any] = {
-        **{"model": "lugre", "preload": 0.875, "mu_s": 10.0, "mu_k": 0.626, "mass": 2.52e-3},
-        **{"v_stribeck": 2.05e-5, "sigma_1": 0.0, "waveform": "triangle", "frequency": 61.3},
-        **{"slewrate": 188.5, "amplitude": 272.8},
-    }
-    growth = growth_of(Parameters.of(ringing), CYCLES, BAR, 200_000)
-    assert growth.committed < BAR
-    assert growth.explained > 3.0 * BAR
-    stiff: dict[str, Any] = {"model": "lugre", "preload": 1.0, "v_stribeck": 1e-3}
-    unstable = Parameters.of({**stiff, "mu_s": 0.3, "mu_k": 0.2})
-    committed = growth_of(unstable, CYCLES, BAR, 200_000).committed
-    assert growth_of(unstable, CYCLES, 0.5 * committed, 200_000).explained == 0.0
+@pytest.mark.parametrize(
+    "judged",
+    [
+        ["--judge", "kernel", "--count", "2", "--seed", "7", "--radians", "1e8", "--corners"],
+        pytest.param(
+            [
+                *("--judge", "topics", "--count", "1", "--seed", "3"),
+                *("--real", "--radians", "1e5", "--effects", "plain,lag"),
+            ],
+            marks=pytest.mark.long,
+        ),
+    ],
+    ids=["kernel", "topics"],
+)
+def test_the_solver_keeps_its_promise_on_drives_by_lot(
+    judged: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Those that an integrator judges are in the tests of the solver."""
+    assert drives.main(judged) == 0, capsys.readouterr().out
 
 
 def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
@@ -238,11 +229,3 @@ def test_a_soak_of_twenty_seconds_finds_nothing(tmp_path: Path) -> None:
     assert (found["findings"], found["lost"], found["gaps"]) == ([], 0, 0)
     assert found["bit_for_bit"] is True
     assert sum(found["commands"].values()) > 20
-
-
-@pytest.mark.long
-def test_what_topics_say_is_what_an_integrator_finds(capsys: pytest.CaptureFixture[str]) -> None:
-    from validation.campaigns import topics
-
-    assert topics.main(["--count", "2", "--seed", "3", "--real", "--radians", "1e5"]) == 0
-    assert "2 drives over topics" in capsys.readouterr().out

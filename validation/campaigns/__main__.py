@@ -38,7 +38,8 @@ def _tests(files: str, text: str, **environment: str) -> Campaign:
 _STUDIES = "validation.campaigns."
 CAMPAIGNS: dict[str, Campaign] = {
     "accuracy": Campaign(
-        "errors of random parameters of every law", ("validation.benchmark", "--accuracy", "20000")
+        "random drives, however stiff, against the kernel at a thousandth of its tolerance",
+        (f"{_STUDIES}drives", "--judge", "kernel", "--count", "500", "--radians", "1e12"),
     ),
     "crossings": Campaign(
         "journeys of users with all they cross: works, refused, unclear, wrong, crash",
@@ -49,7 +50,8 @@ CAMPAIGNS: dict[str, Campaign] = {
         (f"{_STUDIES}drives", "--count", "500"),
     ),
     "topics": Campaign(
-        "random drives that are commanded over topics: ~/truth at rest", (f"{_STUDIES}topics",)
+        "random drives that are commanded over topics: ~/truth at rest",
+        (f"{_STUDIES}drives", "--judge", "topics", "--count", "15"),
     ),
     "targets": Campaign(
         "targets of the closed loop over ranges, loads and effects: ends, times, errors",
