@@ -91,7 +91,7 @@ def test_what_changed_since_the_last_release_is_in_the_changelog() -> None:
     """The record is that of the release; `python test/public_api.py` renews it with the version."""
     pytest.importorskip("rclpy")
     text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
-    forthcoming = re.split(r"\n(?=\d+\.\d+\.\d+ )", text)[0]
+    forthcoming = re.split(r"\n(?=\d+\.\d+\.\d+ \(\d)", text)[0]
     assert (
         unnamed(
             {*public_api.RECORD.read_text("utf-8").split("\n")} - {""},

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from validation.campaigns.arguments import arguments
+from validation.campaigns.hostile import CASES
 
 #: What ``make campaigns ARGS=--help`` shows
 TEXT = """Runs long studies, each of minutes to hours; all of them without a name:
@@ -87,42 +88,18 @@ CAMPAIGNS: dict[str, Campaign] = {
             ("causes", "which causes are named", "10"),
         )
     },
-    "twin-rough": Campaign(
-        "a twin beside an axis that is flooded, starved and started anew",
-        (f"{_STUDIES}rough_twin", "--minutes", "60"),
-    ),
-    "interrupts": Campaign(
-        "Ctrl-C at random moments of each command", (f"{_STUDIES}interrupts", "--moments", "30")
-    ),
     "parameters": Campaign(
         "sets of parameters over all ranges", (f"{_STUDIES}parameter_sets", "--count", "20000")
-    ),
-    "records": Campaign(
-        "records of any shape: a result or a sentence", (f"{_STUDIES}record_shapes",)
     ),
     "commands": Campaign(
         "random commands and parameters on axes of any kind", (f"{_STUDIES}commands",)
     ),
-    "overload": Campaign(
-        "changes at any cost: stops and signals are heard", (f"{_STUDIES}overload", "--sets", "200")
-    ),
-    "endings": Campaign(
-        "recorders and axes that end at random", (f"{_STUDIES}endings", "--moments", "300")
-    ),
-    "kills": Campaign(
-        "recorders that are killed, each recovered to what it had flushed last",
-        (f"{_STUDIES}endings", "--moments", "100", "--only", "recorder, KILL"),
-    ),
-    "floods": Campaign(
-        "hostile bytes on all that two axes and a recorder hear", (f"{_STUDIES}floods",)
-    ),
-    "fuzz": _tests("test_fuzz_*.py", "hostile messages and files", STICKSLIP_FUZZ_S="3600"),
+    **{name: Campaign(case.text, (f"{_STUDIES}hostile", name)) for name, case in CASES.items()},
     "processors": Campaign(
         "the same bits with other features of the processor, and a digest that says where not",
         ("pytest", "-n", "0", "test/golden", "-k", "another"),
     ),
     "warm-up": _tests("test_warm_up.py", "nothing is left to compile", STICKSLIP_WARM_UP="1"),
-    "mutations": _tests("test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"),
 }
 
 

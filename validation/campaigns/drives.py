@@ -128,7 +128,7 @@ def by_kernel(p: Parameters, radians: float) -> float:
     if type(simulation) is Simulation and not size <= limit:
         return math.inf
     off = np.abs(found.position - finer) - _ROUNDING_OF_PLACE * np.abs(finer).max()
-    return float((off / np.arange(1, CYCLES + 1)).max())
+    return max(float((off / np.arange(1, CYCLES + 1)).max()), 0.0)
 
 
 def over_topics(p: Parameters, radians: float) -> float:
