@@ -460,8 +460,7 @@ def positions(
     slips = command.rates[command.slip : command.slip_end]
     lasting = command.durations[command.slip : command.slip_end]
     rate = float(np.abs(slips * lasting).sum() / lasting.sum())
-    system, found, now, slipped = WholeSystem(p, accuracy), [], 0.0, 0.0
-    system.y[CREEP + len(system.system.taus) :: 2] = pushed / _NM
+    system, found, now, slipped = WholeSystem.moving(p, 0.0, pushed, accuracy), [], 0.0, 0.0
     if before:  # warm or cold, of the mean surface
         system.take(aged(p.replace(surface_spread=0.0, slip_spread=0.0), 0.0, 0.0))
         system.segment(before, 0.0)

@@ -22,7 +22,6 @@ from validation import benchmark
 from validation.benchmark import LIMIT, Effort
 from validation.benchmark.__main__ import main as bench
 from validation.campaigns import (
-    commands,
     crossing_judges,
     crossings,
     drives,
@@ -109,7 +108,9 @@ def test_every_campaign_is_a_module_or_tests_that_read_its_variables(
 @pytest.mark.parametrize(
     "name",
     [
-        name if name in ("records", "kills") else pytest.param(name, marks=pytest.mark.long)
+        name
+        if name in ("records", "kills", "commands")
+        else pytest.param(name, marks=pytest.mark.long)
         for name in hostile.CASES
         if name not in ("floods", "clock", "interrupts", "twin")  # for hours, on an idle machine
     ],
@@ -162,12 +163,6 @@ def test_crossings_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     assert crossing_judges.verdict(blocked).startswith("refused: z_ss is")
     monkeypatch.setattr(crossing_judges, "CYCLE", 0.0)
     assert crossing_judges.verdict(case).startswith("WRONG: the position is")
-
-
-@pytest.mark.slow
-def test_axes_under_random_commands_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(commands, "TAKES", 1.0)
-    assert commands.main(["--axes", "2"]) == 0
 
 
 @pytest.mark.slow

@@ -91,9 +91,6 @@ CAMPAIGNS: dict[str, Campaign] = {
     "parameters": Campaign(
         "sets of parameters over all ranges", (f"{_STUDIES}parameter_sets", "--count", "20000")
     ),
-    "commands": Campaign(
-        "random commands and parameters on axes of any kind", (f"{_STUDIES}commands",)
-    ),
     **{name: Campaign(case.text, (f"{_STUDIES}hostile", name)) for name, case in CASES.items()},
     "processors": Campaign(
         "the same bits with other features of the processor, and a digest that says where not",

@@ -69,6 +69,10 @@ CASES = {
     "interrupts": Case(
         "Ctrl-C at random moments of each command", "moments", 30, 2, "interrupts:interrupts"
     ),
+    "commands": Case(
+        "random commands and parameters on axes of any kind, without ROS",
+        *("axes", 300, 2, "commands:commands"),
+    ),
     "overload": Case(
         "changes at any cost: stops and signals are heard", "sets", 200, 2, "overload:overload"
     ),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -43,6 +44,23 @@ class Heard(NamedTuple):
     x: float  #: m
 
 
+def send_steps(world: InProcess, steps: int) -> None:
+    """Command steps over a topic; return when they have begun. NoAnswerError if they do not."""
+    axis, deadline = world.nodes[0], time.monotonic() + _HEARS
+
+    def until(ready: Callable[[], object]) -> None:
+        while not ready():  # simulated time stands still meanwhile
+            if time.monotonic() > deadline:
+                raise NoAnswerError(f"the command was not taken within {_HEARS:g} s")
+            time.sleep(_LOOK)
+
+    topic = f"{axis.get_fully_qualified_name()}/command/steps"
+    sent = world.node("user").create_publisher(Int32, topic, 10)
+    until(sent.get_subscription_count)
+    sent.publish(Int32(data=steps))
+    until(lambda: axis.axis.moving)
+
+
 def heard(p: Parameters, cycles: int, rate: float, folder: Path) -> Heard:
     """Command the steps of a drive over topics. NoAnswerError if the axis does not rest.
 
@@ -51,23 +69,18 @@ def heard(p: Parameters, cycles: int, rate: float, folder: Path) -> Heard:
     lasts = cycles * command_of(p).period
     world = InProcess(folder, {**differing(p), "publish_rate": rate}, {}, own_time=True)
     try:
-        user, true = world.node("user"), list[tuple[int, float, float]]()
+        true: list[tuple[int, float, float]] = []
 
         def hear(message: JointState) -> None:
             at, k = message.header.stamp, message.name.index("axis_slider")
             nanoseconds = 10**9 * at.sec + at.nanosec  # no float tells those since 1970
             true.append((nanoseconds, message.position[k], message.velocity[k]))
 
+        user = world.node("ear")
         user.create_subscription(JointState, "/stickslip_axis/truth", hear, 1000)
-        steps = user.create_publisher(Int32, "/stickslip_axis/command/steps", 10)
-        world.wait_until(lambda: true and steps.get_subscription_count(), what="a state")
+        world.wait_until(lambda: true, what="a state")
         start = true[-1][0] - round(1e9 * world.now)
-        steps.publish(Int32(data=cycles))
-        deadline = time.monotonic() + _HEARS
-        while not world.nodes[0].axis.moving:  # simulated time stands still meanwhile
-            if time.monotonic() > deadline:
-                raise NoAnswerError(f"the command was not taken within {_HEARS:g} s")
-            time.sleep(_LOOK)
+        send_steps(world, cycles)
         begun = world.now
         world.advance(lasts + _REST / rate)
         at, x, v = true[-1]
