@@ -97,6 +97,7 @@ setup(
     package_data={
         PACKAGE: ["py.typed"],
         f"{PACKAGE}.reporting": ["templates/*.html"],
+        f"{PACKAGE}.solver": ["*.csv"],
         f"{PACKAGE}.workbench": ["*.js"],
     },
     data_files=[

@@ -2,8 +2,9 @@
 """Compiles functions of numbers and flat arrays, and caches them on disk.
 
 numba watches only the file of the function that is called from Python. The kernel calls functions
-of other files, so the cache folder carries a digest of every source that may hold compiled code: an
-edit anywhere in them compiles the kernel anew, and never runs code compiled from older text.
+of other files, so the cache folder carries a digest of every source that may hold compiled code and
+of the tables of numbers beside them: an edit anywhere in them compiles the kernel anew, and never
+runs code compiled from older text.
 
 The cache holds machine code, so a folder that other users can write to is not used; where no place
 is safe, each process compiles for itself and says so.
@@ -37,6 +38,8 @@ except ImportError:  # all of it runs as plain Python too, a hundred times slowe
 
 _PACKAGE = Path(__file__).parent
 _ROOMS = ("laws", "model", "solver")
+#: Code, and the tables whose numbers are compiled into it
+_SOURCES = (".py", ".csv")
 
 #: Sources of functions that are not of this package, which the kernel is compiled with
 _foreign: list[bytes] = []
@@ -53,8 +56,9 @@ def _cache_places() -> list[Path]:
     """Return where the cache may be, the best place first."""
     digest = hashlib.sha256()
     for room in _ROOMS:
-        for source in sorted((_PACKAGE / room).rglob("*.py")):
-            digest.update(source.read_bytes())
+        for source in sorted((_PACKAGE / room).rglob("*.*")):
+            if source.suffix in _SOURCES:
+                digest.update(source.read_bytes())
     for part in _foreign:
         digest.update(part)
     name = f"kernel-{digest.hexdigest()[:16]}"

@@ -274,6 +274,21 @@ def _motion(
     return t, found[0, : len(t)], found[1, : len(t)], runs
 
 
+def with_hum(random: np.random.Generator, t: Array, x: Array, hum: float, mains: float) -> Array:
+    """Return readings with hum (m) of mains (Hz) and its harmonics, in phases at random."""
+    for harmonic, part in ((1, 1.0), (2, 0.4), (3, 0.3)):
+        angle = 2.0 * np.pi * harmonic * mains * t + random.uniform(0.0, 6.0)
+        x = x + part * hum * np.sin(angle)
+    return x
+
+
+def pink(random: np.random.Generator, count: int) -> Array:
+    """Return 1/f noise of any size."""
+    spectrum = np.fft.rfft(random.standard_normal(count))
+    spectrum[1:] /= np.sqrt(np.arange(1, len(spectrum)))
+    return np.fft.irfft(spectrum, count)
+
+
 def bench_trace(
     axis: Axis, drives: tuple[Drive, ...], sensor: Sensor, rest: float, seed: int = 0
 ) -> Bench:
@@ -285,9 +300,7 @@ def bench_trace(
     random = np.random.default_rng(seed + 1)
     read = x + sensor.zero + sensor.drift * t
     read = read + sensor.wander * np.sin(2.0 * np.pi * t / (0.7 * t[-1]) + random.uniform(0, 6))
-    for harmonic, part in ((1, 1.0), (2, 0.4), (3, 0.3)):
-        angle = 2.0 * np.pi * harmonic * sensor.mains * t + random.uniform(0.0, 6.0)
-        read = read + part * sensor.hum * np.sin(angle)
+    read = with_hum(random, t, read, sensor.hum, sensor.mains)
     read = read + sensor.noise * random.standard_normal(len(t))
     if sensor.quantum:
         read = sensor.quantum * np.round(read / sensor.quantum)
@@ -323,8 +336,8 @@ def random_axis(random: np.random.Generator) -> Axis:
     )
 
 
-def random_bench(seed: int, hard: bool = True) -> Bench:
-    """Return a trace with a drive and random disturbances; few of them if not hard."""
+def random_bench(seed: int) -> Bench:
+    """Return a trace with up to three drives and random disturbances."""
     random = np.random.default_rng(seed)
     axis = random_axis(random)
     frequency = float(np.exp(random.uniform(np.log(60.0), np.log(6e3))))
@@ -339,41 +352,39 @@ def random_bench(seed: int, hard: bool = True) -> Bench:
         pause=float(max(random.uniform(0.6, 4.0) * period, 2e-3)),
     )
     drives = [first]
-    if hard:
-        if random.random() < 0.1:
-            drives[0] = first = replace(first, cycles=int(random.integers(2, 6)))
-        for _ in range(int(random.choice([0, 0, 1, 2]))):
-            kind = random.choice(["back", "again", "amplitude", "frequency"])
-            drive = replace(
-                first,
-                cycles=int(random.integers(4, 16)),
-                pause=float(max(random.uniform(1.0, 4.0) * period, 4e-3)),
-            )
-            if kind == "back":
-                drive = replace(drive, direction=-first.direction)
-            elif kind == "amplitude":
-                drive = replace(drive, amplitude=amplitude * float(random.uniform(0.6, 0.8)))
-            elif kind == "frequency":
-                drive = replace(drive, frequency=frequency * float(random.uniform(0.5, 0.8)))
-            drives.append(drive)
+    if random.random() < 0.1:
+        drives[0] = first = replace(first, cycles=int(random.integers(2, 6)))
+    for _ in range(int(random.choice([0, 0, 1, 2]))):
+        kind = random.choice(["back", "again", "amplitude", "frequency"])
+        drive = replace(
+            first,
+            cycles=int(random.integers(4, 16)),
+            pause=float(max(random.uniform(1.0, 4.0) * period, 4e-3)),
+        )
+        if kind == "back":
+            drive = replace(drive, direction=-first.direction)
+        elif kind == "amplitude":
+            drive = replace(drive, amplitude=amplitude * float(random.uniform(0.6, 0.8)))
+        elif kind == "frequency":
+            drive = replace(drive, frequency=frequency * float(random.uniform(0.5, 0.8)))
+        drives.append(drive)
     sensor = Sensor(
         rate=rate,
         noise=float(random.uniform(1e-9, 3e-9)),
         offset=float(random.uniform(-0.5, 0.5)),
         zero=float(random.uniform(-1e-6, 1e-6)),
     )
-    if hard:
-        sensor = replace(
-            sensor,
-            noise=float(random.choice([sensor.noise, random.uniform(3e-9, 8e-9)])),
-            quantum=float(random.choice([0.0, 0.0, 1e-9, 5e-9])),
-            hum=float(random.choice([0.0, 0.0, random.uniform(2e-9, 15e-9)])),
-            mains=float(random.choice([50.0, 60.0])),
-            drift=float(random.choice([0.0, random.uniform(-2e-7, 2e-7)])),
-            clock_drift=float(random.choice([0.0, random.uniform(-1e-4, 1e-4)])),
-            spikes=int(random.choice([0, 0, 3, 10])),
-            dropouts=int(random.choice([0, 0, 2])),
-            jitter=float(random.choice([0.0, 0.0, 0.5])),
-        )
+    sensor = replace(
+        sensor,
+        noise=float(random.choice([sensor.noise, random.uniform(3e-9, 8e-9)])),
+        quantum=float(random.choice([0.0, 0.0, 1e-9, 5e-9])),
+        hum=float(random.choice([0.0, 0.0, random.uniform(2e-9, 15e-9)])),
+        mains=float(random.choice([50.0, 60.0])),
+        drift=float(random.choice([0.0, random.uniform(-2e-7, 2e-7)])),
+        clock_drift=float(random.choice([0.0, random.uniform(-1e-4, 1e-4)])),
+        spikes=int(random.choice([0, 0, 3, 10])),
+        dropouts=int(random.choice([0, 0, 2])),
+        jitter=float(random.choice([0.0, 0.0, 0.5])),
+    )
     rest = float(max(random.uniform(0.6, 4.0) * period, 4e-3))
     return bench_trace(axis, tuple(drives), sensor, rest, seed)

@@ -9,15 +9,11 @@ import sys
 from bench_traces import Axis, Drive, Sensor, bench_trace
 
 import stickslip_ros as ss
-from stickslip_ros.model import Plant, drive_of
-from validation.benchmark import judge
 from validation.whole_system import positions
 
 
 def _integrators() -> None:
-    p = ss.Parameters.of({"frequency": 1e4})
-    judge.positions(Plant.of(p), drive_of(p), 1)
-    positions(p, 1)
+    positions(ss.Parameters.of({"frequency": 1e4}), 1)
 
 
 if __name__ == "__main__":

@@ -79,16 +79,16 @@ def test_a_folder_of_a_group_with_others_is_none_of_its_user(
 def test_an_edit_in_any_file_of_the_kernel_has_a_folder_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Or what was compiled from older text would go on running."""
+    """Or what was compiled from older text, or with older numbers, would go on running."""
     monkeypatch.setattr(module, "_PACKAGE", tmp_path)
-    source = tmp_path / "model" / "friction" / "law.py"
-    source.parent.mkdir(parents=True)
+    (tmp_path / "model" / "friction").mkdir(parents=True)
     (tmp_path / "solver").mkdir()
-    folders = set()
-    for text in ("a = 1", "a = 2", "a = 1"):
-        source.write_text(text)
-        folders.add(module.cache_folder())
-    assert len(folders) == 2
+    for name in ("model/friction/law.py", "solver/method.csv"):
+        folders = set()
+        for text in ("1", "2", "1"):
+            (tmp_path / name).write_text(text)
+            folders.add(module.cache_folder())
+        assert len(folders) == 2, name
 
 
 def test_what_is_compiled_lands_in_that_folder(

@@ -318,6 +318,16 @@ class WholeSystem:
         self.y = np.zeros(CREEP + len(half_decades) + 2 * len(self.contacts))
         self.command = 0.0  # V
 
+    @classmethod
+    def moving(
+        cls, p: Parameters, v: float, z: float, accuracy: tuple[float, float]
+    ) -> WholeSystem:
+        """Begin at a speed (m/s), with a deflection (m) of each contact."""
+        system = cls(p, accuracy)
+        system.y[V] = v / _SPEED
+        system.y[CREEP + len(system.system.taus) :: 2] = z / _NM
+        return system
+
     def take(self, plant: Plant) -> None:
         """Go on with other contacts."""
         own = plant.own if plant.own else (0.0, 1.0, 1.0)
@@ -450,8 +460,7 @@ def positions(
     slips = command.rates[command.slip : command.slip_end]
     lasting = command.durations[command.slip : command.slip_end]
     rate = float(np.abs(slips * lasting).sum() / lasting.sum())
-    system, found, now, slipped = WholeSystem(p, accuracy), [], 0.0, 0.0
-    system.y[CREEP + len(system.system.taus) :: 2] = pushed / _NM
+    system, found, now, slipped = WholeSystem.moving(p, 0.0, pushed, accuracy), [], 0.0, 0.0
     if before:  # warm or cold, of the mean surface
         system.take(aged(p.replace(surface_spread=0.0, slip_spread=0.0), 0.0, 0.0))
         system.segment(before, 0.0)

@@ -84,7 +84,9 @@ class Times(NamedTuple):
         start = self.start_ns
         since = [ns - start for ns in recorded]
         if not all(stamps):
-            ahead = np.rint(np.interp(since, *self.clock)).astype(np.int64).tolist()
+            # The clock of a damaged bag may be ahead by more than the integers of NumPy hold.
+            heard, by = (np.asarray(one, dtype=np.float64) for one in self.clock)
+            ahead = [round(one) for one in np.interp(since, heard, by).tolist()]
             since = [ns + more for ns, more in zip(since, ahead, strict=True)]
         times = [
             1e-9 * (stamp - start if stamp else ns) for stamp, ns in zip(stamps, since, strict=True)

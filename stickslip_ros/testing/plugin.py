@@ -47,17 +47,6 @@ _FAST_DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
 _TRANSPORTS = "UDPv4"
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option that names the driver to hold against the contract."""
-    group = parser.getgroup("stickslip_ros")
-    group.addoption(
-        "--stickslip-driver",
-        default="offline",
-        metavar="NAME|MODULE:FACTORY",
-        help="driver that stickslip_ros.testing.contract tests (default: %(default)s)",
-    )
-
-
 def pytest_configure(config: pytest.Config) -> None:
     """Describe the marker."""
     config.addinivalue_line(

@@ -95,3 +95,10 @@ def test_the_other_order_of_bytes_is_left_to_the_library() -> None:
     description = topic("/x", "std_msgs/msg/Int32")
     layouts = Layouts(description.type, description.schema, decoder_for(description))
     assert layouts.rows({k: bytes(data) for k in range(20)}, TIMES) == ([], list(range(20)))
+
+
+def test_times_of_a_damaged_bag_may_be_beyond_all_clocks() -> None:
+    """A stamp as far ahead as the clock of a damaged start lies beyond the integers of NumPy."""
+    (since, recorded) = Times([5], 0, ((0,), (2**64,))).columns([0], [0])
+    assert since == pytest.approx([1e-9 * 2**64])
+    assert recorded == [5]

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
-from validation.benchmark import judge
+from validation import whole_system
 
 #: Error allowed per cycle, m
 BAR = 1e-11
@@ -174,6 +174,5 @@ def test_a_narrow_stribeck_curve_is_that_of_another_integrator() -> None:
     values = FOUND["rough_steps"]["a narrow Stribeck curve"]
     found = positions(values, 1e-11, 20)
     assert found[-1] == pytest.approx(1360.189e-9, abs=0.01e-9)
-    p = Parameters.of(values)
-    true = judge.positions(Plant.of(p), drive_of(p), 2)
+    true = whole_system.positions(Parameters.of(values), 2)
     np.testing.assert_allclose(found[:2], true, atol=2e-12)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -13,11 +12,9 @@ from pathlib import Path
 
 from stickslip_ros.cli.command_line import Parser, finish
 from stickslip_ros.cli.options import progress_bar
-from stickslip_ros.errors import UsageError
 from stickslip_ros.files import check_folder
 from validation import benchmark
 from validation.benchmark import METHODS, OURS, PEERS
-from validation.benchmark.accuracy import campaign
 
 CASE_NAMES = [case.name for case in benchmark.CASES]
 
@@ -60,37 +57,12 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE.png",
         help="draw error against cost, one panel for each case",
     )
-    parser.add_argument(
-        "--accuracy",
-        type=int,
-        metavar="N",
-        help="instead, compare N random sets of parameters with a finer tolerance and some of "
-        "them with an independent integrator; exit code 1 if one is off by more than "
-        "0.01 nm a cycle",
-    )
-    parser.add_argument("--seed", type=int, default=0, help="of the random sets (default: 0)")
-    parser.add_argument(
-        "--corners", action="store_true", help="random sets from the ends of all ranges, too"
-    )
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        metavar="N",
-        help="processes for the random sets (default: one per processor)",
-    )
-    parser.add_argument(
-        "--no-judge",
-        action="store_true",
-        help="leave out the integration of another kind, which takes most of the time",
-    )
     parser.set_defaults(run=run)
     return parser
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure; return the exit code."""
-    if args.accuracy is not None:
-        return _accuracy(args)
     if args.plot:
         check_folder(args.plot)
     wanted = args.cases or (_QUICK_CASES if args.quick else CASE_NAMES)
@@ -112,20 +84,6 @@ def run(args: argparse.Namespace) -> int:
         benchmark.plot(args.plot, results)
     print(json.dumps(benchmark.as_json(results)) if args.json else benchmark.summary(results))
     return 0
-
-
-def _accuracy(args: argparse.Namespace) -> int:
-    if args.accuracy < 1:
-        raise UsageError(f"--accuracy is {args.accuracy}; it has to be 1 or more")
-    if args.jobs is not None and args.jobs < 1:
-        raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
-    jobs = args.jobs or os.cpu_count() or 1
-    with progress_bar(args.accuracy, "bench") as bar:
-        found = campaign(
-            args.accuracy, args.seed, args.corners, jobs, not args.no_judge, bar.update
-        )
-    print(json.dumps(found.as_json()) if args.json else found.text())
-    return 1 if found.findings else 0
 
 
 def main(argv: Sequence[str] | None = None) -> int:

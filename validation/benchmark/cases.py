@@ -129,7 +129,7 @@ class Case:
             kept.append(copy.deepcopy(simulation))
             simulation.run_cycles(1)
         return Problem(
-            self,
+            p,
             plant,
             drive_cycle,
             Scaled.of(plant, drive_cycle),
@@ -149,7 +149,7 @@ CASES = tuple(
 class Problem:
     """A case made ready: the settled cycles that every method is asked to repeat."""
 
-    case: Case
+    parameters: Parameters
     plant: Plant
     drive_cycle: DriveCycle
     scaled: Scaled

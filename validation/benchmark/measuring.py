@@ -8,7 +8,6 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from validation.benchmark import judge
 from validation.benchmark.cases import FINEST, Case, Problem
 from validation.benchmark.methods import (
     DEFAULT_TOLERANCE,
@@ -18,9 +17,12 @@ from validation.benchmark.methods import (
     Method,
     MissingPeer,
 )
+from validation.whole_system import WholeSystem
 
 #: Error per cycle (m) that a peer may have where its speed is quoted.
 LIMIT = 1e-11
+#: Accuracy of the reference, and a coarser one that has to give the same; as `whole_system` has it.
+_REFERENCE, _COARSER = (1e-14, 1e-11), (1e-13, 1e-10)
 #: A method has failed, rather than been inaccurate, beyond this error per cycle, m.
 _LOST = 1e-6
 
@@ -99,7 +101,7 @@ class CaseResult:
 
     case: Case
     gap: float  #: between the reference and our kernel at its finest, m per cycle
-    reference_gap: float  #: between the reference and itself with steps half as long, m per cycle
+    reference_gap: float  #: between the reference and itself at a coarser accuracy, m per cycle
     measured: dict[str, Measured]
 
     @property
@@ -165,9 +167,9 @@ def measure(
 ) -> CaseResult:
     """Measure one case. The repeats of all methods are interleaved, so that noise hits all."""
     problem = case.problem(effort.cycles)
-    singles, drift = _truth(problem, 0.5)
+    singles, drift = _truth(problem, _REFERENCE)
     gap = _error(problem, methods[OURS], FINEST, singles, drift)
-    reference_gap = _distance(*_truth(problem, 0.25), singles, drift)
+    reference_gap = _distance(*_truth(problem, _COARSER), singles, drift)
     measured = {}
     for name in METHODS:
         if name in missing:
@@ -185,10 +187,19 @@ def measure(
     return CaseResult(case, gap, reference_gap, measured)
 
 
-def _truth(problem: Problem, fine: float) -> tuple[list[float], float]:
+def _truth(problem: Problem, accuracy: tuple[float, float]) -> tuple[list[float], float]:
     """Return the displacements (m) over each single cycle and over all of them in one run."""
-    singles = [judge.displacement(problem, k, 1, fine) for k in range(problem.cycles)]
-    return singles, judge.displacement(problem, 0, problem.cycles, fine)
+
+    def displacement(cycle: int, count: int) -> float:
+        start, drive = problem.starts[cycle], problem.drive_cycle
+        system = WholeSystem.moving(problem.parameters, start.v, start.z, accuracy)
+        segments = list(zip(drive.durations.tolist(), drive.rates.tolist(), strict=True))
+        for duration, rate in count * segments:
+            system.segment(duration, rate / problem.parameters.actuator.gain)
+        return system.x
+
+    singles = [displacement(k, 1) for k in range(problem.cycles)]
+    return singles, displacement(0, problem.cycles)
 
 
 def _distance(

@@ -5,5 +5,5 @@ import sys
 from pathlib import Path
 
 _TESTS = Path(__file__).resolve().parents[2] / "test"
-# The integrators that share nothing with the package belong to the tests.
-sys.path[:0] = [str(_TESTS), str(_TESTS / "identification")]
+# The integrators that share nothing with the package belong to the tests, and what makes bags.
+sys.path[:0] = [str(_TESTS / room) for room in ("", "identification", "recordings")]

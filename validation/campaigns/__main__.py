@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from validation.campaigns.arguments import arguments
+from validation.campaigns.hostile import CASES
 
 #: What ``make campaigns ARGS=--help`` shows
 TEXT = """Runs long studies, each of minutes to hours; all of them without a name:
@@ -38,7 +39,8 @@ def _tests(files: str, text: str, **environment: str) -> Campaign:
 _STUDIES = "validation.campaigns."
 CAMPAIGNS: dict[str, Campaign] = {
     "accuracy": Campaign(
-        "errors of random parameters of every law", ("validation.benchmark", "--accuracy", "20000")
+        "random drives, however stiff, against the kernel at a thousandth of its tolerance",
+        (f"{_STUDIES}drives", "--judge", "kernel", "--count", "500", "--radians", "1e12"),
     ),
     "crossings": Campaign(
         "journeys of users with all they cross: works, refused, unclear, wrong, crash",
@@ -49,7 +51,8 @@ CAMPAIGNS: dict[str, Campaign] = {
         (f"{_STUDIES}drives", "--count", "500"),
     ),
     "topics": Campaign(
-        "random drives that are commanded over topics: ~/truth at rest", (f"{_STUDIES}topics",)
+        "random drives that are commanded over topics: ~/truth at rest",
+        (f"{_STUDIES}drives", "--judge", "topics", "--count", "15"),
     ),
     "targets": Campaign(
         "targets of the closed loop over ranges, loads and effects: ends, times, errors",
@@ -83,42 +86,15 @@ CAMPAIGNS: dict[str, Campaign] = {
             ("causes", "which causes are named", "10"),
         )
     },
-    "twin-rough": Campaign(
-        "a twin beside an axis that is flooded, starved and started anew",
-        (f"{_STUDIES}rough_twin", "--minutes", "60"),
-    ),
-    "interrupts": Campaign(
-        "Ctrl-C at random moments of each command", (f"{_STUDIES}interrupts", "--moments", "30")
-    ),
     "parameters": Campaign(
         "sets of parameters over all ranges", (f"{_STUDIES}parameter_sets", "--count", "20000")
     ),
-    "records": Campaign(
-        "records of any shape: a result or a sentence", (f"{_STUDIES}record_shapes",)
-    ),
-    "commands": Campaign(
-        "random commands and parameters on axes of any kind", (f"{_STUDIES}commands",)
-    ),
-    "overload": Campaign(
-        "changes at any cost: stops and signals are heard", (f"{_STUDIES}overload", "--sets", "200")
-    ),
-    "endings": Campaign(
-        "recorders and axes that end at random", (f"{_STUDIES}endings", "--moments", "300")
-    ),
-    "kills": Campaign(
-        "recorders that are killed, each recovered to what it had flushed last",
-        (f"{_STUDIES}endings", "--moments", "100", "--only", "recorder, KILL"),
-    ),
-    "floods": Campaign(
-        "hostile bytes on all that two axes and a recorder hear", (f"{_STUDIES}floods",)
-    ),
-    "fuzz": _tests("test_fuzz_*.py", "hostile messages and files", STICKSLIP_FUZZ_S="3600"),
+    **{name: Campaign(case.text, (f"{_STUDIES}hostile", name)) for name, case in CASES.items()},
     "processors": Campaign(
         "the same bits with other features of the processor, and a digest that says where not",
         ("pytest", "-n", "0", "test/golden", "-k", "another"),
     ),
     "warm-up": _tests("test_warm_up.py", "nothing is left to compile", STICKSLIP_WARM_UP="1"),
-    "mutations": _tests("test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"),
 }
 
 

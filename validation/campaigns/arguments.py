@@ -19,7 +19,8 @@ def arguments(
     text: what ``--help`` shows first, the docstring of the campaign.
     places: names without dashes; each with a type if it is needed, with a default if it can be left
     out, with a set if it is one of these, with a list if there may be any number of it.
-    options: names with their defaults; False stands for a switch, a tuple for one word or more.
+    options: names with their defaults; False stands for a switch, a tuple for one word or more, a
+    list for one of its words, the first if none is given.
     """
     parser = argparse.ArgumentParser(
         description=text, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -37,6 +38,8 @@ def arguments(
         flag, shown = f"--{name.replace('_', '-')}", "(default: %(default)s)"
         if default is False:
             parser.add_argument(flag, action="store_true")
+        elif isinstance(default, list):
+            parser.add_argument(flag, choices=default, default=default[0], help=shown)
         elif isinstance(default, tuple):
             parser.add_argument(flag, nargs="+", default=default, help=shown)
         else:

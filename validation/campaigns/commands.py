@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random commands and parameters, one after the other, on axes of any kind, without ROS.
 
-    python -m validation.campaigns.commands [--axes 300] [--first 0]
-
 Parameters are changed by up to a factor of a hundred, or to an end of their range, while whatever
 was commanded goes on. Each command has to be carried out or refused, and the axis has to tell its
 status and go on in time after each; a fault is reset.
@@ -11,7 +9,6 @@ status and go on in time after each; a fault is reset.
 from __future__ import annotations
 
 import random
-import sys
 import time
 import traceback
 from collections.abc import Sequence
@@ -21,7 +18,6 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.row import Parameter
-from validation.campaigns.arguments import arguments
 from validation.soak.run import RandomCommands
 
 #: s of simulated time of each axis, and of the processor at most
@@ -91,17 +87,11 @@ def run(seed: int) -> str:
     return ""
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run axes; return 1 if something went wrong with one."""
-    args = arguments(__doc__, argv, axes=300, first=0)
+def commands(axes: int, first: int) -> int:
+    """Run axes, from the seed of the first one on; return with how many something went wrong."""
     found = 0
-    for seed in range(args.first, args.first + args.axes):
+    for seed in range(first, first + axes):
         if said := run(seed):
             found += 1
             print(f"seed {seed}: {said}", flush=True)
-    print(f"{args.axes} axes, {found} with errors")
-    return 1 if found else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return found

@@ -304,11 +304,11 @@ def sensor_fault(case: Case) -> str:
 
 def _in_node(case: Case, others: dict[str, dict[str, Any]], record: bool = False) -> str:
     from rclpy.logging import set_logger_level
-    from std_msgs.msg import Int32
 
     from stickslip_ros.ros.in_process import InProcess
     from stickslip_ros.ros.recorder_node import RecorderNode
     from stickslip_ros.testing.plugin import own_domain
+    from validation.campaigns.topics import send_steps
 
     set_logger_level("", 40)  # errors
     folder, lasts = Path.cwd(), abs(case.steps) * period_of(case) + 0.1
@@ -329,15 +329,8 @@ def _in_node(case: Case, others: dict[str, dict[str, Any]], record: bool = False
                 ):
                     time.sleep(0.05)
             world.advance(0.1)
-            begun, name = world.nodes[0].axis.state.t, world.nodes[0].get_fully_qualified_name()
-            sent = world.node("user").create_publisher(Int32, f"{name}/command/steps", 10)
-            until = time.monotonic() + 20.0  # s of the machine; time stands still meanwhile
-            while not sent.get_subscription_count() and time.monotonic() < until:
-                time.sleep(1e-3)
-            sent.publish(Int32(data=case.steps))
-            while not world.nodes[0].axis.moving:
-                assert time.monotonic() < until, "the command is not taken"
-                time.sleep(1e-3)
+            begun = world.nodes[0].axis.state.t
+            send_steps(world, case.steps)
             world.advance(lasts)
             axis = world.nodes[0].axis
             found, p, now = axis.state.x, axis.parameters, axis.state.t

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recorders and axes that end at random moments: what is kept, what is said, what goes on.
 
-    python -m validation.campaigns.endings [--moments 300] [--seed 1] [--only "recorder, KILL"]
-
 A recorder takes a topic of 500 messages a second, an axis jogs; after up to three seconds it is
 killed, gets a signal or two, loses its folder, or its disk is full (of 4 MB, where one may be
 mounted). Exit codes have to be those of docs/node.md, one line says what went wrong, no process is
@@ -18,12 +16,11 @@ import resource
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
@@ -33,13 +30,11 @@ from std_msgs.msg import Float64
 
 from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
 from stickslip_ros.ros.axis_host import compile_axis
-from stickslip_ros.ros.child_process import choose_domain
+from stickslip_ros.ros.child_process import ChildError, choose_domain
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.process import SpinThread
-from validation.campaigns.arguments import arguments
-from validation.campaigns.processes import ended, waited
+from validation.campaigns.processes import PATIENCE, Program, ended, waited
 
-ROOT = Path(__file__).resolve().parents[2]
 LOST = 0.5  #: s of messages at most that an end without a warning costs
 #: s between a message and the recorder: the middleware, and the round of an executor
 LATENCY = 0.1
@@ -55,7 +50,6 @@ RECORDER = {
     "gone": 1,
 }
 AXIS = {**dict.fromkeys([*SIGNALS, "INT twice"], 0), "KILL": -signal.SIGKILL}
-PATIENCE = 60.0  # s
 
 
 class Numbers:
@@ -80,16 +74,7 @@ class Numbers:
             self._publisher.publish(Float64(data=time.monotonic()))
 
 
-def _started(folder: Path, *words: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "stickslip_ros.executables", *words]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with (folder / "log").open("wb") as log:
-        return subprocess.Popen(
-            command, cwd=folder, env=environment, stdout=log, stderr=log, start_new_session=True
-        )
-
-
-def _end(process: subprocess.Popen[bytes], how: str, lot: random.Random, folder: Path) -> None:
+def _end(process: Program, how: str, lot: random.Random, folder: Path) -> None:
     """Do to a process what ends it."""
     if how == "disk full":
         with (folder / "disk" / "other").open("wb", buffering=0) as other, suppress(OSError):
@@ -101,7 +86,7 @@ def _end(process: subprocess.Popen[bytes], how: str, lot: random.Random, folder:
     elif how == "gone":
         shutil.rmtree(folder / BAG)
     elif how == "KILL":
-        process.kill()
+        os.kill(process.pid, signal.SIGKILL)
     else:
         name, _, twice = how.partition(" ")
         os.kill(process.pid, SIGNALS[name])
@@ -109,41 +94,24 @@ def _end(process: subprocess.Popen[bytes], how: str, lot: random.Random, folder:
             os.kill(process.pid, SIGNALS[name])  # Popen would reap one that has just ended
 
 
-def _faults_of_end(process: subprocess.Popen[bytes], how: str, codes: dict[str, int]) -> list[str]:
-    found = []
-    if not ended(process.pid, PATIENCE):
-        found.append(f"it still ran after {PATIENCE:g} s")
-        process.kill()
-    if process.wait() != codes[how]:
-        found.append(f"exit code {process.returncode} instead of {codes[how]}")
-    try:
-        os.killpg(process.pid, signal.SIGKILL)
-        found.append("it left a process")
-    except ProcessLookupError:
-        pass
-    return found
-
-
 def a_recorder(how: str, lot: random.Random, folder: Path, numbers: Numbers) -> list[str]:
     """Let a recorder end; return what was wrong."""
-    process = _started(
+    process = Program(
         folder, "recorder_node", "--ros-args", "-p", f"output:={BAG}", "-p", "topics:=[/numbers]"
     )
-    deadline = time.monotonic() + PATIENCE
-    while "first message of /numbers" not in (folder / "log").read_text():
-        if time.monotonic() > deadline:
-            process.kill()
-            return ["it did not begin: " + (folder / "log").read_text()]
-        time.sleep(0.01)
+    try:
+        process.wait_for("first message of /numbers")
+    except ChildError as error:
+        process.end()
+        return [str(error)]
     time.sleep(lot.uniform(0.0, 2.0))
     before = waited(process.pid)
     time.sleep(1.0)
     last, idle = time.monotonic(), waited(process.pid) - before
     _end(process, how, lot, folder)
-    found = _faults_of_end(process, how, RECORDER)
-    said = (folder / "log").read_text(errors="replace")
-    if "Traceback" in said or (RECORDER[how] == 1 and "recorder_node: " not in said):
-        found.append(f"it said {said[-500:]}")
+    found = process.faults(RECORDER[how])
+    if RECORDER[how] == 1 and "recorder_node: " not in process.said:
+        found.append(f"it said {process.said[-500:]}")
     if how == "gone":
         return found
     (folder / "disk" / "other").unlink(missing_ok=True)  # room to recover it
@@ -170,17 +138,15 @@ def _last_kept(folder: Path) -> float:
 
 def an_axis(how: str, lot: random.Random, folder: Path) -> list[str]:
     """Let an axis end that jogs; return what was wrong."""
-    process = _started(folder, "axis_node")
+    process = Program(folder, "axis_node")
     try:
         with AxisClient(timeout=PATIENCE) as client:
             client.jog(1000.0)
             time.sleep(lot.uniform(0.0, 2.0))
             _end(process, how, lot, folder)
-            found = _faults_of_end(process, how, AXIS)
+            return process.faults(AXIS[how])
     finally:
-        process.kill()
-    said = (folder / "log").read_text(errors="replace")
-    return [*found, said[-500:]] if "Traceback" in said else found
+        process.end()
 
 
 @contextmanager
@@ -226,7 +192,7 @@ def _signals_for_children() -> Iterator[None]:
 
 
 @_signals_for_children()
-def study(moments: int, seed: int, only: str = "") -> int:
+def endings(moments: int, seed: int, only: str = "") -> int:
     """Try so many ends, all or only those of a name; print the bad ones, return their number."""
     choose_domain()
     compile_axis()
@@ -257,13 +223,3 @@ def study(moments: int, seed: int, only: str = "") -> int:
     print(", ".join(f"{name}: {count}" for name, count in sorted(tried.items())))
     print(f"{moments} ends, {bad} bad, load {os.getloadavg()[0]:.1f}")
     return bad
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the study; return 1 if an end was bad."""
-    args = arguments(__doc__, argv, moments=300, seed=1, only="")
-    return int(study(args.moments, args.seed, args.only) > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -24,7 +24,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench_traces import GAIN, SLEWRATE, Array, Axis, Drive, integrate_pieces, random_axis
+from bench_traces import (
+    GAIN,
+    SLEWRATE,
+    Array,
+    Axis,
+    Drive,
+    integrate_pieces,
+    pink,
+    random_axis,
+    with_hum,
+)
 from experiments import truth_of
 from other_axes import Other, other_trace
 
@@ -118,16 +128,11 @@ class Instrument:
         times = t[::OVER] + self.latency
         count = len(times)
         noise = self.white * random.standard_normal(count)
-        spectrum = np.fft.rfft(random.standard_normal(count))
-        spectrum[1:] /= np.sqrt(np.arange(1, len(spectrum)))
-        pink = np.fft.irfft(spectrum, count)
-        noise += self.pink * pink / np.std(pink)
+        shaped = pink(random, count)
+        noise += self.pink * shaped / np.std(shaped)
         noise += self.walk * np.cumsum(random.standard_normal(count)) / math.sqrt(count)
         quiet = seen + noise
-        read = quiet + self.drift * times
-        for order, part in ((1, 1.0), (2, 0.4), (3, 0.3)):
-            angle = 2.0 * math.pi * order * self.mains * times + random.uniform(0.0, 6.0)
-            read = read + part * self.hum * np.sin(angle)
+        read = with_hum(random, times, quiet + self.drift * times, self.hum, self.mains)
         if self.resolution:
             read = self.resolution * np.round(read / self.resolution)
         return times, read, quiet

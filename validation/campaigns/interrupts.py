@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ctrl-C at random moments of every command: how soon it ends, with which code, what it leaves.
 
-    python -m validation.campaigns.interrupts [--moments 30] [--seed 1] [COMMAND ...]
-
 Each command runs once to its end, and then MOMENTS times to a SIGINT at a random moment of that
 time: it loads, compiles, reads, computes or writes by then. It has to end within 0.2 s with exit
 code 130 (or as if it had ended by itself), and may leave files only as a whole. The time is that
@@ -17,17 +15,14 @@ import random
 import re
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from validation.campaigns.arguments import arguments
-from validation.campaigns.processes import ended, waited
+from validation.campaigns.processes import Program, ended
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES, BAGS = ROOT / "examples" / "samples", ROOT / "test" / "golden" / "bags"
@@ -90,45 +85,21 @@ class End:
 
 def run(command: Command, after: float | None, cache: Path) -> End:
     """Run a command, to its end or to a signal after so many seconds."""
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(ROOT),
+    domain = {
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
     }
     if command.compiles:
-        environment["NUMBA_CACHE_DIR"] = str(cache)
-    with tempfile.TemporaryDirectory() as name, tempfile.TemporaryFile() as said:
-        words = [sys.executable, "-m", "stickslip_ros.cli.main", *command.text.split()]
-        child = subprocess.Popen(
-            words, cwd=name, env=environment, stdout=said, stderr=said, start_new_session=True
-        )
-        took = 0.0
-        try:
-            if after is None:
-                child.wait(PATIENCE)
-            elif not ended(child.pid, after):
-                before, begin = waited(child.pid), time.monotonic()
-                os.killpg(child.pid, signal.SIGINT)
-                ended(child.pid, PATIENCE)
-                took = time.monotonic() - begin - (waited(child.pid) - before)
-            code = child.poll() or 0
-        finally:
-            if child.poll() is None:
-                child.kill()
-                child.wait()
-        left = frozenset(os.listdir(name)) | _rest(child.pid)
-        said.seek(0)
-        return End(code, took, said.read().decode(errors="replace"), left)
-
-
-def _rest(group: int) -> set[str]:
-    """Return the processes that a command left behind in its group, and end them."""
-    try:
-        os.killpg(group, signal.SIGKILL)
-    except ProcessLookupError:
-        return set()
-    return {"a process"}
+        domain["NUMBA_CACHE_DIR"] = str(cache)
+    with tempfile.TemporaryDirectory() as name:
+        words, took = command.text.split(), 0.0
+        child = Program(Path(name), *words, module="stickslip_ros.cli.main", **domain)
+        if after is None:
+            ended(child.pid, PATIENCE)
+        elif not ended(child.pid, after):
+            took = child.signalled(signal.SIGINT, PATIENCE, group=True)
+        code, left = child.closed()
+        return End(code, took, child.said, frozenset([*os.listdir(name), *left]) - {"log"})
 
 
 def faults(command: Command, whole: frozenset[str], end: End) -> Iterator[str]:
@@ -189,12 +160,7 @@ def _cache(command: Command) -> Iterator[Path]:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the study; return 1 if a command ended badly."""
-    args = arguments(__doc__, argv, {"names": [*COMMANDS]}, moments=30, seed=1)
+def interrupts(moments: int, seed: int, only: str = "") -> int:
+    """Interrupt all commands, or one; return the number of bad ends."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
-    return int(sum(study(name, args.moments, args.seed) for name in args.names or COMMANDS) > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return sum(study(name, moments, seed) for name in ([only] if only else COMMANDS))

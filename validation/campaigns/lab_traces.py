@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from bench_traces import GAIN, Axis, Drive, Sensor, TrueRun, bench_trace, random_bench
+from bench_traces import GAIN, Axis, Drive, Sensor, TrueRun, bench_trace, pink, random_bench
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -214,9 +214,7 @@ def _walk(plan: Plan, t: Array, run: TrueRun) -> Array:
 
 
 def _pink(plan: Plan, t: Array, run: TrueRun) -> Array:
-    spectrum = np.fft.rfft(plan.random.standard_normal(len(t)))
-    spectrum[1:] /= np.sqrt(np.arange(1, len(spectrum)))
-    noise = np.fft.irfft(spectrum, len(t))
+    noise = pink(plan.random, len(t))
     return np.asarray(plan.evenly(0.02, 0.08) * abs(run.step_size) * noise / np.std(noise))
 
 

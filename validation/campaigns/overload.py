@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An axis whose parameters change at random, at any cost: it hears every stop and every signal.
 
-    python -m validation.campaigns.overload [--sets 200] [--seed 1]
-
 One peer changes parameters and amplitude of a moving axis, however much they cost, and stops it
 after each change. After twenty sets the axis is ended by a signal, and begins anew. Each stop has
 to be answered, and each signal to end the process, within 0.2 s; the status has to name an overload
@@ -15,11 +13,9 @@ from __future__ import annotations
 import math
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -32,8 +28,7 @@ import numpy as np
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.simulation import warm_up
-from validation.campaigns.arguments import arguments
-from validation.campaigns.processes import ended, memory_of, waited, waited_here
+from validation.campaigns.processes import PATIENCE, Program, memory_of, waited, waited_here
 from validation.draws import even
 
 HEARD = 0.2  #: s at most to an answer, or from a signal to the end
@@ -61,7 +56,6 @@ CHANGED = {
 SETS_OF_AN_AXIS = 20
 #: MB that an axis may grow by in the second half of its sets: what DDS holds for late readers
 GROWTH = 10.0
-PATIENCE = 60.0  # s
 
 
 @dataclass
@@ -88,14 +82,12 @@ def drawn(lot: np.random.Generator, ranges: Mapping[str, tuple[float, float]]) -
     return values
 
 
-def an_axis(lot: np.random.Generator, sets: int, heard: Heard, log: Path) -> None:
+def an_axis(lot: np.random.Generator, sets: int, heard: Heard, folder: Path) -> None:
     """Let one axis live through so many sets, and end it by a signal."""
     words = ["axis_node", "--ros-args", "-p", "slewrate:=50.0", "-p", "max_frequency:=25000.0"]
     for name, value in drawn(lot, AT_START).items():
         words += ["-p", f"{name}:={value}"]
-    with log.open("wb") as stream:
-        command = [sys.executable, "-m", "stickslip_ros.executables", *words]
-        process = subprocess.Popen(command, stdout=stream, stderr=stream)
+    process = Program(folder, *words)
     try:
         with AxisClient(timeout=PATIENCE) as client:
             memory = []
@@ -106,20 +98,12 @@ def an_axis(lot: np.random.Generator, sets: int, heard: Heard, log: Path) -> Non
             with suppress(CommandRefused):  # in a fault of the last set
                 client.jog(1000.0)
             ending = signal.SIGINT if lot.random() < 0.5 else signal.SIGTERM
-            before, begin = waited(process.pid), time.monotonic()
-            process.send_signal(ending)
-            ended(process.pid, PATIENCE)
-            heard.ends.append(time.monotonic() - begin - waited(process.pid) + before)
-        if process.poll() != 0:
-            heard.faults.append(f"exit code {process.returncode} after {ending.name}")
+            heard.ends.append(process.signalled(ending))
+        heard.faults += [f"after {ending.name}: {fault}" for fault in process.faults(0)]
     except TimeoutError as error:
-        heard.faults.append(f"{error}; it said: {log.read_text(errors='replace')[-2000:]}")
+        heard.faults.append(f"{error}; it said: {process.said[-2000:]}")
     finally:
-        process.kill()
-        process.wait()
-    said = log.read_text(errors="replace")
-    if "Traceback" in said:
-        heard.faults.append(said[said.index("Traceback") :][:500])
+        process.end()
 
 
 def _one_set(lot: np.random.Generator, client: AxisClient, pid: int, heard: Heard) -> None:
@@ -154,26 +138,21 @@ def study(sets: int, seed: int) -> Heard:
     heard, lot = Heard(), np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
         for first in range(0, sets, SETS_OF_AN_AXIS):
-            an_axis(lot, min(SETS_OF_AN_AXIS, sets - first), heard, Path(folder) / "axis.log")
+            an_axis(lot, min(SETS_OF_AN_AXIS, sets - first), heard, Path(folder))
     heard.faults += [f"ended {took:.3f} s after a signal" for took in heard.ends if took > HEARD]
     heard.faults += [f"grew by {size:.0f} MB" for size in heard.growth if size > GROWTH]
     return heard
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Print what was heard; return 1 for a fault."""
-    args = arguments(__doc__, argv, sets=200, seed=1)
-    heard = study(args.sets, args.seed)
+def overload(sets: int, seed: int) -> int:
+    """Print what was heard; return how many faults."""
+    heard = study(sets, seed)
     print(*heard.faults, sep="\n")
     most = partial(max, default=math.nan)  # where an axis was silent, there is none
     print(
         f"{len(heard.stops)} sets ({heard.refused} refused, {heard.overloaded} overloaded): stops "
         f"answered within {most(heard.stops):.3f} s (median {median(heard.stops or [math.nan]):.3f}"
         f"), {len(heard.ends)} signals within {most(heard.ends):.3f} s, growth at most "
-        f"{most(heard.growth):.1f} MB, load {os.getloadavg()[0]:.1f}; {len(heard.faults)} faults"
+        f"{most(heard.growth):.1f} MB, load {os.getloadavg()[0]:.1f}"
     )
-    return int(bool(heard.faults))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return len(heard.faults)

@@ -8,9 +8,17 @@ so campaigns take it off.
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
+from child import environment
+
+from stickslip_ros.ros.child_process import ChildProcess
+
+PATIENCE = 60.0  # s
 FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
 
 
@@ -53,3 +61,58 @@ def with_clock_of(file: Path) -> dict[str, str]:
         "FAKETIME_DONT_FAKE_MONOTONIC": "1",
         "NO_FAKE_STAT": "1",
     }
+
+
+class Program(ChildProcess):
+    """A program of the package in a folder and a session of its own; its end is measured."""
+
+    def __init__(
+        self,
+        folder: Path,
+        *words: str,
+        module: str = "stickslip_ros.executables",
+        **changes: str,
+    ) -> None:
+        """Start it; changes are those of the environment."""
+        with (folder / "log").open("wb") as log:
+            child = subprocess.Popen(
+                [sys.executable, "-m", module, *words], cwd=folder, env=environment(**changes),
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True,
+            )  # fmt: skip
+        super().__init__(words[0], folder / "log", child)
+
+    @property
+    def said(self) -> str:
+        """All that it has said."""
+        return self._said()
+
+    def signalled(self, number: int, seconds: float = PATIENCE, group: bool = False) -> float:
+        """Send a signal; return how long it took to the end, s, without waiting for a processor."""
+        before, begin = waited(self.pid), time.monotonic()
+        # Popen would reap one that has just ended.
+        (os.killpg if group else os.kill)(self.pid, number)
+        ended(self.pid, seconds)
+        return time.monotonic() - begin - (waited(self.pid) - before)
+
+    def closed(self) -> tuple[int, list[str]]:
+        """Wait for the end, by force if it does not come; return its exit code, what was bad."""
+        found = []
+        if not ended(self.pid, PATIENCE):
+            found.append(f"it still ran after {PATIENCE:g} s")
+            self._child.kill()
+        code = self._child.wait()
+        try:
+            os.killpg(self.pid, signal.SIGKILL)
+            found.append("it left a process")
+        except ProcessLookupError:
+            pass
+        return code, found
+
+    def faults(self, *codes: int) -> list[str]:
+        """Wait for the end; return what was bad, an exit code other than these and a traceback."""
+        code, found = self.closed()
+        if code not in codes:
+            found.append(f"exit code {code} instead of {' or '.join(map(str, codes))}")
+        if "Traceback" in self.said:
+            found.append(self.said[self.said.index("Traceback") :][:800])
+        return found

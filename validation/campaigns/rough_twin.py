@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A twin beside an axis that is flooded, starved and started anew: it lives, and tells each gap.
 
-    python -m validation.campaigns.rough_twin [--minutes 60] [--seed 1]
-
 Between steps back and forth the axis is stopped for seconds, or ended and started again; others
 publish readings that are late, doubled or no numbers, and more commands than an axis takes; or the
 twin itself gets no processor. The twin has to live, to report once a second, to count each gap,
@@ -13,11 +11,13 @@ reported is a false alarm.
 from __future__ import annotations
 
 import math
+import os
+import shutil
 import signal
-import subprocess
-import sys
+import tempfile
 import time
 from collections import Counter, deque
+from pathlib import Path
 
 import numpy as np
 import rclpy
@@ -27,8 +27,8 @@ from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
-from validation.campaigns.arguments import arguments
-from validation.campaigns.processes import ended, memory_of
+from stickslip_ros.ros.child_process import choose_domain
+from validation.campaigns.processes import Program, memory_of
 
 AXIS = ("axis_node", "--ros-args", "-p", "frequency:=100.0", "-p", "publish_rate:=100.0")
 TWIN = ("twin_node", "--ros-args", "-r", "measured:=/joint_states", "-p", "timing:=0.0001")
@@ -86,22 +86,20 @@ class Peer(Node):
             rclpy.spin_once(self, timeout_sec=0.0)
 
 
-def started(words: tuple[str, ...]) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-m", "stickslip_ros.executables", *words])
-
-
-def main() -> int:
-    """Run; return 1 if anything was not as it has to be."""
-    args = arguments(__doc__, minutes=60.0, seed=1)
-    lot, faults, done = np.random.default_rng(args.seed), list[str](), Counter[str]()
+def rough(minutes: float, seed: int) -> int:
+    """Treat a twin so long; return how much was not as it has to be."""
+    choose_domain()
+    lot, faults, done = np.random.default_rng(seed), list[str](), Counter[str]()
     rclpy.init()
-    peer, axis, twin = Peer(), started(AXIS), started(TWIN)
+    folders = [Path(tempfile.mkdtemp()) for _ in range(2)]
+    peer, axis, twin = Peer(), Program(folders[0], *AXIS), Program(folders[1], *TWIN)
     memory, silent = [], 0.0
     try:
         while not (peer.heard and peer.reports):  # the first start compiles
             peer.spin(1.0)
-        end = time.monotonic() + 60.0 * args.minutes
-        while time.monotonic() < end and twin.poll() is None:
+        end = time.monotonic() + 60.0 * minutes
+        while time.monotonic() < end:
+            twin.check_running()
             changes = peer.values["changes"]
             for direction in (1, -1):
                 peer.steps.publish(Int32(data=300 * direction))
@@ -115,16 +113,13 @@ def main() -> int:
             if what == "flooded":
                 peer.flood(lot)
             elif what == "restarted":
-                axis.send_signal(signal.SIGINT)
-                ended(axis.pid, 30.0)
-                axis.kill()
-                axis.wait()
-                axis = started(AXIS)
+                axis.end()
+                axis = Program(folders[0], *AXIS)
             else:
                 process = axis if what == "starved" else twin
-                process.send_signal(signal.SIGSTOP)
+                os.kill(process.pid, signal.SIGSTOP)
                 peer.spin(AWAY)
-                process.send_signal(signal.SIGCONT)
+                os.kill(process.pid, signal.SIGCONT)
             while trouble and peer.told(trouble) == before:
                 if time.monotonic() - begun > WITHIN:
                     faults.append(f"{what}, but not told: {peer.values}")
@@ -140,19 +135,17 @@ def main() -> int:
             memory.append(memory_of(twin.pid))
     finally:
         for process in (axis, twin):
-            process.send_signal(signal.SIGINT)
-        codes = [process.wait(60.0) for process in (axis, twin)]
+            process.signalled(signal.SIGINT)
+            faults += process.faults(0)
         try_shutdown()
+        for folder in folders:
+            shutil.rmtree(folder)
     grown = memory[-1] - memory[len(memory) // 2]
-    faults += [f"exit codes {codes}"] * any(codes) + [f"grew by {grown:.0f} MB"] * (grown > GROWTH)
+    faults += [f"grew by {grown:.0f} MB"] * (grown > GROWTH)
     faults += [f"{peer.values['changes']} changes"] * (peer.values["changes"] != "0")
     print(
         f"{dict(done)}; memory {memory[0]:.0f}, {memory[-1]:.0f} MB; silent {silent:.1f} s at most"
     )
     print(f"last: {peer.values}")
     print("\n".join(faults) or "all told")
-    return int(bool(faults))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return len(faults)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of arrays: NumPy, HDF5, MATLAB and the text that Octave saves.
+"""Files of arrays: NumPy, HDF5 and MATLAB.
 
 Vectors and the columns of matrices become columns of a table, named by their path, such as
 ``data.x`` or ``run/position``. Units and clocks are taken from attributes where a file has them.
@@ -8,7 +8,6 @@ MATLAB's files are read in a process of their own: a broken one can crash SciPy'
 
 from __future__ import annotations
 
-import io
 import math
 import os
 import pickle
@@ -16,12 +15,11 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.measurement.reading.instruments import asking, library
 from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementError, Table
@@ -223,51 +221,3 @@ def read_mat(path: Path) -> Table:
     if isinstance(held, str):
         raise MeasurementError(f"its MATLAB variables cannot be read: {held}; export it anew")
     return _of_mapping({name: v for name, v in held.items() if not name.startswith("__")})
-
-
-_NAME, _TYPE = "# name:", "# type:"
-
-
-def is_octave(start: bytes) -> bool:
-    """Return whether a file begins as Octave's ``save -text`` writes it."""
-    return start.startswith(b"#") and _NAME.encode() in start and _TYPE.encode() in start
-
-
-def read_octave(path: Path) -> Table:
-    """Return the columns of all matrices and ranges. Raises MeasurementError and OSError."""
-    with open_regular(path) as file:
-        lines = file.read().decode("utf-8", "replace").splitlines()
-    starts = [k for k, line in enumerate(lines) if line.startswith(_NAME)]
-    found, allowance = list[Column](), Allowance(path)
-    try:
-        for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
-            found += _variable(lines[start:end], allowance)
-    except (ValueError, IndexError, KeyError) as error:
-        raise MeasurementError(f"its Octave text is broken: {error}") from None
-    return Table.of(found)
-
-
-def _variable(lines: Sequence[str], allowance: Allowance) -> Iterator[Column]:
-    """Yield the columns of a variable: a matrix with its size and rows, a range with its ends."""
-    keys = (line.lstrip("# ").partition(":")[::2] for line in lines[:8] if line.startswith("#"))
-    facts = {key.strip(): value.strip() for key, value in keys}
-    name, kind = facts["name"], facts.get("type", "")
-    rows = [line for line in lines if line.strip() and not line.startswith("#")]
-    if kind in ("range", "double_range"):
-        stated = rows[0].split() if rows else [facts[key] for key in ("base", "limit", "increment")]
-        base, limit, step = map(float, stated[:3])
-        if step == 0.0 or not 0.0 <= (limit - base) / step < math.inf:
-            raise ValueError(f"the range {name} is not finite")
-        count = int((limit - base) / step * (1 + 1e-12)) + 1
-        allowance.spend(8 * count)
-        yield from columns_in(name, base + step * np.arange(count, dtype=np.float64))
-    elif kind in ("matrix", "float matrix") and "ndims" not in facts:
-        text = io.StringIO("\n".join(rows))
-        matrix: NDArray[np.float64] = np.loadtxt(text, np.float64, ndmin=2, comments=None)
-        size = facts.get("rows", "no"), facts.get("columns", "no")
-        if tuple(map(str, matrix.shape)) != size or not rows:
-            raise ValueError(
-                f"{name} has {len(rows)} rows of {matrix.shape[1]}, but it says {size[0]} of "
-                f"{size[1]}"
-            )
-        yield from columns_in(name, matrix)

@@ -3,12 +3,9 @@
 
 A library is loaded when a file needs it; its errors become a MeasurementError.
 
-Oscilloscopes' own files (Rigol, Tektronix, LeCroy, Keysight, Siglent, R&S, ...) are read by
-RigolWFM, which takes every trace for volts over seconds. But a trace may also be a spectrum, a
-current or a length from the scope's mathematics, or a row of segments: so the units of its axes are
-read here. Two makers write pairs. Rohde & Schwarz: ``X.bin`` describes ``X.Wfm.bin`` in XML.
-Yokogawa: ``X.hdr`` describes ``X.wvf`` (manual IM 707713-61E); RigolWFM keeps four traces of the
-first group, here all are read, with units, and samples beyond the range are gaps.
+Oscilloscopes' own files (Rigol, Tektronix, LeCroy, Keysight, Siglent, ...) are read by RigolWFM,
+which takes every trace for volts over seconds. But a trace may also be a spectrum, a current or a
+length from the scope's mathematics, or a row of segments: so the units of its axes are read here.
 """
 
 from __future__ import annotations
@@ -21,7 +18,6 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -40,10 +36,6 @@ _NO_TEXT = ("", "NONE")
 _HEAD = 65536
 #: Keysight's numbers of units.
 _KEYSIGHT = {1: "V", 2: "s", 4: "A", 5: "dB", 6: "Hz"}
-#: Start of the names of Rohde & Schwarz's units, and end of the names of its samples.
-_RS_UNIT, _RS_SAMPLES = "eRS_UNIT_", ".wfm.bin"
-#: How Yokogawa's files begin that have the scope's own settings before and behind the samples.
-_OWN = b"%WDF"
 
 
 def library(module: str, what: str, package: str = "") -> Any:
@@ -183,15 +175,8 @@ def _function(data: Any) -> Iterator[Column]:
 def read_waveform(path: Path) -> Table:
     """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError."""
     wfm = library("RigolWFM.wfm", "waveforms of oscilloscopes", "RigolWFM")
-    if path.name.lower().endswith(_RS_SAMPLES):
-        described = path.with_name(f"{path.name[: -len(_RS_SAMPLES)]}.bin")
-        if not described.is_file():
-            raise MeasurementError(f"its {described.name}, which describes it, is not beside it")
-        path = described
     with open_regular(path) as file:
         head = file.read(_HEAD)
-    if (samples := path.with_suffix(".Wfm.bin")).exists():  # the library opens it by itself
-        open_regular(samples).close()
     found: list[Column] = []
     with asking("waveform"):
         along, value, segments = _axes(path, head)
@@ -236,8 +221,6 @@ def _axes(path: Path, head: bytes) -> tuple[str | None, str | None, int]:
         waves = _parse("agilent_agxx_bin", path).waveforms
         units = {int(one.wfm_header.x_units) for one in waves}
         return " and ".join(_KEYSIGHT.get(one, "") for one in sorted(units)), None, 1
-    if head.startswith(b"<?xml"):
-        return None, _unit_described(path), 1
     return None, None, 1
 
 
@@ -255,65 +238,3 @@ def _parse(module: str, path: Path, start: int = 0) -> Any:
 
 def _text(raw: bytes) -> str | None:
     return raw.split(b"\0")[0].decode("latin-1").strip() or None
-
-
-def _unit_described(path: Path) -> str:
-    """Return the unit of samples that Rohde & Schwarz describe. Raises MeasurementError."""
-    facts = {one.get("Name"): one.attrib for one in ElementTree.parse(path).iter("Prop")}
-    names = {facts.get("BaseUnit", {}).get("Value", "")}
-    if facts.get("MultiChannelExport", {}).get("Value", "").endswith("_ON"):
-        states, units = facts["MultiChannelExportState"], facts["MultiChannelViewUnit"]
-        chosen = [key for key, state in states.items() if state.endswith("_ON")]
-        names = {units.get(key, "") for key in chosen}
-    if len(names) != 1:
-        raise MeasurementError("its channels have different units; export one channel")
-    return names.pop().removeprefix(_RS_UNIT).removeprefix("LEVEL_")
-
-
-def read_wvf(path: Path) -> Table:
-    """Return the traces of Yokogawa's pair, given either file. MeasurementError and OSError."""
-    layouts = library("RigolWFM.yokogawa_hdr", "waveforms of oscilloscopes", "RigolWFM")
-    described, samples = _beside(path, ".hdr"), _beside(path, ".wvf")
-    found: list[Column] = []
-    with asking("Yokogawa waveform"):
-        header, content = layouts.parse_hdr(str(described)), samples.read_bytes()
-        traces = [(g, k, one) for g, group in enumerate(header.groups)
-                  for k, one in enumerate(group.traces)]  # fmt: skip
-        blocks = max((group.block_number for group in header.groups), default=1)
-        if blocks > 1:
-            raise MeasurementError(
-                f"its waveform has {blocks} blocks with gaps between them; export one as text"
-            )
-        expected = header.data_offset + sum(
-            one.block_size * one.v_data_type.byte_num for _, _, one in traces
-        )
-        size = len(content)
-        if size < expected or (size > expected and not content.startswith(_OWN)):
-            raise MeasurementError(
-                f"its waveform takes {expected} bytes, but {samples.name} has {size}: it is damaged"
-            )
-        for g, k, trace in traces:
-            kind = trace.v_data_type
-            if kind.is_logic or trace.h_unit != "s" or trace.block_size < 2:
-                continue
-            form = f"{header.byte_order}{kind.numpy_dtype}"
-            place = layouts.wvf_byte_offset(header, g, k, 0)
-            raw = np.frombuffer(content, form, trace.block_size, place)
-            values = trace.v_resolution * raw.astype(np.float64) + trace.v_offset
-            for code in (trace.v_illegal, trace.v_plus_over, trace.v_minus_over):
-                if code is not None:
-                    # A header may state the code of 16 bits without its sign.
-                    values[(raw == code) | (raw == code - (1 << 8 * raw.itemsize))] = np.nan
-            clock = Clock(trace.h_offset, trace.h_resolution)
-            found.append(Column(trace.name, trace.v_unit, clock, values))
-    return Table.of(found)
-
-
-def _beside(path: Path, suffix: str) -> Path:
-    """Return the file of that suffix, of the same name. Raises MeasurementError."""
-    if path.suffix.lower() == suffix:
-        return path
-    for one in (suffix, suffix.upper()):
-        if path.with_suffix(one).is_file():
-            return path.with_suffix(one)
-    raise MeasurementError(f"its {path.stem}{suffix} is not beside it; copy both")

@@ -8,6 +8,7 @@ is a function from a path to a `Table` and a line in `_BY_START` or `_BY_SUFFIX`
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -46,8 +47,13 @@ _BY_START: tuple[tuple[bytes, Reader], ...] = (
 )
 #: LeCroy's mark may come after what an interface put before it.
 _WAVEFORM = b"WAVEDESC"
-#: The text that describes a Yokogawa waveform, and the file whose layout Yokogawa keeps to itself.
-_YOKOGAWA_HEADER, _YOKOGAWA_SECRET = b"$PublicInfo", b"%WDF"
+#: What is not read, by its start or the end of its name, and the cure.
+_NOT_READ: tuple[tuple[str, bytes, tuple[str, ...], str], ...] = (
+    ("waveforms of Yokogawa", rb"\$PublicInfo|\A%WDF", (".wvf", ".wdf"), "export it as CSV"),
+    ("binary waveforms of Rohde & Schwarz", rb"(?s)\A\s*<\?xml.*<Database", (".wfm.bin",),
+     "export it as CSV"),
+    ("Octave's text", rb"(?s)\A#.*# name:.*\n# type:", (), "save it with save -v7"),
+)  # fmt: skip
 _BY_SUFFIX: dict[str, Reader] = {
     ".npz": arrays.read_npz,
     ".mat": arrays.read_mat,
@@ -59,11 +65,10 @@ _BY_SUFFIX: dict[str, Reader] = {
     ".trc": instruments.read_waveform,
     ".isf": instruments.read_waveform,
     ".bin": instruments.read_waveform,
-    ".wvf": instruments.read_wvf,
 }
 _KNOWN = (
     "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
-    ".tdms, .wfm, .trc, .isf, .wvf, .bin of oscilloscopes, and bags"
+    ".tdms, .wfm, .trc, .isf, .bin of oscilloscopes, and bags"
 )
 
 
@@ -74,18 +79,13 @@ def open_table(path: Path, decimal: str | None = None) -> Table:
         start = file.read(1024)
     if not start:
         raise MeasurementError("it is empty: no row of numbers")
+    for what, mark, ends, cure in _NOT_READ:
+        if re.search(mark, start) or path.name.lower().endswith(ends):
+            raise MeasurementError(f"{what} cannot be read; {cure}")
     reader = next((reader for mark, reader in _BY_START if start.startswith(mark)), None)
     reader = reader or _BY_SUFFIX.get(path.suffix.lower())
     if reader is None and _WAVEFORM in start[:64]:
         reader = instruments.read_waveform
-    if _YOKOGAWA_HEADER in start:
-        reader = instruments.read_wvf
-    if start.startswith(_YOKOGAWA_SECRET) and reader is not instruments.read_wvf:
-        raise MeasurementError(
-            "the layout of Yokogawa's .wdf is not published; save it as .wvf or text (Xviewer does)"
-        )
-    if arrays.is_octave(start):  # under any name
-        reader = arrays.read_octave
     if reader is not None:
         return reader(path)
     try:

@@ -186,14 +186,6 @@ def matlab_4_that_promises(path: Path) -> None:
     path.write_bytes(np.array([0, 10**9, 2, 0, 2], "<i4").tobytes() + b"x\0" + bytes(8000))
 
 
-def octave_matrix(path: Path) -> None:
-    path.write_text("# name: x\n# type: matrix\n# rows: 1000000000\n# columns: 2\n 1 2\n")
-
-
-def octave_range(path: Path) -> None:
-    path.write_text("# name: x\n# type: range\n0 1e300 1e-300\n")
-
-
 def tdms_that_promises(path: Path) -> None:
     name = b"/'a'/'b'"
     index = (20).to_bytes(4, "little") + (10).to_bytes(4, "little") + (1).to_bytes(4, "little")
@@ -236,11 +228,6 @@ def matlab(path: Path) -> None:
     scipy.io.savemat(path, {"x": np.zeros(COUNT)}, do_compression=True)
 
 
-def octave(path: Path) -> None:
-    parts = [f"# name: x{k}\n# type: range\n0 {COUNT // 2} 1\n" for k in range(20)]
-    path.write_text("".join(parts))
-
-
 #: Suffix, writer, words of the error.
 BOMBS: list[tuple[str, Callable[[Path], None], str]] = [
     (".csv.gz", packed(gzip.compress), UNPACK_VARIABLE),
@@ -260,7 +247,6 @@ BOMBS: list[tuple[str, Callable[[Path], None], str]] = [
     (".h5", hdf5(virtual), "kept in other files"),
     (".h5", hdf5(external("/dev/zero")), "kept in other files"),
     (".mat", matlab, UNPACK_VARIABLE),
-    (".mat", octave, UNPACK_VARIABLE),
     (".h5", hdf5(virtual_of_itself), ""),
     (".h5", hdf5(links_in_a_circle), ""),
     (".h5", hdf5(table_of_records), UNPACK_VARIABLE),
@@ -281,8 +267,6 @@ BOMBS: list[tuple[str, Callable[[Path], None], str]] = [
     (".csv.gz", lines_in_text(b'"0","0"\n', 10_000_000), UNPACK_VARIABLE),
     (".csv.gz", lines_in_text(b"# comment\n", 10_000_000), UNPACK_VARIABLE),
     (".mat", matlab_4_that_promises, ""),
-    (".mat", octave_matrix, ""),
-    (".mat", octave_range, ""),
     (".tdms", tdms_that_promises, ""),
     (".isf", isf_that_promises, ""),
     (".uff", uff_that_promises, ""),
@@ -369,10 +353,6 @@ def test_a_pipe_beside_a_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "scope.csv")
     with pytest.raises(MeasurementError, match="states no unit"):
         read_measurement(tmp_path / "scope.Wfm.csv")
-    (tmp_path / "scope.bin").write_text("<?xml version='1.0'?><Database/>\n")
-    os.mkfifo(tmp_path / "scope.Wfm.bin")
-    with pytest.raises(MeasurementError, match=r"scope\.Wfm\.bin is not a file but a pipe"):
-        read_measurement(tmp_path / "scope.bin")
 
 
 def test_a_user_may_allow_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,10 +27,8 @@ from waveform_files import (
     write_keysight,
     write_rigol_bin,
     write_rigol_wfm,
-    write_rohde_schwarz,
     write_tektronix,
     write_trc,
-    write_yokogawa,
 )
 
 from stickslip_ros.cli.main import main
@@ -150,19 +148,10 @@ def write_lvm(path: Path) -> None:
     path.write_text("\r\n".join([*head, *rows, ""]), newline="")
 
 
-def write_octave(path: Path) -> None:
-    """Variables as ``save -text`` writes them."""
-    lines = ["# Created by Octave 8.4.0, Mon Jan 01 10:00:00 2024 UTC <me@bench>"]
-    for name, values in (("time_s", T), ("x_nm", 1e9 * X)):
-        lines += [f"# name: {name}", "# type: matrix", f"# rows: {COUNT}", "# columns: 1"]
-        lines += [f" {value!r}" for value in values.tolist()] + ["", ""]
-    path.write_text("\n".join(lines))
-
-
 #: Suffix, writer, what has to be said, time of the first sample, rounding (m).
 FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = [
     (".npy", write_npy_with_names, None, 0.0, 0.0),
-    (".npz", write_npz, Reading(units={"t": "ms", "x": "nm"}), 0.0, 0.0),
+    (".npz", write_npz, Reading({"x": "position"}, {"t": "ms", "x": "nm"}), 0.0, 0.0),
     (".mat", write_mat_of_a_picoscope, Reading(scale={"x": "50nm/V"}), -1e-3, 0.0),
     (".mat", write_mat_of_structs, None, 0.0, 0.0),
     (".mat", write_mat_73, None, 0.0, 0.0),
@@ -171,24 +160,15 @@ FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = 
     (".tdms", write_tdms, None, -1e-3, 0.0),
     (".uff", write_uff, None, 0.0, 0.0),
     (".lvm", write_lvm, None, -1e-3, 0.0),
-    (".mat", write_octave, None, 0.0, 0.0),
     (".isf", write_isf, IN_VOLTS, -1e-3, 0.51 * ONE * 50e-9),
     (".trc", write_trc, IN_VOLTS, -1e-3, 0.51 * ONE * 50e-9),
     (".wfm", write_tektronix, IN_VOLTS, -1e-3, 0.51 * ONE * 50e-9),
     (".wfm", write_rigol_wfm, IN_VOLTS, -1e-3, 0.51 * COARSE * 50e-9),
     (".bin", write_rigol_bin, IN_VOLTS, -1e-3, 0.0),
     (".bin", write_keysight, IN_VOLTS, -1e-3, 0.0),
-    (".bin", write_rohde_schwarz, IN_VOLTS, -1e-3, 0.0),
-    (
-        ".wvf",
-        write_yokogawa,
-        Reading(columns={"x": "CH5"}, scale={"x": "50nm/V"}),
-        -1e-3,
-        0.51 * ONE * 50e-9,
-    ),
 ]
 #: Those that RigolWFM reads.
-WAVEFORMS = (".isf", ".trc", ".wfm", ".bin", ".wvf")
+WAVEFORMS = (".isf", ".trc", ".wfm", ".bin")
 
 
 @pytest.mark.parametrize(
@@ -272,9 +252,6 @@ def test_labview_text_is_read_as_by_another_reader(tmp_path: Path) -> None:
         (".bin", keysight(x_unit=6), "over Hz, not over time"),
         (".bin", keysight(y_unit=4), "is in A, which is no unit of length"),
         (".bin", keysight()[:900], "cannot be read"),
-        (".wdf", b"%WDF" + bytes(2000), "the layout of Yokogawa's .wdf is not published"),
-        (".wvf", bytes(2000), "its axis.hdr is not beside it"),
-        (".Wfm.bin", bytes(2000), "its axis.bin, which describes it, is not beside it"),
     ],
 )
 def test_a_waveform_is_not_taken_for_what_it_is_not(
@@ -303,43 +280,28 @@ def test_numbers_that_are_read_from_a_wrong_byte_on_are_refused(
         read_measurement(path)
 
 
-def test_either_file_of_a_pair_may_be_named(tmp_path: Path) -> None:
-    pytest.importorskip("RigolWFM")
-    write_rohde_schwarz(tmp_path / "scope.bin")
-    write_yokogawa(tmp_path / "axis.WVF")
-    ch5 = Reading(columns={"x": "CH5"}, scale={"x": "50nm/V"})
-    for name, how in (("scope.Wfm.bin", IN_VOLTS), ("axis.hdr", ch5), ("axis.WVF", ch5)):
-        found = read_measurement(tmp_path / name, how=how)
-        np.testing.assert_allclose(found.x, X, rtol=1e-6, atol=0.51 * ONE * 50e-9)
-
-
-def test_a_pair_is_not_taken_for_what_it_is_not(tmp_path: Path) -> None:
-    """A current, several blocks, samples that are missing, samples that the scope disowns."""
-    pytest.importorskip("RigolWFM")
-    scope, axis = tmp_path / "scope.bin", tmp_path / "axis.wvf"
-    write_rohde_schwarz(scope, "LEVEL_A")
-    with pytest.raises(MeasurementError, match="is in A, which is no unit of length"):
-        read_measurement(scope)
-    write_yokogawa(axis, blocks=2)
-    with pytest.raises(MeasurementError, match="2 blocks with gaps between them"):
-        read_measurement(axis)
-    write_yokogawa(axis)
-    with pytest.raises(MeasurementError, match=r"column 2 CH5 \(V\) \(position\) is a voltage"):
-        read_measurement(axis, Reading({"x": "CH5"}))
-    whole = axis.read_bytes()
-    axis.write_bytes(whole[:-4] + b"\x80\0" + whole[-2:])
-    ch5 = Reading(columns={"x": "CH5"}, scale={"x": "50nm/V"})
-    found = read_measurement(axis, how=ch5)
-    assert len(found.t) == COUNT - 1
-    assert found.notes == (f"1 of {COUNT} rows have a gap and are left out",)
-    axis.write_bytes(b"%WDF" + whole[4:] + b"settings")
-    np.testing.assert_allclose(read_measurement(axis, how=ch5).x, X, atol=0.51 * ONE * 50e-9)
-    axis.write_bytes(whole + b"settings")
-    with pytest.raises(MeasurementError, match=r"axis\.wvf has 1298: it is damaged"):
-        read_measurement(axis)
-    axis.write_bytes(whole[:-2])
-    with pytest.raises(MeasurementError, match=r"takes 1290 bytes, but axis\.wvf has 1288"):
-        read_measurement(axis)
+@pytest.mark.parametrize(
+    ("name", "content", "cure"),
+    [
+        ("a.wvf", bytes(2000), "waveforms of Yokogawa cannot be read; export it as CSV"),
+        ("a.hdr", b"//YOKOGAWA ASCII FILE FORMAT\r\n\r\n$PublicInfo\r\n", "Yokogawa .*; export"),
+        ("a.dat", b"%WDF" + bytes(2000), "Yokogawa .*; export it as CSV"),
+        ("a.Wfm.bin", bytes(2000), "Rohde & Schwarz cannot be read; export it as CSV"),
+        ("a.bin", b'<?xml version="1.0"?>\n<Database FWVersion="">', "Rohde & Schwarz .*; export"),
+        (
+            "a.mat",
+            b"# Created by Octave 8.4.0, Mon Jan 01 2024 <me@bench>\n# name: x\n# type: matrix\n",
+            "Octave's text cannot be read; save it with save -v7",
+        ),
+    ],
+)
+def test_what_is_not_read_is_refused_with_the_cure(
+    name: str, content: bytes, cure: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(MeasurementError, match=cure):
+        read_measurement(path)
 
 
 @pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])

@@ -3,9 +3,8 @@
 
 Offsets and codes are those of: Tektronix, Reference Waveform File Format (077-0220) and the
 preamble of `.isf`; LeCroy, template LECROY_2_3; Keysight, InfiniiVision User's Guide, "Binary Data
-(.bin) Format"; Rigol, MSO5000 User Guide, the same with another mark; Rohde & Schwarz, RTO User
-Manual, waveform files; Yokogawa, IM 707713-61E. Of Rigol's `.wfm` there is only what users found.
-Neither the package nor the library that it reads them with takes part.
+(.bin) Format"; Rigol, MSO5000 User Guide, the same with another mark. Of Rigol's `.wfm` there is
+only what users found. Neither the package nor the library that it reads them with takes part.
 """
 
 import struct
@@ -133,37 +132,3 @@ def write_rigol_wfm(path: Path) -> None:
         (112, "<q", offset),
     )  # fmt: skip
     path.write_bytes(head + np.round(125.0 - VOLTS / COARSE).astype("u1").tobytes())
-
-
-def write_rohde_schwarz(path: Path, unit: str = "LEVEL_V") -> None:
-    """A description in XML, and beside it single precision."""
-    facts = {
-        "SignalFormat": "eRS_SIGNAL_FORMAT_FLOAT", "TraceType": "eRS_TRACE_TYPE_NORMAL",
-        "BaseUnit": f"eRS_UNIT_{unit}", "Source": "eRS_SIGNAL_SOURCE_CH1_TR1",
-        "MultiChannelExport": "eRS_ONOFF_OFF", "NumberOfAcquisitions": 1,
-        "XStart": START, "XStop": START + COUNT * STEP, "RecordLength": COUNT,
-        "SignalHardwareRecordLength": COUNT, "LeadingSettlingSamples": 0, "VerticalScale": 1.0,
-    }  # fmt: skip
-    lines = [f'<Prop Name="{name}" Value="{value}"/>' for name, value in facts.items()]
-    path.write_text(
-        '<?xml version="1.0" standalone="no"?>\n<Database FWVersion="" SaveItemType="Data">\n'
-        + "\n".join(['<Group Name="ReferenceCurveAttributes">', *lines, "</Group>", "</Database>"])
-    )
-    samples = path.with_name(f"{path.stem}.Wfm.bin")
-    samples.write_bytes(struct.pack("<II", 4, COUNT) + VOLTS.astype("<f4").tobytes())
-
-
-def write_yokogawa(path: Path, blocks: int = 1) -> None:
-    """A description as text, and beside it 16 bits, the high byte first; two groups of traces."""
-    public = {"FormatVersion": 1.11, "Model": "DL750", "Endian": "Big", "DataFormat": "Trace",
-              "GroupNumber": 2, "TraceTotalNumber": 2, "DataOffset": 10}  # fmt: skip
-    lines = ["//YOKOGAWA ASCII FILE FORMAT", "", "$PublicInfo"]
-    lines += [f"{key:<20}{value}" for key, value in public.items()]
-    for number, name, unit in ((1, "CH2", "A"), (2, "CH5", "V")):
-        group = {"TraceNumber": 1, "BlockNumber": blocks, "TraceName": name, "BlockSize": COUNT,
-                 "VResolution": f"{ONE:.7E}", "VOffset": "0.0E+00", "VDataType": "IS2",
-                 "VUnit": unit, "VIllegalData": -32768, "HResolution": f"{STEP:.7E}",
-                 "HOffset": f"{START:.7E}", "HUnit": "s"}  # fmt: skip
-        lines += ["", f"$Group{number}", *(f"{key:<20}{value}" for key, value in group.items())]
-    path.with_suffix(".hdr").write_text("\r\n".join([*lines, ""]), newline="")
-    path.write_bytes(bytes(10) + bytes(CODES.nbytes) + CODES.astype(">i2").tobytes())

@@ -110,7 +110,8 @@ def test_the_last_of_two_commanders_has_its_way(ros: Ros, axis: Process) -> None
     one, two = AxisClient(node=ros.node("one")), AxisClient(node=ros.node("two"))
     one.jog(1000.0)
     two.step(1000)
-    assert one.wait_for_state("stepping").wait().steps_done == 1000
+    one.wait_for_state("stepping")
+    assert two.wait().steps_done == 1000
     one.step(100_000)
     with pytest.raises(CommandRefused, match="amplitude is 999 V"):
         two.set_amplitude(999.0)

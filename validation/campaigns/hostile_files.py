@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of every format that is read, with hostile contents: read, or refused in one line.
 
-Damage to whole files is in ``test_broken_files`` and ``test_bag_mutations``; here the contents are
-built from the grammar of each format, or are bytes of anything.
+Damage to whole files is in ``test_broken_files`` and `hostile_bags`; here the contents are built
+from the grammar of each format, or are bytes of anything.
 """
 
 import io
+import tempfile
 import time
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import yaml
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
@@ -23,10 +24,8 @@ from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.recordings import open_bag
+from validation.campaigns.hostile_messages import search
 
-from .fuzzing import TIME, search
-
-pytestmark = [pytest.mark.long, TIME]
 LONGEST = 2.0  # s of computing for one file
 
 CELLS = (
@@ -132,10 +131,12 @@ FORMATS: dict[str, tuple[Callable[[Path], None], SearchStrategy[bytes]]] = {
 FINDS = [("motion.csv", b"\n\n0\n0 " + b"9" * 400 + b" " + b"9" * 400 + b"\n0.0")]
 
 
-def test_files(tmp_path: Path) -> None:
+def files(seconds: float, seed: int) -> int:
+    """Read files for so long; return 1 if one was neither read nor refused in one line."""
+
     def check(example: tuple[str, bytes]) -> None:
         name, data = example
-        path = tmp_path / name
+        path = Path(folder, name)
         path.write_bytes(data)
         begin = time.process_time()
         try:
@@ -145,7 +146,15 @@ def test_files(tmp_path: Path) -> None:
             # A refused measurement shows how it begins, in lines of its own.
             assert "\n" not in text or isinstance(error, MeasurementError), text
             assert len(text) < 2000, text
+        finally:
+            path.unlink()
         assert time.process_time() - begin < LONGEST
 
     found = [some.tuples(some.just(name), data) for name, (_, data) in FORMATS.items()]
-    print(search(some.one_of(found), check, FINDS))
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            print(f"{search(some.one_of(found), check, seconds, seed, FINDS)} files")
+        except Exception:
+            traceback.print_exc()
+            return 1
+    return 0

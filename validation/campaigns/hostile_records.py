@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Records of any shape, through the commands that read them: each gives a result or a sentence.
 
-    python -m validation.campaigns.record_shapes [--count 2000] [--seed 1] [--first 0]
-
 A record is a motion (steps, one move, a pulse, a ramp, a constant, noise, ...) of 2 to 4000
 samples, at times that may repeat, run back, leave gaps or be no numbers, with values that may be
 NaN, infinite or far out. A command that reads it has to end with exit code 0, 1 or 2 within its
@@ -15,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
@@ -27,7 +24,6 @@ import numpy as np
 
 from stickslip_ros.arrays import Array
 from stickslip_ros.cli.main import main as stickslip
-from validation.campaigns.arguments import arguments
 from validation.campaigns.judging import study, within
 
 GOOD = ("result", "finding", "refused")  #: outcomes, of exit codes 0, 1 and 2
@@ -254,19 +250,14 @@ def outcome(case: Case) -> str:
         return within(SECONDS, lambda: _said(command))
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def records(count: int, seed: int) -> int:
     """Judge cases, print the faults and how many of each outcome there were; 1 for a fault."""
-    args = arguments(__doc__, argv, count=2000, seed=1, first=0)
     return study(
         outcome,
-        partial(drawn, args.seed),
-        range(args.first, args.first + args.count),
+        partial(drawn, seed),
+        range(count),
         GOOD,
         1200.0,  # also where others work
         lambda case: f"{case.shape}: {' '.join(case.command)}",
         lambda case: case.command[0],
     )
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mutated bags, each read, recovered, and given to every command, in a process of little memory.
 
-``python mutations.py FOLDER FIRST COUNT`` prints one JSON object about what came of the bags of
-that many seeds; a bag that takes more CPU time than :data:`PATIENCE` counts as hanging. A third of
-them are whole as files, and their messages are wrong: bytes, times, order, number.
+A bag that takes more CPU time than :data:`PATIENCE` counts as hanging. A third of them are whole as
+files, and their messages are wrong: bytes, times, order, number.
 """
 
 import contextlib
@@ -16,6 +15,7 @@ import resource
 import shutil
 import signal
 import sys
+import tempfile
 import time
 import traceback
 from collections import Counter
@@ -25,6 +25,7 @@ from types import FrameType
 from typing import Any
 
 from bags import EVENTS, JOINTS, STEPS, foreign, record, samples
+from child import python
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType
 from test_bag_resimulation import record_axis
@@ -231,8 +232,25 @@ def _remove(folder: Path, *names: str) -> None:
         shutil.rmtree(place) if place.is_dir() else place.unlink(missing_ok=True)
 
 
+def bags(count: int, seed: int) -> int:
+    """Try the bags of that many seeds in a process of its own; return how many did harm."""
+    with tempfile.TemporaryDirectory() as folder:
+        child = python("-m", __name__, folder, str(seed), str(count))
+    if child.returncode:
+        print(child.stderr)
+        return 1
+    found = json.loads(child.stdout)
+    failures = found.pop("failures")
+    print(*failures, found, sep="\n")
+    if found["memory (MB)"] > MEMORY / 1e6:
+        failures.append("memory")
+    # The mutations are of the right strength: some do harm, some do not.
+    weak = min(found["read"], found["refused"], found["recovered"]) <= count / 20
+    return len(failures) + weak
+
+
 def main() -> None:
-    """Run the seeds that the command line names."""
+    """Run the seeds that the command line names; print one JSON object about what came of them."""
     folder, first, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     os.fsync = lambda _: None  # type: ignore[assignment]  # most of the time, and nothing is lost here
     bags = originals(folder)

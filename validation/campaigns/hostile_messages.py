@@ -8,9 +8,13 @@ of its type, or not a number, or far too long.
 import math
 import re
 import struct
-from collections.abc import Callable
-from typing import Any
+import time
+from collections.abc import Callable, Iterable
+from itertools import count
+from typing import Any, TypeVar
 
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import seed as seeded
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
@@ -31,6 +35,9 @@ TEXTS = (
 NAMES = (*PARAMETERS, "use_sim_time", "start_type_description_service", "qos_overrides./x", "no")
 #: Numbers of elements: none, few, too many.
 LONG = 3000
+
+T = TypeVar("T")
+_ROUND = 20  # examples of one seed
 
 _BITS = {f"{sign}int{bits}": (bits, not sign) for bits in (8, 16, 32, 64) for sign in ("", "u")}
 
@@ -111,3 +118,48 @@ def damaged(draw: Callable[..., Any], whole: bytes) -> bytes:
 
 #: Lengths of texts and sequences that lie.
 LENGTHS = (0, 1, 2**16, 2**24, 2**28, 2**31 - 1, 2**31, 2**32 - 4, 2**32 - 1)
+
+
+def _check_each(strategy: SearchStrategy[T], check: Callable[[T], object], seed: int, most: int,
+                *phases: Phase) -> None:  # fmt: skip
+    how: dict[str, Any] = {"deadline": None, "database": None, "print_blob": False}
+    checks = settings(
+        max_examples=most, phases=phases, suppress_health_check=list(HealthCheck), **how
+    )
+
+    def checked(example: T) -> None:
+        check(example)
+
+    seeded(seed)(checks(given(strategy)(checked)))()
+
+
+def examples(strategy: SearchStrategy[T], seed: int, most: int) -> list[T]:
+    """Return as many examples as that, from a seed."""
+    found: list[T] = []
+    _check_each(strategy, found.append, seed, most, Phase.generate)
+    return found
+
+
+def search(
+    strategy: SearchStrategy[T], check: Callable[[T], None], seconds: float, seed: int,
+    finds: Iterable[T] = (),
+) -> int:  # fmt: skip
+    """Check examples until the time is up, those found earlier first; return how many.
+
+    What fails is made as small as it can be before it is told.
+    """
+    done, end = 0, time.monotonic() + seconds
+    for one in finds:
+        check(one)
+
+    def check_in_time(example: T) -> None:
+        nonlocal done
+        done += 1
+        if time.monotonic() < end:
+            check(example)
+
+    for number in count(seed):
+        _check_each(strategy, check_in_time, number, _ROUND, Phase.generate, Phase.shrink)
+        if time.monotonic() > end:
+            break
+    return done
