@@ -68,7 +68,7 @@ bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="
 soak: $(STAMP)  ## run axis and recorder for hours under random commands (ARGS="--hours 2")
 	@$(PY) -m validation.soak $(ARGS)
 
-campaigns: $(STAMP)  ## run long studies (ARGS="intervals fuzz" for some, ARGS=--help lists them)
+campaigns: $(STAMP)  ## run long studies (ARGS="intervals drives" for some, ARGS=--help lists them)
 	@$(PY) -m validation.campaigns $(ARGS)
 
 site: $(STAMP)  ## build the documentation as pages and run what they print: docs/_build/site/index.html
