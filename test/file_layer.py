@@ -13,7 +13,6 @@ import builtins
 import errno
 import io
 import os
-import pathlib
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -63,11 +62,6 @@ class FileLayer:
         monkeypatch.setattr(builtins, "open", self._open)
         for name in _OS_CALLS:
             monkeypatch.setattr(os, name, self._call(name))
-        accessor = getattr(pathlib, "_NormalAccessor", None)  # Python 3.10 has copies of its own
-        if accessor is not None:
-            monkeypatch.setattr(accessor, "open", staticmethod(self._open))
-            for name in ("rename", "replace", "mkdir", "unlink", "rmdir"):
-                monkeypatch.setattr(accessor, name, staticmethod(self._call(name)))
 
     def due(self, what: str, name: str) -> bool:
         """Note a call; return whether it is the one to fail."""

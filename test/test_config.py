@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every file in config/: read by the command line and by a real node, complete, valid."""
+"""Every file in config/: read by a real node, complete, valid."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,7 @@ from live import Ros
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.cli.main import main
 from stickslip_ros.model import Plant
-from stickslip_ros.motion.steps import run_steps
 from stickslip_ros.parameters import PARAMETERS, read_yaml
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"
@@ -67,22 +64,6 @@ def test_the_columns_of_table_2() -> None:
         if z_ba is not None and z_ss is not None:
             assert contact.z_ba == pytest.approx(z_ba)
             assert (contact.z_s if model == "epm_calc" else contact.z_ss) == pytest.approx(z_ss)
-
-
-def test_without_mu_the_motion_is_that_of_table_1() -> None:
-    with_mu, without = (
-        run_steps(read_yaml(CONFIG / f"{name}.yaml"), 12)
-        for name in ("table1_typical", "ceim_without_mu")
-    )
-    assert without.position == pytest.approx(with_mu.position, abs=1e-13)
-
-
-@each_file
-def test_the_command_line_takes_it(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "--json", "--steps", "3", "--config", str(file)]) == 0
-    simulated = json.loads(capsys.readouterr().out)
-    assert simulated["parameters"] == read_yaml(file).flat()
-    assert simulated["step_size"] > 1e-9
 
 
 def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency() -> None:

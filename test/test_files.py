@@ -3,7 +3,6 @@
 
 import errno
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -132,12 +131,3 @@ def test_a_device_takes_what_is_written() -> None:
 def test_every_reason_has_a_cure(number: int) -> None:
     with pytest.raises(StickslipError, match=r"^cannot write it: .+; .+$"), writing("it"):
         raise OSError(number, os.strerror(number))
-
-
-def test_what_is_not_about_files_goes_through() -> None:
-    def fail() -> None:
-        raise ValueError("other")
-
-    action: Callable[[], None] = fail
-    with pytest.raises(ValueError, match="other"), writing("it"):
-        action()

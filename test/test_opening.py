@@ -4,16 +4,13 @@
 import ast
 import os
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 import stickslip_ros
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.motion.trace import read_csv
 from stickslip_ros.opening import ALWAYS_ALLOWED, UNPACK_FACTOR, Allowance, ReadError, open_regular
-from stickslip_ros.parameters.bounded_files import nodes_in
 
 PACKAGE = Path(stickslip_ros.__file__).parent
 #: Who reads without the door, and what: nothing that a user names, or what came in by it before
@@ -80,21 +77,6 @@ def test_all_who_read_come_in_by_the_door() -> None:
         if any(_reads(ast.parse(file.read_text(encoding="utf-8"))))
     }
     assert found == WITHOUT.keys()
-
-
-@pytest.mark.parametrize(
-    ("read", "complaint"),
-    [
-        (nodes_in, "it is not a regular file"),
-        (read_csv, "is not a file but a pipe"),
-    ],
-)
-def test_nobody_waits_for_a_pipe(
-    tmp_path: Path, read: Callable[[Path], object], complaint: str
-) -> None:
-    os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(StickslipError, match=complaint):
-        read(tmp_path / "pipe")
 
 
 def test_what_a_file_unpacks_to_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -74,6 +74,22 @@ def test_the_closed_loop_and_motion_without_end(emulate: Callable[..., Any]) -> 
     wait_until(lambda: emulated.look(lambda: emulated.axes[0].mode) == "stopped", "a stop")
 
 
+def test_steps_and_the_search_for_the_reference(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("amc", {**AMC, "frequency": 500.0})
+    amc = Driver(emulated)
+    amc("control.setControlOutput", 0, True)
+    amc("control.setControlAmplitude", 0, 45000)
+    amc("control.setControlFrequency", 0, 1000000)
+    amc("move.setNSteps", 0, True, 20)
+    amc.wait("status.getStatusMoving", 0)
+    status = emulated.look(lambda: emulated.axes[0].status)
+    assert (status.step_count, status.amplitude, status.frequency) == (-20, 45.0, 1000.0)
+    amc("control.setControlAutoReset", 0, True)
+    amc("control.searchReferencePosition", 0)
+    amc.wait("status.getStatusReference", True)
+    assert amc("move.getPosition", 0) == pytest.approx(0, abs=100)
+
+
 def test_the_requests_of_the_epics_driver(emulate: Callable[..., Any]) -> None:
     """They end with a line feed and have no api; texts come without the number of an error."""
     with emulate("amc", AMC).client() as client:

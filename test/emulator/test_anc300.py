@@ -4,14 +4,8 @@
 PyMeasure's is that of journey 5.
 """
 
-import contextlib
-import os
-import pty
-import socket
-import threading
 import time
-import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -20,20 +14,23 @@ from live import wait_until
 
 from stickslip_ros.emulator.anc300 import TelnetLines
 
-PASSWORD = "123456"
 
-
-def test_no_voltage_ends_a_motion(emulate: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("command", ["setv 1 0", "stop 1"])
+def test_no_voltage_ends_a_motion_as_a_stop_does(emulate: Callable[..., Any], command: str) -> None:
     emulated = emulate("anc300", {})
-    axis = emulated.axes[0]
     with logged_in(emulated) as client:
-        for command in ("setm 1 stp", "stepu 1 c"):
-            client.ask(command, b"OK\r\n")
-        assert emulated.look(lambda: axis.moving)
-        client.ask("setv 1 0", b"OK\r\n")
-        end = time.monotonic() + 20.0
-        while emulated.look(lambda: axis.moving):
-            assert time.monotonic() < end
+        for line in ("setm 1 stp", "stepu 1 c"):
+            client.ask(line, b"OK\r\n")
+        assert emulated.look(lambda: emulated.axes[0].moving)
+        client.ask(command, b"OK\r\n")
+        wait_until(lambda: not emulated.look(lambda: emulated.axes[0].moving), "a stop")
+
+
+def test_the_capacitance_is_known_after_a_while(emulate: Callable[..., Any]) -> None:
+    with logged_in(emulate("anc300")) as client:
+        client.ask("setm 1 cap", b"OK\r\n")
+        assert client.ask("capw 1", b"OK\r\n") == client.ask("getc 1", b"OK\r\n") != ""
+        wait_until(lambda: client.ask("getm 1", b"OK\r\n") == "mode = gnd\r\n", "the ground")
 
 
 @pytest.mark.long  # its import takes seconds
@@ -60,62 +57,6 @@ def test_pylablib_drives_it_too(emulate: Callable[..., Any]) -> None:
         assert device.get_full_status()["voltage_outputs"][2] == 0.0
     finally:
         device.close()
-
-
-def test_the_driver_of_qcodes_works_over_a_serial_line(emulate: Callable[..., Any]) -> None:
-    qcodes = pytest.importorskip("qcodes_contrib_drivers.drivers.Attocube.ANC300")
-    pytest.importorskip("serial")
-    emulated = emulate("anc300", {}, {})
-    with serial_line(emulated.port) as line:
-        controller = qcodes.ANC300("anc300", f"ASRL{line}::INSTR", visalib="@py")
-        try:
-            assert controller.version()["SN3"] == "EMPTY"
-            x = controller.axis1
-            x.mode("stp")
-            x.amplitude(100.0)
-            x.frequency(500)
-            assert (x.mode(), x.amplitude(), x.frequency()) == ("stp", 100.0, 500)
-            x.move(20)
-            x.waitMove(wait=0.01, timeout=20)
-            assert emulated.look(lambda: emulated.axes[0].status.step_count) == 20
-            x.start("down")
-            assert emulated.look(lambda: emulated.axes[0].mode) == "jogging"
-            x.stopMove()
-            wait_until(lambda: not emulated.look(lambda: emulated.axes[0].moving), "a stop")
-        finally:
-            controller.close()
-
-
-@contextlib.contextmanager
-def serial_line(port: int) -> Iterator[str]:
-    """Yield the name of a terminal that is connected to a console behind its password."""
-    with socket.create_connection(("127.0.0.1", port)) as console:
-        console.sendall(f"{PASSWORD}\r\n".encode())
-        seen = b""
-        while not seen.endswith(b"> "):
-            seen += console.recv(1024)
-        ours, theirs = pty.openpty()
-        tty.setraw(theirs)
-
-        def send() -> None:
-            with contextlib.suppress(OSError):  # the terminal is closed
-                while data := os.read(ours, 1024):
-                    console.sendall(data)
-
-        def receive() -> None:
-            with contextlib.suppress(OSError):
-                while data := console.recv(1024):
-                    os.write(ours, data)
-
-        ways = [threading.Thread(target=way, daemon=True) for way in (send, receive)]
-        for way in ways:
-            way.start()
-        yield os.ttyname(theirs)
-        console.shutdown(socket.SHUT_RDWR)
-        os.close(theirs)
-        for way in ways:
-            way.join(5.0)
-        os.close(ours)
 
 
 def logged_in(emulated: Any) -> Any:

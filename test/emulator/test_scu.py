@@ -4,9 +4,11 @@
 import re
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
+from live import wait_until
 
 SCU = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0}
 #: What sscanf takes apart: integers, numbers, and the letter of a status
@@ -47,6 +49,29 @@ def test_the_closed_loop_of_the_epics_driver(emulate: Callable[..., Any]) -> Non
         client.send(b":SZ0\n")
         assert abs(float(client.ask(":GP0")[4:])) < 0.01
         assert client.ask(":S0:GP0").startswith(":P0P")
+
+
+def test_steps_the_reference_and_the_limit(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("scu", {**SCU, "soft_high": 20e-6})
+    status = partial(emulated.look, lambda: emulated.axes[0].status)
+    with emulated.client() as client:
+        for command, count in (("U0F1000A1000S20", 20), ("D0F1000A1000S5", 15)):
+            client.send(f":{command}\n".encode())
+            wait(client, "S")
+            assert status().step_count == count
+        assert client.ask(":GPPK0") == ":PPK0P0"
+        client.send(b":MTR0H0Z1\n")
+        assert client.ask(":M0") == ":M0R"
+        wait(client, "S")
+        assert client.ask(":GPPK0") == ":PPK0P1"
+        client.send(b":MPA0P30.000H60000\n")
+        wait(client, "S")  # no hold at a limit
+        assert float(client.ask(":GP0")[4:]) == pytest.approx(20.0, abs=0.1)
+        begun = status().step_count
+        client.send(b":MES0DD\n")
+        wait_until(lambda: status().step_count < begun - 5, "steps without end")
+        client.send(b":S0\n")
+        wait(client, "S")
 
 
 def test_what_cannot_be_is_answered(emulate: Callable[..., Any]) -> None:

@@ -3,15 +3,12 @@
 
 import csv
 import io
-import random
 import re
-import select
 import signal
 import socket
 import struct
 import subprocess
 import sys
-import threading
 import tracemalloc
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -22,10 +19,10 @@ from typing import Any
 
 import pytest
 from child import REPOSITORY, python
-from cpu_time import cpu_seconds
 from emulated import Client
 from hypothesis import example, given
 from hypothesis import strategies as st
+from live import wait_until
 
 from stickslip_ros import Axis, ParameterError
 from stickslip_ros.cli.main import main
@@ -38,6 +35,7 @@ from stickslip_ros.emulator import (
 )
 from stickslip_ros.emulator.controller import Lines
 from stickslip_ros.emulator.server import MOST_CLIENTS
+from stickslip_ros.recordings import open_bag, resimulate
 
 #: A command that a device has and the emulator has not, and its answer
 LACKING = {
@@ -99,103 +97,6 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
         process.communicate()
 
 
-def port_of(process: subprocess.Popen[str]) -> int:
-    """Return the port that the one line on stdout tells."""
-    assert process.stdout
-    line = process.stdout.readline()
-    return int(line.partition(" port ")[2].partition(",")[0])
-
-
-def memory(process: subprocess.Popen[str]) -> int:
-    """Return the resident memory in kB."""
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    return int(status.partition("VmRSS:")[2].split()[0])
-
-
-def noise(lines: int) -> Iterator[bytes]:
-    """Yield lines of anything, some of them commands, some far too long."""
-    chance = random.Random(1)
-    some = [b"setm 1 stp", b"stepu 1 3", b":MST0,5,4095,1000", b":MOVE0 1", b"*IDN?", b"getpu 1"]
-    for number in range(lines):
-        if number % 1000 == 0:
-            yield b"x" * 20000 + b"\r\n"
-        elif number % 3:
-            yield chance.randbytes(chance.randrange(60)) + b"\r\n"
-        else:
-            yield chance.choice(some) + b"\r\n"
-
-
-def make_noise(port: int, lines: int, password: bytes) -> None:
-    """Send lines, reading what comes back as fast as it comes."""
-    with socket.create_connection(("127.0.0.1", port), 60.0) as client:
-        waiting = password
-        source = noise(lines)
-        sent_all = False
-        while True:
-            readable, writable, _ = select.select([client], [] if sent_all else [client], [], 60.0)
-            if readable and not client.recv(65536):
-                return
-            if writable:
-                waiting += b"".join(next(source, b"") for _ in range(50))
-                if not waiting:
-                    sent_all = True
-                    client.shutdown(socket.SHUT_WR)
-                    continue
-                waiting = waiting[client.send(waiting) :]
-
-
-def withstand(
-    start: Callable[..., subprocess.Popen[str]],
-    name: str,
-    lines: int,
-    clients: int,
-    question: bytes,
-) -> None:
-    """Make noise beside many clients while another one asks; compare the memory of two rounds."""
-    process = start(name, "--port", "0")
-    port = port_of(process)
-    password = b"123456\r\n" if name == "anc300" else b""
-    used = []
-    for _ in range(3):
-        noisy = threading.Thread(target=make_noise, args=[port, lines, password])
-        noisy.start()
-        worst = 0.0
-        with ExitStack() as stack:
-            for _ in range(clients):
-                idle = socket.create_connection(("127.0.0.1", port), 60.0)
-                stack.callback(idle.close)
-                idle.sendall(b"half a line")
-            with socket.create_connection(("127.0.0.1", port), 60.0) as asking:
-                asking.sendall(password)
-                while noisy.is_alive():
-                    computed = cpu_seconds(process.pid)
-                    asking.sendall(question)
-                    assert asking.recv(65536)
-                    worst = max(worst, cpu_seconds(process.pid) - computed)
-        noisy.join()
-        assert worst < 5.0  # of work, whatever the machine is busy with
-        used.append(memory(process))
-    assert process.poll() is None
-    assert used[2] - used[1] < 2000, used  # kB
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
-@pytest.mark.parametrize(
-    ("name", "question", "lines"),
-    [
-        ("anc300", b"getm 1\r\n", 600),
-        *(
-            pytest.param(name, question, 600, marks=pytest.mark.long)
-            for name, question in (("mcs", b":GP0\n"), ("mcs2", b":CHAN0:POS?\r\n"))
-        ),
-    ],
-)
-def test_noise_and_clients(
-    start: Callable[..., subprocess.Popen[str]], name: str, question: bytes, lines: int
-) -> None:
-    withstand(start, name, lines, 50, question)
-
-
 def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs")
     with ExitStack() as stack:
@@ -219,20 +120,24 @@ def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any
 def test_what_a_program_said_is_a_table(
     emulate: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Each line with its answer, escaped, as bags hold text; what it did is journey 5."""
+    """Each line with its answer, escaped, as bags hold text. The steps go on when it has gone."""
     bag = tmp_path / "bag"
     emulated = emulate("mcs", {}, record=bag)
     with emulated.client() as client:
-        assert client.ask(":MST0,3,4095,1000") == ":E0,0"
+        assert client.ask(":MST0,300,4095,1000") == ":E0,0"
         client.send(b"\x00\xff\n")
         assert client.ask(":GS1") == ":E-1,1"
+    (axis,) = emulated.axes
+    wait_until(lambda: emulated.look(lambda: axis.status.step_count) == 300, "all steps")
     emulated.close()
+    (again,) = resimulate(open_bag(bag))
+    assert again.bit_for_bit and again.states > 10
     assert main(["bag", "export", f"{bag}", "--out", f"{tmp_path / 'tables'}"]) == 0
     lines = list(csv.DictReader((tmp_path / "tables" / "mcs.commands.csv").open()))
     said = [(line["line"], line["answer"]) for line in lines if line["client"] == "1"]
     assert said[:3] == [
         ("(connects)", ""),
-        (":MST0,3,4095,1000", ":E0,0\\n"),
+        (":MST0,300,4095,1000", ":E0,0\\n"),
         ("\\x00\\xff", ":E-1,1\\n"),
     ]
     assert said[-1] == ("(disconnects)", "")

@@ -165,6 +165,27 @@ def test_mcs_answers_with_a_code_what_cannot_be(emulate: Callable[..., Any]) -> 
             assert client.ask(":GP0") == ":P0,0"
 
 
+def test_mcs_finds_its_reference_and_limits_the_travel(emulate: Callable[..., Any]) -> None:
+    with emulate("mcs", MCS).client() as client:
+        mcs = McsDriver(client)
+        mcs.send("FRM0,2,0,1")
+        assert (mcs.value("GS0"), mcs.value("GPPK0")) == (7, 0)
+        mcs.wait(0)
+        assert mcs.value("GPPK0") == 1
+        mcs.send("SPL0,-30000,20000")
+        assert client.ask(":GPL0") == ":PL0,-30000,20000"
+        mcs.send("MPA0,30000,60000")
+        mcs.wait(0)  # no hold at a limit
+        assert mcs.value("GP0") == pytest.approx(20000, abs=100)
+        mcs.send("MPA0,0,60000")
+        mcs.wait(3)
+        client.send(b":SCM1\n:MPA0,30000,60000\n")
+        assert client.until(b"\n") == b":E0,147\n"  # only in asynchronous mode
+        assert client.ask(":SCM0") == ":E-1,0"
+        mcs.send("SPL0,0,0")  # removes it
+        assert client.ask(":GPL0") == ":E0,148"
+
+
 def test_mcs_without_acknowledgement(emulate: Callable[..., Any]) -> None:
     with emulate("mcs", MCS).client() as client:
         client.send(b":SCM1\n:MST0,1,4095,1000\n:GNC\n:MST0\n")
@@ -279,6 +300,26 @@ def test_mcs2_moves_in_every_mode(emulate: Callable[..., Any]) -> None:
         mcs2.write(":STOP0")
         assert mcs2.ask(":CHAN1:STAT?;:CHAN0:MMOD?") == "96;2"
         assert emulated.look(lambda: emulated.axes[1].status.step_count) == 0
+
+
+def test_mcs2_finds_its_reference_and_limits_the_travel(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs2", MCS)
+    with emulated.client() as client:
+        mcs2 = Mcs2Driver(client)
+        for command in (":CHAN0:MMOD 4", ":CHAN0:STEP:AMPL 65535", ":MOVE0 -20"):
+            mcs2.write(command)
+        mcs2.wait(0x1, 0)
+        assert emulated.look(lambda: emulated.axes[0].status.step_count) == -20
+        for command in (":CHAN0:REF:OPT 4", ":CHAN0:HOLD 0", ":REF0"):
+            mcs2.write(command)
+        mcs2.wait(0x88, 0x8)  # on its way
+        mcs2.wait(0x88, 0x80)
+        mcs2.write(":CHAN0:RLIM:MAX 20000000")
+        for command in (":CHAN0:MMOD 0", ":CHAN0:HOLD -1", ":MOVE0 30000000"):
+            mcs2.write(command)
+        mcs2.wait(0x201, 0x200)
+        assert mcs2.ask(":CHAN0:ERR?") == "514"
+        assert int(mcs2.ask(":CHAN0:POS?")) == pytest.approx(2e7, abs=1e5)
 
 
 def test_mcs2_closed_loop_steps_with_the_drive_set_last(emulate: Callable[..., Any]) -> None:

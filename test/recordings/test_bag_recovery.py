@@ -3,8 +3,6 @@
 
 import json
 import os
-import random
-import resource
 import signal
 import struct
 import sys
@@ -15,7 +13,6 @@ import killed
 import pytest
 from bags import (
     EVENTS,
-    JOINTS,
     SECOND,
     SILENT,
     START,
@@ -199,33 +196,6 @@ def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: 
     assert any("no checksum for 400 of these" in finding for finding in done.findings)
 
 
-def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: Path) -> None:
-    _, file, data = four_chunks(tmp_path)
-    _flip(data, records_of(data, Opcode.CHUNK)[0] + 2000)
-    at = data.rindex(JOINTS.name.encode(), records_of(data, Opcode.DATA_END)[0])
-    data[at + 5 : at + 9] = bytes(4)
-    done = recover_from(file, data)
-    assert contents(done.folder) == []
-    assert any(f == "metadata.yaml counts 400 messages, 0 were found" for f in done.findings)
-
-
-@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
-@pytest.mark.parametrize("junk", [0, 7, 5000])
-def test_a_cut_chunk_is_told_whatever_comes_behind_it(
-    tmp_path: Path, compression: str, junk: int
-) -> None:
-    written, file, data = four_chunks(tmp_path, compression=compression)
-    (tmp_path / "run" / "metadata.yaml").unlink()
-    last = records_of(data, Opcode.CHUNK)[-1]
-    length = int.from_bytes(data[last + 1 : last + 9], "little")
-    noise = random.Random(junk).randbytes(junk)
-    file.write_bytes(data[: last + length // 2] + noise)
-    done = recover(tmp_path / "run")
-    assert done.dropped_bytes == length // 2 + junk
-    assert contents(done.folder) == expected(written)[:300]  # and nothing made of the junk
-    assert any("bytes were left out" in finding for finding in done.findings)
-
-
 def test_a_cut_file_packed_as_a_whole_is_told(tmp_path: Path) -> None:
     """So small that it is a single block: nothing of it can be unpacked."""
     import zstandard
@@ -255,18 +225,6 @@ def test_a_message_of_a_wrong_length_is_not_kept(tmp_path: Path, off: int) -> No
     assert "run.mcap has no checksum for 100 of these messages or their topics" in done.findings
     assert done.unprotected == 100
     assert done.dropped_bytes > 0
-
-
-def test_chunks_of_one_size_are_not_taken_for_each_other(tmp_path: Path) -> None:
-    """Numbers of one message each: every chunk is as long as the others, its checksum is not."""
-    with BagWriter(tmp_path / "run") as bag:
-        bag.add_topic(STEPS)
-        for number in range(20):
-            bag.write(STEPS.name, int32(number), log_ns=number, publish_ns=0)
-            bag.flush()
-    done = recover(tmp_path / "run")
-    assert [data for _, _, data in contents(done.folder)] == [int32(n) for n in range(20)]
-    assert done.findings == ()
 
 
 def test_ctrl_c_ends_a_recovery_and_leaves_nothing(tmp_path: Path) -> None:
@@ -313,33 +271,6 @@ def test_files_that_metadata_yaml_does_not_name_are_told(
     done = recover(tmp_path / "run", tmp_path / "other")
     assert "metadata.yaml names run_1.mcap, which is not there" in done.findings
     assert any("counts 601 messages" in finding for finding in done.findings)
-
-
-def test_what_a_full_disk_took_is_recovered(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The limit on the size of files stands for a disk with no more room."""
-    bag = BagWriter(tmp_path / "run")
-    bag.add_topic(STEPS)
-    old = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, old[1]))
-    written = 0
-    try:
-        with pytest.raises(BagError, match=r"cannot write the bag .*; make room on the disk"):
-            for written in range(100_000):
-                bag.write(STEPS.name, int32(written), log_ns=written, publish_ns=0)
-        with pytest.raises(BagError, match="cannot close the bag"):
-            bag.close()
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, old)
-        signal.signal(signal.SIGXFSZ, ignored)
-    done = recover(tmp_path / "run")
-    found = [data for _, _, data in contents(done.folder)]
-    assert found == [int32(i) for i in range(len(found))]
-    # 39 bytes a message, and 16 in the index after each chunk, of which the last is cut.
-    assert len(found) > 0.9 * (200_000 - 64 * 1024) / (39 + 16)
-    assert len(found) <= written + 1
 
 
 @pytest.mark.parametrize("chunks", [True, False])

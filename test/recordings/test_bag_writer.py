@@ -7,12 +7,11 @@ from typing import Any
 
 import pytest
 import yaml
-from bags import SECOND, START, STEPS, int32, topic
-from mcap.exceptions import EndOfFile
+from bags import SECOND, START, STEPS, STORE, int32, topic
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
-from rosbags.rosbag2 import Reader
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 
 from stickslip_ros.recordings import BagError, BagWriter, OfferedQos
 
@@ -23,11 +22,13 @@ INT32 = topic(
     OfferedQos(reliability="best_effort", durability="transient_local"),
 )
 
+NAMES = (INT32.name, "/silent")
+
 
 def _write(folder: Path, count: int) -> None:
     with BagWriter(folder, custom_data={"seed": "7"}) as bag:
         bag.add_topic(INT32)
-        bag.add_topic(replace(INT32, name="/silent", offered_qos=()))
+        bag.add_topic(replace(INT32, name=NAMES[1], offered_qos=()))
         for i in range(count):
             bag.write(INT32.name, int32(i), log_ns=2000 + i, publish_ns=1000 + i, sequence=i + 1)
 
@@ -38,59 +39,29 @@ def _metadata(folder: Path) -> dict[str, Any]:
     return whole["rosbag2_bagfile_information"]
 
 
-def test_metadata_has_every_key_of_version_9(tmp_path: Path) -> None:
-    folder = tmp_path / "run"
-    _write(folder, 5)
-    metadata = _metadata(folder)
-    topics = metadata.pop("topics_with_message_count")
-    assert metadata == {
-        "version": 9,
-        "storage_identifier": "mcap",
-        "duration": {"nanoseconds": 4},
-        "starting_time": {"nanoseconds_since_epoch": 2000},
-        "message_count": 5,
-        "compression_format": "",
-        "compression_mode": "",
-        "relative_file_paths": ["run_0.mcap"],
-        "files": [
-            {
-                "path": "run_0.mcap",
-                "starting_time": {"nanoseconds_since_epoch": 2000},
-                "duration": {"nanoseconds": 4},
-                "message_count": 5,
-            }
-        ],
-        "custom_data": {"seed": "7"},
-        "ros_distro": "jazzy",
-    }
+def test_metadata_is_that_of_another_writer_of_version_9(tmp_path: Path) -> None:
+    _write(tmp_path / "ours", 5)
+    with Writer(tmp_path / "theirs", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.set_custom_data("seed", "7")
+        made = [writer.add_connection(name, INT32.type, typestore=STORE) for name in NAMES]
+        for i in range(5):
+            writer.write(made[0], 2000 + i, int32(i))
+    ours, theirs = (_metadata(tmp_path / name) for name in ("ours", "theirs"))
+    first, second = (one["topic_metadata"] for one in ours["topics_with_message_count"])
     infinite = {"sec": 9223372036, "nsec": 854775807}
-    assert topics[0]["message_count"] == 5
-    assert topics[0]["topic_metadata"] == {
-        "name": "/axis/command/steps",
-        "type": "std_msgs/msg/Int32",
-        "serialization_format": "cdr",
-        "offered_qos_profiles": [
-            {
-                "history": "unknown",
-                "depth": 0,
-                "reliability": reliability,
-                "durability": durability,
-                "deadline": infinite,
-                "lifespan": infinite,
-                "liveliness": "automatic",
-                "liveliness_lease_duration": infinite,
-                "avoid_ros_namespace_conventions": False,
-            }
-            for reliability, durability in (
-                ("reliable", "volatile"),
-                ("best_effort", "transient_local"),
-            )
-        ],
-        "type_description_hash": INT32.type_hash,
-    }
-    assert topics[1]["message_count"] == 0
-    assert topics[1]["topic_metadata"]["offered_qos_profiles"] == []
-    assert sorted(path.name for path in folder.iterdir()) == ["metadata.yaml", "run_0.mcap"]
+    known = {"history": "unknown", "depth": 0, "liveliness": "automatic", "deadline": infinite,
+             "lifespan": infinite, "liveliness_lease_duration": infinite,
+             "avoid_ros_namespace_conventions": False}  # fmt: skip
+    assert first["offered_qos_profiles"] == [
+        {**known, "reliability": "reliable", "durability": "volatile"},
+        {**known, "reliability": "best_effort", "durability": "transient_local"},
+    ]
+    assert second["offered_qos_profiles"] == first.pop("offered_qos_profiles")[2:] == []
+    del theirs["topics_with_message_count"][0]["topic_metadata"]["offered_qos_profiles"]
+    assert (theirs.pop("ros_distro"), ours.pop("ros_distro")) == ("rosbags", "jazzy")
+    assert ours == yaml.safe_load(yaml.safe_dump(theirs).replace("theirs.mcap", "ours_0.mcap"))
+    files = sorted(path.name for path in (tmp_path / "ours").iterdir())
+    assert files == ["metadata.yaml", "ours_0.mcap"]
 
 
 def test_mcap_sees_the_profile_the_channels_and_the_metadata(tmp_path: Path) -> None:
@@ -100,8 +71,7 @@ def test_mcap_sees_the_profile_the_channels_and_the_metadata(tmp_path: Path) -> 
         reader = make_reader(stream, validate_crcs=True)
         assert reader.get_header().profile == "ros2"
         summary = reader.get_summary()
-        assert summary is not None and summary.statistics is not None
-        assert summary.statistics.message_count == 20_000
+        assert summary is not None
         (channel,) = summary.channels.values()
         (schema,) = summary.schemas.values()
         assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
@@ -127,34 +97,6 @@ def test_an_empty_bag_is_a_bag(tmp_path: Path) -> None:
     with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
         assert list(make_reader(stream).iter_messages()) == []
     assert _metadata(tmp_path / "run")["starting_time"] == {"nanoseconds_since_epoch": 0}
-
-
-def test_what_was_flushed_is_on_the_disk_before_the_bag_is_closed(tmp_path: Path) -> None:
-    bag = BagWriter(tmp_path / "run")
-    bag.add_topic(INT32)
-    bag.write(INT32.name, int32(4), log_ns=1, publish_ns=1)
-    bag.flush()
-    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
-        kinds = []
-        with pytest.raises(EndOfFile):  # nobody has finished the file yet
-            for record in StreamReader(stream).records:
-                kinds.append(type(record).__name__)
-    assert "Message" in kinds
-    assert not (tmp_path / "run" / "metadata.yaml").exists()
-    bag.close()
-    bag.close()
-    assert _metadata(tmp_path / "run")["message_count"] == 1
-
-
-def test_messages_out_of_order_keep_first_and_last_time(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "run") as bag:
-        bag.add_topic(INT32)
-        for stamp in (50, 30, 90, 40):
-            bag.write(INT32.name, int32(stamp), log_ns=stamp, publish_ns=stamp)
-        assert bag.counts == {INT32.name: 4}
-    with Reader(tmp_path / "run") as reader:
-        assert (reader.start_time, reader.duration) == (30, 61)
-        assert [stamp for _, stamp, _ in reader.messages()] == [30, 40, 50, 90]
 
 
 def test_a_bag_that_cannot_be_made_leaves_nothing(tmp_path: Path) -> None:

@@ -60,28 +60,14 @@ def test_the_page_has_everything_it_asks_for(server: WorkbenchServer) -> None:
     assert "https://" not in text
 
 
-def test_a_change_changes_the_curves(server: WorkbenchServer) -> None:
-    assert curves(server, "preload=1.0")["over"]["amplitude"]["now"] == [
-        300.0,
-        pytest.approx(113.2, abs=0.01),
-    ]
-    assert curves(server, "z_ba=&preload=0.4")["set"] == []
-
-
-@pytest.mark.parametrize(
-    ("query", "complaint"),
-    [
+def test_what_cannot_be_is_answered_with_the_reason(server: WorkbenchServer) -> None:
+    for query, complaint in (
         ("preload=1e9", "preload is 1e+09 N; it has to lie between"),
-        ("preload=x", "it has to be a number"),
         ("frequency=200000", "frequency is 200000 Hz"),
         ("hysteresis_file=/etc/passwd", "there is no control"),
         ("z_ba=0.1", "z_ba"),
-    ],
-)
-def test_what_cannot_be_is_answered_with_the_reason(
-    server: WorkbenchServer, query: str, complaint: str
-) -> None:
-    assert complaint in curves(server, query)["error"]
+    ):
+        assert complaint in curves(server, query)["error"]
 
 
 def test_a_foreign_name_for_this_machine_is_refused(server: WorkbenchServer) -> None:

@@ -41,15 +41,6 @@ def test_every_form_is_the_motion_of_the_file(motion: ss.Motion, form: str) -> N
     np.testing.assert_allclose(read.x, motion.x, rtol=0.0, atol=1e-15)
 
 
-@pytest.mark.long
-def test_analyse_and_compare_take_them(motion: ss.Motion) -> None:
-    frame = forms_of(motion)["frame"]
-    of_file = ss.analyse("steps_100hz.csv").step_size
-    assert ss.analyse(motion.t, motion.x).step_size == of_file
-    assert ss.analyse(frame).step_size == pytest.approx(of_file, abs=1e-13)
-    assert ss.compare("table1_typical.yaml", frame).differing == []
-
-
 def test_a_loop_in_a_table_is_identified() -> None:
     volts = 240.0 * np.abs(np.linspace(-1.0, 1.0, 401))
     table = pd.DataFrame({"voltage (V)": volts, "deflection (nm)": 0.9 * volts})
