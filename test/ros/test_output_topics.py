@@ -64,7 +64,7 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
 ) -> None:
     """As many set points as would push the start out of the log of events."""
     monkeypatch.setitem(OUTPUTS, EVENTS.name, replace(EVENTS, kept=kept))
-    make_axis(frequency=1000.0)
+    axis = make_axis(frequency=1000.0)
     heard = ros.hear(DiagnosticArray, "/stickslip_axis/set_points")
     node = ros.node("controller")
     out = ros.publisher(node, JointState, "/stickslip_axis/joint_commands", 1)
@@ -78,8 +78,14 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
             ros.wait_until(partial(have, k), "the set point in force")
 
     AxisClient(node=ros.node("user")).set_amplitude(250.0)
+    def send_more() -> None:
+        """And let the second pass in which the axis logs what came before its new reader."""
+        send(kept + 31, 60)
+        since = axis.axis.state.t
+        ros.wait_until(lambda: axis.axis.state.t > since + 1.2, "the log of set points")
+
     send(1, kept + 30)
-    bag = record(lambda: send(kept + 31, 60))
+    bag = record(send_more)
     (run,) = resimulate(bag)
     assert run.commands == kept + 91
     assert run.states > 50
