@@ -96,9 +96,9 @@ setup(
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
         PACKAGE: ["py.typed"],
-        f"{PACKAGE}.reporting": ["templates/*.html"],
-        f"{PACKAGE}.solver": ["*.csv"],
-        f"{PACKAGE}.workbench": ["*.js"],
+        f"{PACKAGE}.base.reporting": ["templates/*.html"],
+        f"{PACKAGE}.physics.solver": ["*.csv"],
+        f"{PACKAGE}.cli.workbench": ["*.js"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
@@ -118,7 +118,7 @@ setup(
     install_requires=[
         "numpy>=1.26.4",
         "scipy>=1.11.4",
-        # 0.61 to 0.68 compile in half the time of others; see stickslip_ros/numba_internals.py.
+        # 0.61 to 0.68 compile in half the time of others; see base/numba_internals.py.
         "numba>=0.61",
         "pyyaml>=6.0.1",
         "mcap>=1.5",
@@ -226,6 +226,6 @@ setup(
             "square = stickslip_ros.executables:square",
         ],
         # Under the name of the module, so that a conftest may name it as well.
-        "pytest11": ["stickslip_ros.testing.plugin = stickslip_ros.testing.plugin"],
+        "pytest11": ["stickslip_ros.testing = stickslip_ros.testing"],
     },
 )

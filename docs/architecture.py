@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws docs/architecture.md, the picture of the rooms, from the imports in the sources.
+"""Draws docs/architecture.md, the picture of the folders, from the imports in the sources.
 
     python docs/architecture.py
 
@@ -16,12 +16,13 @@ from pathlib import Path
 
 PACKAGE = "stickslip_ros"
 PAGE = Path(__file__).parent / "architecture.md"
-_HEAD = """# The rooms, drawn from their imports
+_HEAD = """# The folders, drawn from their imports
 
-This page shows which rooms (subpackages) import which.
-[How to work here](../CONTRIBUTING.md) says what each room is for. An arrow points from a
-room to a room that it imports; arrows that follow from others are left out. Dashed: imported inside
-functions only. `python docs/architecture.py` writes this page, and a test keeps it current.
+The physics moves an axis; a simulation asks it; recordings keep it; measurements are held against
+it; ROS, emulated controllers and a command line reach it. [How to work here](../CONTRIBUTING.md)
+says what each folder is for. An arrow points from a folder to one that it imports; arrows that
+follow from others are left out. Dashed: imported inside functions only. `python
+docs/architecture.py` writes this page, and `make lint` says when that is due.
 
 """
 

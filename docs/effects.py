@@ -19,10 +19,10 @@ from matplotlib.axes import Axes
 
 import stickslip_ros as ss
 from stickslip_ros.axis import Axis
-from stickslip_ros.model import Plant
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver.driven import simulation_of
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.waveforms import command_of
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.physics.solver.driven import simulation_of
 
 PAGES = Path(__file__).parent
 

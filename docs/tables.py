@@ -23,10 +23,10 @@ from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.client import AxisClient
 from stickslip_ros.emulator import CONTROLLERS, commands_of
 from stickslip_ros.measurement.metric_rows import METRICS
-from stickslip_ros.parameters import PARAMETERS, NodeParameters
-from stickslip_ros.ros.own_parameters import OF_PROCESS
-from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
-from stickslip_ros.twin.recording import KNOWN, UNKNOWN
+from stickslip_ros.measurement.twin.recording import KNOWN, UNKNOWN
+from stickslip_ros.physics.parameters import PARAMETERS, NodeParameters
+from stickslip_ros.ros.nodes.own_parameters import OF_PROCESS
+from stickslip_ros.ros.nodes.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 
 PAGES = Path(__file__).parent
 _AXIS, _TWIN = "/stickslip_axis", "/stickslip_twin"  # the nodes, as the policy names them

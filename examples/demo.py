@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole thing over ROS 2: axis and recorder as processes, three moves, a bag, a picture.
 
-`stickslip demo` and `make demo` run it. It leaves whole results or none.
+`stickslip demo` and `make demo` run it. It leaves whole results or none. It comes with the package
+and uses modules that are private, for the picture and the processes; a program of your own has the
+public names.
 """
 
 from __future__ import annotations
@@ -21,20 +23,18 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from std_srvs.srv import Trigger
 
+from stickslip_ros import Parameters, StickslipError, decoder_for, open_bag, read_yaml
+from stickslip_ros.base.compiled import report_compilation
+from stickslip_ros.base.files import WriteError, writing
+from stickslip_ros.base.reporting import SIMULATED
+from stickslip_ros.cli.pages.response import draw_closer, draw_cycles
 from stickslip_ros.client import AxisClient
-from stickslip_ros.compiled import report_compilation
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.files import WriteError, writing
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.motion.phases import points
-from stickslip_ros.motion.sampling import trace_steps
-from stickslip_ros.motion.steps import StepRun, run_steps
-from stickslip_ros.pages.response import draw_closer, draw_cycles
-from stickslip_ros.parameters import Parameters, read_yaml
-from stickslip_ros.parameters.parameters import yaml_text
-from stickslip_ros.recordings import decoder_for, open_bag
-from stickslip_ros.reporting import SIMULATED
-from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.parameters.parameters import yaml_text
+from stickslip_ros.ros.testing.child_process import ChildError, child_node, choose_domain
+from stickslip_ros.simulation.phases import points
+from stickslip_ros.simulation.sampling import trace_steps
+from stickslip_ros.simulation.steps import StepRun, run_steps
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
 _TIMEOUT = 60.0

@@ -16,8 +16,7 @@ from collections.abc import Sequence
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from stickslip_ros.client import AxisClient, AxisFault
-from stickslip_ros.ros.process import SpinThread
+from stickslip_ros.client import AxisClient, AxisFault, SpinThread
 
 Point = tuple[float, float]
 _MOVE = 0.5  # s for each side, and to lower or lift the tip

@@ -12,8 +12,8 @@ import signal
 import sys
 from importlib import import_module
 
-from stickslip_ros.errors import end_process, ending_signals
-from stickslip_ros.shared_files import example
+from stickslip_ros.base.errors import end_process, ending_signals
+from stickslip_ros.base.shared_files import example
 
 
 def axis_node() -> int:
@@ -45,7 +45,7 @@ def _run(name: str, module: str) -> int:
     for number in ending_signals():
         signal.signal(number, lambda *_: os._exit(0))
     try:
-        code: int = import_module(f"stickslip_ros.ros.{module}").main(sys.argv)
+        code: int = import_module(f"stickslip_ros.ros.nodes.{module}").main(sys.argv)
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("stickslip_ros"):
             raise

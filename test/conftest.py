@@ -4,6 +4,6 @@
 import importlib.util
 
 #: The first also where the package is used as it is, without having been installed.
-pytest_plugins = ("stickslip_ros.testing.plugin", "shared_fixtures")
+pytest_plugins = ("stickslip_ros.testing", "shared_fixtures")
 #: What is about ROS throughout.
 collect_ignore_glob = [] if importlib.util.find_spec("rclpy") else ["ros/*"]

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
 
-    from stickslip_ros.ros.axis_node import AxisNode
-    from stickslip_ros.ros.process import SpinThread
+    from stickslip_ros.ros.nodes.axis_node import AxisNode
+    from stickslip_ros.ros.nodes.process import SpinThread
 
 TIMEOUT = 60.0  # s, far more than anything takes, for a machine that is busy with other things
 

@@ -139,9 +139,9 @@ def compiled_solver() -> None:
     On a fresh machine that takes a while, longer than they wait, and the programs say so.
     """
     from stickslip_ros.axis import Axis
-    from stickslip_ros.motion.phases import regime_now
-    from stickslip_ros.motion.sampling import trace_steps
     from stickslip_ros.simulation.operating_points import zero_amplitude
+    from stickslip_ros.simulation.phases import regime_now
+    from stickslip_ros.simulation.sampling import trace_steps
 
     axis = Axis(TABLE_1)
     axis.compile_ahead()
@@ -158,7 +158,7 @@ _FOUND: dict[bytes, Any] = {}
 def patience() -> Iterator[None]:
     """Let commands say nothing about how long they take on a busy machine."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 600.0)
+        patch.setattr("stickslip_ros.base.reporting.terminal._PATIENCE", 600.0)
         yield
 
 
@@ -210,7 +210,7 @@ def ros_domain(stickslip_domain: int) -> int:
 @pytest.fixture
 def ros(ros_domain: int) -> Iterator[Ros]:
     """Give a :class:`Ros` in a domain of its own."""
-    from stickslip_ros.ros.process import SpinThread
+    from stickslip_ros.ros.nodes.process import SpinThread
 
     spin = SpinThread("ros", ros_domain)
     try:
@@ -227,7 +227,7 @@ def make_axis(ros: Ros) -> MakeAxis:
     """
     from rclpy.parameter import Parameter
 
-    from stickslip_ros.ros.axis_node import AxisNode
+    from stickslip_ros.ros.nodes.axis_node import AxisNode
 
     def make(namespace: str | None = None, **parameters: Any) -> AxisNode:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]

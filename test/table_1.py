@@ -3,7 +3,7 @@
 
 from typing import Any
 
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
 
 #: Drive, runner and friction of Table 1 with the constants of Eq. 12-16, then sensor, closed loop,
 #: travel and solver; SI units, slewrate V/us.

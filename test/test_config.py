@@ -10,8 +10,8 @@ from live import Ros
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.model import Plant
-from stickslip_ros.parameters import PARAMETERS, read_yaml
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.parameters import PARAMETERS, read_yaml
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"
 FILES = sorted(CONFIG.glob("*.yaml"))
@@ -88,7 +88,7 @@ def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency
 
 def test_a_real_node_takes_it(ros: Ros) -> None:
     pytest.importorskip("rclpy")
-    from stickslip_ros.ros.axis_node import AxisNode
+    from stickslip_ros.ros.nodes.axis_node import AxisNode
 
     for file in FILES:
         arguments = ["--ros-args", "--params-file", str(file)]

@@ -5,12 +5,13 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from child import python
 
 import stickslip_ros as ss
-from stickslip_ros import simulation
+from stickslip_ros import measurement, simulation
 
 ROOT = Path(__file__).parent.parent
 ROS = {"AxisClient", "AxisFault"}  # names that need it; the client has its own tests
@@ -29,19 +30,13 @@ def test_a_wrong_name_is_answered_with_the_right_one() -> None:
         getattr(ss, "_private")  # noqa: B009
 
 
-def test_the_room_gives_what_the_package_gives() -> None:
+@pytest.mark.parametrize("room", [simulation, measurement])
+def test_a_room_gives_what_the_package_gives(room: ModuleType) -> None:
     """Whatever was imported before: no module of the room has the name of a function."""
-    assert [
-        name for name in simulation.__all__ if getattr(simulation, name) is not getattr(ss, name)
-    ] == []
-    files = {file.stem for file in Path(simulation.__file__).parent.glob("*.py")}
-    assert not files & set(simulation.__all__)
-
-
-def test_the_old_name_of_the_room_works_with_a_warning() -> None:
-    with pytest.warns(FutureWarning, match=r"stickslip_ros\.simulation since 2\.0\.0"):
-        from stickslip_ros.library import simulate
-    assert simulate is ss.simulate
+    names = {*room.__all__} & {*ss.__all__}
+    assert [name for name in names if getattr(room, name) is not getattr(ss, name)] == []
+    files = {file.stem for file in Path(str(room.__file__)).parent.glob("*.py")}
+    assert names and not files & names
 
 
 def test_one_base_catches_every_error() -> None:
@@ -85,7 +80,7 @@ def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
 
 def test_the_users_choice_of_a_plot_window_stays() -> None:
     """Pictures are written without a window, and without telling Matplotlib so for everybody."""
-    modules = "stickslip_ros.pages.response", "stickslip_ros.reporting.picture"
+    modules = "stickslip_ros.cli.pages.response", "stickslip_ros.base.reporting.picture"
     loaded = "".join(f"import {module}\n" for module in modules)
     found = run(
         "import matplotlib\nmatplotlib.use('svg')\n" + loaded + "print(matplotlib.get_backend())\n"

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.parameters import PARAMETERS, Parameters
-from stickslip_ros.parameters.row import Parameter
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters
+from stickslip_ros.physics.parameters.row import Parameter
 
 #: Narrower than the table: what real drives and those of the paper span, and a decade beyond
 REAL = {

@@ -17,7 +17,7 @@ import setuptools
 pytest.importorskip("rclpy")
 
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.motion.steps import run_steps
+from stickslip_ros.simulation.steps import run_steps
 from validation import benchmark
 from validation.benchmark import LIMIT, Effort
 from validation.benchmark.__main__ import main as bench

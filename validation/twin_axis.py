@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.twin import TwinCommand
+from stickslip_ros.measurement.twin import TwinCommand
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.parameters import Parameters
 from validation.whole_system import WholeSystem, aged
 
 #: Accuracy of the integrator: a thousandth of a nanometre a cycle, far below any noise

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from stickslip_ros.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, FOREIGN
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.laws.law import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, FOREIGN
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.model.actuator import Actuator
+from stickslip_ros.physics.parameters import Parameters
 
 #: States of the runner, the amplifier, the actuator and the wear; creep and contacts follow.
 X, V, VOLTS, U, SWING, SLID, CREEP = range(7)

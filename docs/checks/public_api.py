@@ -10,8 +10,8 @@ ROOT = Path(__file__).resolve().parents[2]
 RECORD = Path(__file__).with_suffix(".txt")
 
 
-#: The rooms whose names are promised beside those of the package, as docs/library.md says.
-PROMISED = ["emulator", "laws", "recordings", "twin", "waveforms"]
+#: What is promised beside the names of the package, as docs/library.md says.
+PROMISED = ["client"]
 
 
 def _parameters(function: Any) -> str:
@@ -50,9 +50,9 @@ def _lines(name: str, found: Any) -> list[str]:
 
 
 def surface() -> list[str]:
-    """Return a line for each public name of the package and of the rooms, with its parameters.
+    """Return a line for each public name of the package and of the client, with its parameters.
 
-    What the package itself offers is only named where a room offers it, too.
+    What the package itself offers is only named where the client offers it, too.
     """
     lines: list[str] = []
     seen: set[int] = set()

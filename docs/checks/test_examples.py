@@ -13,7 +13,7 @@ import stickslip_ros as ss
 
 ROOT = Path(__file__).parents[2]
 #: Names that are data.
-DATA = {"PARAMETERS"}
+DATA = {"CONTROLLERS", "LAWS", "PARAMETERS", "WAVEFORMS"}
 #: Names that need ROS; the client has its own tests.
 ROS = {"AxisClient", "AxisFault"}
 PLAIN = [name for name in ss.__all__ if name not in ROS]

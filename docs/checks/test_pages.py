@@ -15,7 +15,7 @@ from table_1 import TABLE_1
 
 import stickslip_ros as ss
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.physics.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = runpy.run_path(str(ROOT / "docs" / "architecture.py"))
@@ -52,7 +52,7 @@ def test_the_page_of_the_law_has_the_values_of_table_1() -> None:
 
 def test_the_page_on_the_node_names_what_there_is() -> None:
     """The parameters of the node stand in docs/node.md; its topics are written there."""
-    topics = pytest.importorskip("stickslip_ros.ros.topics")
+    topics = pytest.importorskip("stickslip_ros.ros.nodes.topics")
     page = (ROOT / "docs" / "node.md").read_text(encoding="utf-8")
     assert [topic for topic in topics.OUTPUTS if f"\n| `{topic}` |" not in page] == []
     for name in ("axes", "publish_rate", "real_time_factor", "real_time_priority", "publish_clock"):
@@ -60,7 +60,7 @@ def test_the_page_on_the_node_names_what_there_is() -> None:
 
 
 #: Public names that docs/api.md only mentions: data, and what needs ROS.
-MENTIONED = {"PARAMETERS", "AxisClient", "AxisFault"}
+MENTIONED = {"CONTROLLERS", "LAWS", "PARAMETERS", "WAVEFORMS", "AxisClient", "AxisFault"}
 
 
 def test_every_public_name_is_on_its_page() -> None:

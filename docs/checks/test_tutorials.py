@@ -48,7 +48,7 @@ def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         assert bool(code) == tells, words
         return capsys.readouterr().out + (f"exit code {code}\n" if tells else "")
     assert words[0] == "pytest"
-    options = ["-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider"]
+    options = ["-p", "stickslip_ros.testing", "-p", "no:cacheprovider"]
     found = subprocess.run(
         [sys.executable, "-m", *words, *options], capture_output=True, text=True, timeout=300
     )

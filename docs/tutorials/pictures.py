@@ -16,9 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip_ros as ss
-from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED
-from stickslip_ros.reporting.picture import save_picture
-from stickslip_ros.twin import Twin, TwinCommand
+from stickslip_ros.base.reporting import ACTUATOR, MEASURED, SIMULATED
+from stickslip_ros.base.reporting.picture import save_picture
+from stickslip_ros.measurement.twin import Twin, TwinCommand
 
 
 def first_step(axes: Axes) -> None:

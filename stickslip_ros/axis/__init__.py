@@ -6,7 +6,7 @@ Each name is loaded when it is used: a client needs the registry of commands, bu
 
 from typing import TYPE_CHECKING
 
-from stickslip_ros.lazy_names import lazy_names
+from stickslip_ros.base.lazy_names import lazy_names
 
 _PLACES = {
     "axis": "Axis",

@@ -16,10 +16,10 @@ from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
 from stickslip_ros.axis.faults import Travel
 from stickslip_ros.axis.sensor import Readings, SensorDynamics, has_bandwidth
-from stickslip_ros.model import DriveCycle
-from stickslip_ros.model.actuator_chain import Chain
-from stickslip_ros.solver import State
-from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
+from stickslip_ros.physics.model import DriveCycle
+from stickslip_ros.physics.model.actuator_chain import Chain
+from stickslip_ros.physics.solver import State
+from stickslip_ros.physics.solver.driven import DrivenSimulation, simulation_of
 
 REST, RAMP, CYCLES = "rest", "ramp", "cycles"
 #: Reasons why a part of the motion ends, see `Actuation.arrive`

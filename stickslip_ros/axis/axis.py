@@ -22,9 +22,9 @@ from stickslip_ros.axis.events import TRIP, CommandRefused, Event
 from stickslip_ros.axis.faults import REFUSE
 from stickslip_ros.axis.tasks import StepTask
 from stickslip_ros.axis.trajectory import Point
-from stickslip_ros.model import Plant
-from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.solver import Simulation, State
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.parameters import ParameterError, Parameters
+from stickslip_ros.physics.solver import Simulation, State
 
 
 class Axis(Device):

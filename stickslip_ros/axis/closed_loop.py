@@ -18,7 +18,7 @@ from typing import NamedTuple
 from stickslip_ros.axis.actuation import CYCLES, ENDLESS, RAMP, Actuation
 from stickslip_ros.axis.command import HOLDING, TARGETING
 from stickslip_ros.axis.trajectory import Trajectory
-from stickslip_ros.laws.law import Contact
+from stickslip_ros.physics.laws.law import Contact
 
 #: Last readings at rest that are averaged: their noise is a third of that of one
 _AVERAGED = 10

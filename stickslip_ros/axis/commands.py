@@ -38,7 +38,7 @@ from stickslip_ros.axis.command import (
 )
 from stickslip_ros.axis.events import WARNED, digests_of
 from stickslip_ros.axis.trajectory import Point, Trajectory, check_trajectory
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
 
 if TYPE_CHECKING:  # who only names commands needs no solver
     from stickslip_ros.axis.closed_loop import ClosedLoop

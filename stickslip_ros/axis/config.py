@@ -13,12 +13,12 @@ from typing import Any
 
 from stickslip_ros.axis.faults import NONE, PRELOAD_LOSS, Faults, faults_of
 from stickslip_ros.axis.sensor import Sensor, has_bandwidth, samples_per_reading
-from stickslip_ros.model import DriveCycle, Plant
-from stickslip_ros.model.actuator import Actuator, check_voltage
-from stickslip_ros.model.actuator_chain import has_chain
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import ParameterError, Parameters, parameter
-from stickslip_ros.parameters.groups import SLIDER
+from stickslip_ros.physics.model import DriveCycle, Plant
+from stickslip_ros.physics.model.actuator import Actuator, check_voltage
+from stickslip_ros.physics.model.actuator_chain import has_chain
+from stickslip_ros.physics.model.waveforms import command_of
+from stickslip_ros.physics.parameters import ParameterError, Parameters, parameter
+from stickslip_ros.physics.parameters.groups import SLIDER
 
 #: Drive cycles that are kept: a command of steps does not make its cycle anew
 _MOST_DRIVE_CYCLES = 8

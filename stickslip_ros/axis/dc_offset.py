@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from stickslip_ros.axis.config import Config
-from stickslip_ros.model import DriveCycle, ramp
-from stickslip_ros.solver import State
+from stickslip_ros.physics.model import DriveCycle, ramp
+from stickslip_ros.physics.solver import State
 
 _NEAR_ZERO = 1e-15  # m: levels below are rounding
 

@@ -28,10 +28,10 @@ from stickslip_ros.axis.events import (
 )
 from stickslip_ros.axis.faults import MOVING, Moment
 from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supervisor
-from stickslip_ros.model.arithmetic import arithmetic
-from stickslip_ros.model.versions import MODEL_VERSION
-from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.solver.driven import simulation_of
+from stickslip_ros.physics.model.arithmetic import arithmetic
+from stickslip_ros.physics.model.versions import MODEL_VERSION
+from stickslip_ros.physics.parameters import ParameterError, Parameters
+from stickslip_ros.physics.solver.driven import simulation_of
 from stickslip_ros.version import __version__
 
 #: Steps that show how fast the axis goes: the first ones, from rest, are longer or shorter

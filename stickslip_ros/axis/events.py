@@ -17,10 +17,10 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.parameters.bounded_files import read_bytes
-from stickslip_ros.parameters.row import file_names
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.physics.parameters.bounded_files import read_bytes
+from stickslip_ros.physics.parameters.row import file_names
 
 #: Keys besides those of the details
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"

@@ -13,11 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from stickslip_ros.parameters import LimitParameters, ParameterError, Parameters
-from stickslip_ros.parameters.row import read_quantity
+from stickslip_ros.physics.parameters import LimitParameters, ParameterError, Parameters
+from stickslip_ros.physics.parameters.row import read_quantity
 
 if TYPE_CHECKING:
-    from stickslip_ros.solver import Simulation
+    from stickslip_ros.physics.solver import Simulation
 
 _SPIKE_EVERY = 100  # readings
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stickslip_ros.axis.command import HOLDING, STOPPED
-from stickslip_ros.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
+from stickslip_ros.physics.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
 
 if TYPE_CHECKING:
     from stickslip_ros.axis.axis import Axis

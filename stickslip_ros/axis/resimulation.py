@@ -23,8 +23,14 @@ from stickslip_ros.axis.events import (
     NotRepeatable,
     check_files,
 )
-from stickslip_ros.model.versions import ModelChange, changes_since
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter
+from stickslip_ros.physics.model.versions import ModelChange, changes_since
+from stickslip_ros.physics.parameters import (
+    PARAMETERS,
+    ParameterError,
+    Parameters,
+    Value,
+    parameter,
+)
 
 #: Characters of a text from a recording that an error shows: names of events are shorter
 _SHOWN = 40

@@ -20,9 +20,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.model.low_pass import LowPass
-from stickslip_ros.parameters import ParameterError, SensorParameters
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.physics.model.low_pass import LowPass
+from stickslip_ros.physics.parameters import ParameterError, SensorParameters
 
 #: Readings whose noise is drawn together: one call of the generator costs as much as hundreds
 _BLOCK = 1024

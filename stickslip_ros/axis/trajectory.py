@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.physics.parameters import ParameterError
 
 #: Points of a trajectory: a message of them stays below a megabyte
 MOST_POINTS = 10_000

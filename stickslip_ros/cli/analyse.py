@@ -11,6 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import StickslipError, UsageError
+from stickslip_ros.base.reporting.terminal import nanometres
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
     measurement_of,
@@ -19,14 +21,12 @@ from stickslip_ros.cli.measurement_options import (
 )
 from stickslip_ros.cli.options import add_cluster, flag, option, progress_bar, quantity
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
-from stickslip_ros.errors import StickslipError, UsageError
-from stickslip_ros.reporting.terminal import nanometres
 
 if TYPE_CHECKING:
+    from stickslip_ros.base.reporting.page import ResultPage
     from stickslip_ros.measurement.steps.analysis import Findings
     from stickslip_ros.measurement.steps.run import Run
-    from stickslip_ros.motion.motion import Motion
-    from stickslip_ros.reporting.page import ResultPage
+    from stickslip_ros.simulation.motion import Motion
 
 #: Columns of the table by the names of the JSON.
 _COLUMNS = {
@@ -161,7 +161,7 @@ def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
 
 
 def _page(motion: Motion, seen: Findings) -> ResultPage:
-    from stickslip_ros.pages.measured import measurement_page  # for a page or a picture only
+    from stickslip_ros.cli.pages.measured import measurement_page  # for a page or a picture only
 
     return measurement_page(motion, seen)
 

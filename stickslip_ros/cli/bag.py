@@ -11,6 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from stickslip_ros.base.errors import UsageError, printable
 from stickslip_ros.cli.command_line import add_commands
 from stickslip_ros.cli.options import (
     flag,
@@ -21,8 +22,7 @@ from stickslip_ros.cli.options import (
     require_ros,
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.errors import UsageError, printable
-from stickslip_ros.parameters import PARAMETERS, parse_assignment
+from stickslip_ros.physics.parameters import PARAMETERS, parse_assignment
 
 #: In the order of the help.
 ACTIONS = {
@@ -67,7 +67,7 @@ def run_info(args: argparse.Namespace) -> int:
         found = describe(bag)
     draw = None
     if args.plot or args.report:
-        from stickslip_ros.measurement.load_motion import load_motion
+        from stickslip_ros.measurement.bags.load_motion import load_motion
 
         draw = load_motion(args.bag, joint=args.joint).motion.plot
     names = ("name", "type", "messages")
@@ -201,15 +201,15 @@ def run_play(args: argparse.Namespace) -> int:
 
 
 def _run_node(args: argparse.Namespace, module: str, node: str) -> int:
-    """Run a node class of ``stickslip_ros.ros`` until it ends; return its exit code.
+    """Run a node class of ``stickslip_ros.ros.nodes`` until it ends; return its exit code.
 
     Options that were given are its parameters. Raises UsageError where there is no ROS.
     """
     with require_ros():
         from rclpy.parameter import Parameter
 
-        from stickslip_ros.ros.process import run
-    kind = getattr(import_module(f"stickslip_ros.ros.{module}"), node)
+        from stickslip_ros.ros.nodes.process import run
+    kind = getattr(import_module(f"stickslip_ros.ros.nodes.{module}"), node)
     given = {name: value for name, value in vars(args).items() if name not in _NO_PARAMETERS}
     overrides = [
         Parameter(name, value=value) for name, value in given.items() if value not in (None, [])
@@ -243,7 +243,7 @@ def resimulate_arguments(parser: argparse.ArgumentParser) -> None:
 def run_resimulate(args: argparse.Namespace) -> int:
     """Simulate a recorded axis again; compare, or change parameters."""
     from stickslip_ros.axis.command import JOINT_STATE
-    from stickslip_ros.compiled import report_compilation
+    from stickslip_ros.base.compiled import report_compilation
     from stickslip_ros.recordings import open_bag, recorded_runs, resimulate
 
     check_outputs(args)
@@ -270,7 +270,7 @@ def run_resimulate(args: argparse.Namespace) -> int:
 
 
 def _differences(report: dict[str, Any], changed: bool) -> str:
-    from stickslip_ros.model.versions import FIRST_VERSION
+    from stickslip_ros.physics.model.versions import FIRST_VERSION
 
     lines = [
         f"{report['axis']}: {report['commands']} commands, {report['states']} states "

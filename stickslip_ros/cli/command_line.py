@@ -17,7 +17,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from types import ModuleType
 from typing import Any, NoReturn
 
-from stickslip_ros.errors import (
+from stickslip_ros.base.errors import (
     INTERRUPTED,
     OUT_OF_MEMORY,
     MissingLibrary,
@@ -90,7 +90,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _who(name: str) -> str:
-    from stickslip_ros.reporting.terminal import style_text  # --version needs no library
+    from stickslip_ros.base.reporting.terminal import style_text  # --version needs no library
 
     return style_text(f"{name}:", "bold red", sys.stderr)
 
@@ -152,7 +152,7 @@ def run(argv: Sequence[str] | None) -> int:
     args, unknown = parser.parse_known_args(given)
     name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
     if unknown:
-        from stickslip_ros.parameters import PARAMETERS
+        from stickslip_ros.physics.parameters import PARAMETERS
 
         option, _, value = unknown[0].lstrip("-").replace("-", "_").partition("=")
         value = value or (unknown[1] if len(unknown) > 1 else "VALUE")

@@ -10,6 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.reporting import format_si
+from stickslip_ros.base.reporting.terminal import style_text
+from stickslip_ros.base.shared_files import config_file
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
     measurement_of,
@@ -18,18 +22,14 @@ from stickslip_ros.cli.measurement_options import (
 )
 from stickslip_ros.cli.options import add_assignments, option, parameters_from, quantity
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.errors import UsageError
 from stickslip_ros.measurement.verdict import LIMITS
-from stickslip_ros.reporting import format_si
-from stickslip_ros.reporting.terminal import style_text
-from stickslip_ros.shared_files import config_file
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement
-    from stickslip_ros.measurement.load_motion import LoadedMotion
+    from stickslip_ros.measurement.bags.load_motion import LoadedMotion
     from stickslip_ros.measurement.steps.run import Run
-    from stickslip_ros.motion.motion import Motion
+    from stickslip_ros.simulation.motion import Motion
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,8 +62,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.measurement import Fits, compare, judge
-    from stickslip_ros.pages.compared import comparison_page
+    from stickslip_ros.cli.pages.compared import comparison_page
+    from stickslip_ros.measurement import Fits, judge
+    from stickslip_ros.measurement.comparison import compare
 
     given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
     allowed = {name: value for name, value in given.items() if value is not None}
@@ -106,9 +107,13 @@ def _motions(
     """Return the run, the measurement, the runs of steps in it where they were looked for, and the
     period (s) of the drive of a run that is simulated.
     """
-    from stickslip_ros.compiled import report_compilation
+    from stickslip_ros.base.compiled import report_compilation
     from stickslip_ros.measurement.as_measured import simulate_as_measured, simulate_motion
-    from stickslip_ros.measurement.load_motion import LoadedMotion, is_parameter_file, load_motion
+    from stickslip_ros.measurement.bags.load_motion import (
+        LoadedMotion,
+        is_parameter_file,
+        load_motion,
+    )
 
     if not args.simulation.suffix:  # a bag, or one of our parameter files by its name
         args.simulation = config_file(args.simulation)
@@ -139,7 +144,7 @@ def _motions(
         return loaded, measurement, seen.runs, period
     run = load_motion(args.simulation, joint=args.joint)
     if run.parameters is not None:
-        from stickslip_ros.measurement.finer import finest_motion  # it needs the solver
+        from stickslip_ros.measurement.bags.finer import finest_motion  # it needs the solver
 
         run = run._replace(motion=finest_motion(args.simulation, run))
     measurement = measurement_of(args, args.measurement, run.origin_ns, finer=True)

@@ -11,6 +11,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.files import write_text
+from stickslip_ros.base.reporting import MEASURED, SIMULATED, draw_lines
+from stickslip_ros.base.reporting.terminal import announce_if_slow
 from stickslip_ros.cli.options import (
     add_drive,
     add_parameters,
@@ -21,11 +25,7 @@ from stickslip_ros.cli.options import (
     yaml_lines,
 )
 from stickslip_ros.cli.outputs import PICTURES, add_outputs, check_outputs, put_out
-from stickslip_ros.errors import UsageError
-from stickslip_ros.files import write_text
-from stickslip_ros.parameters import Parameters, yaml_text
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines
-from stickslip_ros.reporting.terminal import announce_if_slow
+from stickslip_ros.physics.parameters import Parameters, yaml_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -121,14 +121,14 @@ def _save_waveform(path: Path, p: Parameters, rate: float | None) -> None:
     """Write time and voltage of a cycle, or their picture. Raises ParameterError, WriteError."""
     import numpy as np  # as all that computes, only when it is asked for
 
-    from stickslip_ros.model.waveforms import shape_of
-    from stickslip_ros.waveforms.table import OF_GENERATOR, generator_rows
+    from stickslip_ros.physics.model.waveforms import shape_of
+    from stickslip_ros.physics.waveforms.table import OF_GENERATOR, generator_rows
 
     rows = generator_rows(p.drive, shape_of(p.drive), rate)
     if path.suffix.lower() == ".csv":
         write_text(path, "\n".join([OF_GENERATOR, *(f"{t!r}, {v!r}" for t, v in rows), ""]))
         return
-    from stickslip_ros.reporting.picture import picture_of, save_picture
+    from stickslip_ros.base.reporting.picture import picture_of, save_picture
 
     times, volts = np.array(rows).T
     line = (times, volts, "-", SIMULATED, p.drive.waveform)

@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stickslip_ros.base.errors import UsageError, ending_signals
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.cli.options import add_parameters, flag, option, parameters_from
 from stickslip_ros.emulator import CONTROLLERS, kind_for
-from stickslip_ros.errors import UsageError, ending_signals
-from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     if not 0 <= port < 65536:
         raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")
     from stickslip_ros.axis import Axis
-    from stickslip_ros.compiled import report_compilation
+    from stickslip_ros.base.compiled import report_compilation
     from stickslip_ros.emulator import OwnAxes, Server, controller_of
 
     axes = [Axis(parameters_from(args, axis_name=name)) for name in names]
@@ -132,7 +132,7 @@ def _show(
     """Serve a page with the axes until the stack is closed; return its address."""
     from threading import Thread
 
-    from stickslip_ros.workbench.server import AxesPanel, WorkbenchServer
+    from stickslip_ros.cli.workbench.server import AxesPanel, WorkbenchServer
 
     panel = AxesPanel(what, _HEADS, lambda: _rows(names, axes))
     server = stack.enter_context(WorkbenchServer(panel))

@@ -11,13 +11,13 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stickslip_ros.base.errors import UsageError
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import add_parameters, flag, option, parameters_from
-from stickslip_ros.errors import UsageError
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
 
 if TYPE_CHECKING:
-    from stickslip_ros.workbench.server import Panel
+    from stickslip_ros.cli.workbench.server import Panel
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,9 +31,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.workbench.curves import Overlay, curves
-    from stickslip_ros.workbench.server import Workbench
+    from stickslip_ros.base.compiled import report_compilation
+    from stickslip_ros.cli.workbench.curves import Overlay, curves
+    from stickslip_ros.cli.workbench.server import Workbench
 
     p, overlay = parameters_from(args), None
     if args.measurement:
@@ -57,7 +57,7 @@ def serve(panel: Panel, args: argparse.Namespace, name: str) -> int:
     """Serve a page under a name until Ctrl-C; return the exit code. Raises UsageError."""
     if not 0 <= args.port <= 65535:
         raise UsageError(f"--port is {args.port}; it has to lie between 0 and 65535")
-    from stickslip_ros.workbench.server import WorkbenchServer
+    from stickslip_ros.cli.workbench.server import WorkbenchServer
 
     try:
         server = WorkbenchServer(panel, args.port)

@@ -11,16 +11,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import INTERRUPTED, UsageError
+from stickslip_ros.base.files import write_text
+from stickslip_ros.base.reporting import format_si
+from stickslip_ros.base.shared_files import config_file
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import option, progress_bar, repeated, report_left_out
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.errors import INTERRUPTED, UsageError
-from stickslip_ros.files import write_text
-from stickslip_ros.parameters import PARAMETERS, parameter, yaml_text
-from stickslip_ros.parameters.bounded_files import read_values
-from stickslip_ros.parameters.row import read_quantity
-from stickslip_ros.reporting import format_si
-from stickslip_ros.shared_files import config_file
+from stickslip_ros.physics.parameters import PARAMETERS, parameter, yaml_text
+from stickslip_ros.physics.parameters.bounded_files import read_values
+from stickslip_ros.physics.parameters.row import read_quantity
 from stickslip_ros.simulation.left_out import OF_A_FIT, left_out
 
 if TYPE_CHECKING:
@@ -74,11 +74,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.identification import Prior, identify, read_curve
-    from stickslip_ros.identification.inputs import Known, deviation_of, read_motion
-    from stickslip_ros.measurement.load_motion import is_parameter_file
-    from stickslip_ros.pages.fitted import fit_page
+    from stickslip_ros.base.compiled import report_compilation
+    from stickslip_ros.cli.pages.fitted import fit_page
+    from stickslip_ros.measurement.bags.load_motion import is_parameter_file
+    from stickslip_ros.measurement.identification import Prior, identify, read_curve
+    from stickslip_ros.measurement.identification.inputs import Known, deviation_of, read_motion
 
     if bool(args.measurements) != bool(args.config):
         raise UsageError("--config FILE.yaml and its MEASUREMENT go together")
@@ -135,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:
     """Read NAME=A:B. Raises UsageError and ParameterError."""
-    from stickslip_ros.identification.free import unit_of
+    from stickslip_ros.measurement.identification.free import unit_of
 
     found = {}
     for text in texts:
@@ -155,7 +155,7 @@ def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, f
 
 def _show(bar: tqdm[Any], what: str, part: float, best: Mapping[str, float]) -> None:
     """Show the present stage and the best values so far."""
-    from stickslip_ros.identification.free import unit_of
+    from stickslip_ros.measurement.identification.free import unit_of
 
     values = ", ".join(
         f"{name} {format_si(value, unit_of(name), 3)}" for name, value in best.items()

@@ -7,13 +7,13 @@ import argparse
 import sys
 from pathlib import Path
 
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.files import write_text
+from stickslip_ros.base.shared_files import sample_file
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import add_parameters, option, parameters_from, yaml_lines
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.errors import UsageError
-from stickslip_ros.files import write_text
-from stickslip_ros.parameters import Value
-from stickslip_ros.shared_files import sample_file
+from stickslip_ros.physics.parameters import Value
 
 _MOST_OPERATORS = 100
 
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(args, args.out)
     from stickslip_ros.measurement.actuator_identification import identify_hysteresis
     from stickslip_ros.measurement.reading import read_loop
-    from stickslip_ros.model.actuator import hysteresis_text
+    from stickslip_ros.physics.model.actuator import hysteresis_text
 
     known = parameters_from(args).actuator
     full = known.max_voltage

@@ -8,9 +8,9 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.shared_files import example, shared
 from stickslip_ros.cli.options import option
-from stickslip_ros.errors import UsageError
-from stickslip_ros.shared_files import example, shared
 
 
 def demo_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from types import FrameType
 
-from stickslip_ros.errors import INTERRUPTED, end_process, ending_signals
+from stickslip_ros.base.errors import INTERRUPTED, end_process, ending_signals
 
 _AGAIN = 0.01  # s
 

@@ -11,17 +11,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.reporting import format_si
+from stickslip_ros.base.reporting.terminal import SEARCH, announce_if_slow
+from stickslip_ros.base.shared_files import sample_file
 from stickslip_ros.cli.options import flag, option, quantity, repeated
-from stickslip_ros.errors import UsageError
-from stickslip_ros.reporting import format_si
-from stickslip_ros.reporting.terminal import SEARCH, announce_if_slow
-from stickslip_ros.shared_files import sample_file
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
     from stickslip_ros.measurement.steps.analysis import Findings
     from stickslip_ros.measurement.steps.run import Run
-    from stickslip_ros.motion.motion import Motion
+    from stickslip_ros.simulation.motion import Motion
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
@@ -89,7 +89,7 @@ def measurement_of(
     takes the file, how it is read and the joint, in place of `load_motion`. Raises UsageError and
     BagError.
     """
-    from stickslip_ros.measurement.load_motion import load_motion
+    from stickslip_ros.measurement.bags.load_motion import load_motion
 
     how, file = reading_of(args), sample_file(path)
     if read is not None:
@@ -98,7 +98,7 @@ def measurement_of(
         loaded = load_motion(file, how=how, joint=args.joint, origin_ns=origin_ns)
         measurement = loaded.motion
         if finer and loaded.parameters is not None:
-            from stickslip_ros.measurement.finer import finest_motion  # it needs the solver
+            from stickslip_ros.measurement.bags.finer import finest_motion  # it needs the solver
 
             measurement = finest_motion(file, loaded)
     for note in measurement.notes:

@@ -11,12 +11,12 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.errors import UsageError
-from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
-from stickslip_ros.parameters.groups import AXIS_NODE
-from stickslip_ros.parameters.row import read_quantity
-from stickslip_ros.reporting.terminal import announce_if_slow
-from stickslip_ros.shared_files import config_file
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.reporting.terminal import announce_if_slow
+from stickslip_ros.base.shared_files import config_file
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters, parse_assignment
+from stickslip_ros.physics.parameters.groups import AXIS_NODE
+from stickslip_ros.physics.parameters.row import read_quantity
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -79,9 +79,9 @@ def add_assignments(parser: _Adds) -> None:
 
 class _ListParameters(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        from stickslip_ros.laws import LAWS
-        from stickslip_ros.model.friction import constants_in_force
-        from stickslip_ros.waveforms import WAVEFORMS
+        from stickslip_ros.physics.laws import LAWS
+        from stickslip_ros.physics.model.friction import constants_in_force
+        from stickslip_ros.physics.waveforms import WAVEFORMS
 
         names = {"model": LAWS, "waveform": WAVEFORMS}
         friction = Parameters().friction
@@ -106,7 +106,7 @@ def parameters_from(args: argparse.Namespace, **overrides: Any) -> Parameters:
     --amplitude and --frequency are overrides, too. Settings without effect are named on stderr.
     Raises ParameterError.
     """
-    from stickslip_ros.model.idle import idle_settings  # the table is read without numpy
+    from stickslip_ros.physics.model.idle import idle_settings  # the table is read without numpy
 
     values: dict[str, Any] = dict(parse_assignment(text) for text in args.assignments)
     for name in ("amplitude", "frequency"):
@@ -115,7 +115,7 @@ def parameters_from(args: argparse.Namespace, **overrides: Any) -> Parameters:
     p = Parameters.of(args.config, **values)
     given = set(values)
     if args.config:
-        from stickslip_ros.parameters.bounded_files import read_values
+        from stickslip_ros.physics.parameters.bounded_files import read_values
 
         given.update(read_values(config_file(args.config, UsageError), PARAMETERS))
     if idle := idle_settings(p, given):

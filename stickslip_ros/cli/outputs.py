@@ -13,17 +13,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import UsageError, printable
+from stickslip_ros.base.files import check_folder, write_text
+from stickslip_ros.base.reporting import to_json
+from stickslip_ros.base.reporting.tables import Cell, check_table, write_table
 from stickslip_ros.cli.options import flag, option
-from stickslip_ros.errors import UsageError, printable
-from stickslip_ros.files import check_folder, write_text
-from stickslip_ros.reporting import to_json
-from stickslip_ros.reporting.tables import Cell, check_table, write_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from stickslip_ros.reporting.page import ResultPage
+    from stickslip_ros.base.reporting.page import ResultPage
 
 #: Kinds of pictures, by the end of the file's name.
 PICTURES = (".svg", ".pdf", ".png")
@@ -90,8 +90,8 @@ def put_out(
     if args.table:
         write_table(args.table, heading, rows)
     if plot or args.report:
-        from stickslip_ros.reporting.page import result_page
-        from stickslip_ros.reporting.picture import (
+        from stickslip_ros.base.reporting.page import result_page
+        from stickslip_ros.base.reporting.picture import (
             picture_of,
             picture_of_plots,
             save_picture,

@@ -17,17 +17,17 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import StickslipError, UsageError
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.cli.options import add_axis, option, progress_bar, quantity, require_ros
-from stickslip_ros.errors import StickslipError, UsageError
-from stickslip_ros.parameters import PARAMETERS, parse_assignment
-from stickslip_ros.parameters.row import read_quantity
-from stickslip_ros.reporting import format_si
+from stickslip_ros.physics.parameters import PARAMETERS, parse_assignment
+from stickslip_ros.physics.parameters.row import read_quantity
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from stickslip_ros.axis.command import Command
-    from stickslip_ros.client import AxisClient
+    from stickslip_ros.ros.client import AxisClient
 
 _OK, _REFUSED = 0, 1
 _CYCLE = 1.0  # s: nearly all cycles, in which a stop ends, are shorter
@@ -97,7 +97,7 @@ def run_send(args: argparse.Namespace) -> int:
         if args.wait is not None:  # from here on: ROS takes seconds to load and to find the axis
             waiting.enter_context(progress_bar(0, f"{args.axis}: {args.name}"))
         with require_ros():
-            from stickslip_ros.client import AxisClient, AxisFault
+            from stickslip_ros.ros.client import AxisClient, AxisFault
         try:
             with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
                 axis.send(command.name, *arguments)
@@ -223,7 +223,7 @@ def run_watch(args: argparse.Namespace) -> int:
     if not 0.01 <= args.period <= 3600.0:
         raise UsageError(f"--period is {args.period:g} s; it has to lie between 0.01 and 3600")
     with require_ros():
-        from stickslip_ros.client import AxisClient
+        from stickslip_ros.ros.client import AxisClient
     try:
         with AxisClient(args.axis, timeout=args.timeout) as axis:
             if sys.stdout.isatty():

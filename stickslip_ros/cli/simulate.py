@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from stickslip_ros.base.errors import UsageError
 from stickslip_ros.cli.options import (
     add_drive,
     flag,
@@ -18,10 +19,9 @@ from stickslip_ros.cli.options import (
     quantity,
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.errors import UsageError
-from stickslip_ros.laws import LAWS
-from stickslip_ros.parameters import ParameterError
-from stickslip_ros.waveforms import WAVEFORMS
+from stickslip_ros.physics.laws import LAWS
+from stickslip_ros.physics.parameters import ParameterError
+from stickslip_ros.physics.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
     from stickslip_ros.simulation.run import SimulatedRun
@@ -55,11 +55,11 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--trace is {args.trace}; it writes text: end its name in .csv")
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
-    from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.motion.readings import save_readings
-    from stickslip_ros.motion.steps import run_steps
-    from stickslip_ros.motion.trace import save_csv
+    from stickslip_ros.base.compiled import report_compilation
+    from stickslip_ros.simulation.readings import save_readings
     from stickslip_ros.simulation.run import SimulatedRun, check_steps
+    from stickslip_ros.simulation.steps import run_steps
+    from stickslip_ros.simulation.trace import save_csv
 
     check_steps(
         args.steps,

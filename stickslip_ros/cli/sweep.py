@@ -7,6 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from stickslip_ros.base.errors import INTERRUPTED, UsageError
 from stickslip_ros.cli.options import (
     add_cluster,
     add_parameters,
@@ -17,7 +18,6 @@ from stickslip_ros.cli.options import (
     report_left_out,
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out, wants_files
-from stickslip_ros.errors import INTERRUPTED, UsageError
 from stickslip_ros.simulation.sweep_metrics import METRICS
 
 #: A point runs this many steps at most.
@@ -56,8 +56,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
     import numpy as np
 
-    from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.files import write_text
+    from stickslip_ros.base.compiled import report_compilation
+    from stickslip_ros.base.files import write_text
     from stickslip_ros.simulation.parallel import cluster, threads
     from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep
     from stickslip_ros.simulation.sweep_result import compute
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _refuse_foreign(path: Path | None) -> None:
     """Raise UsageError for a file that would be written over and is no table of a sweep."""
-    from stickslip_ros.opening import open_regular
+    from stickslip_ros.base.opening import open_regular
     from stickslip_ros.simulation.sweep_result import TITLE
 
     if path and path.exists():

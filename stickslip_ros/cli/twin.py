@@ -8,6 +8,8 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.cli.explore import add_page_server, serve
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
@@ -20,12 +22,10 @@ from stickslip_ros.cli.options import (
     require_ros,
 )
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.errors import UsageError
-from stickslip_ros.reporting import format_si
-from stickslip_ros.twin.settings import ASKED, TwinSettings
+from stickslip_ros.measurement.twin.settings import ASKED, TwinSettings
 
 if TYPE_CHECKING:
-    from stickslip_ros.twin import Forecast, Twin, Update
+    from stickslip_ros.measurement.twin import Forecast, Twin, Update
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,11 +54,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.identification.posterior import find_posterior
-    from stickslip_ros.pages.twin import TwinStory, twin_page
-    from stickslip_ros.twin import Twin, TwinCommand
-    from stickslip_ros.twin.recording import read_log
+    from stickslip_ros.base.compiled import report_compilation
+    from stickslip_ros.cli.pages.twin import twin_page
+    from stickslip_ros.measurement.identification.posterior import find_posterior
+    from stickslip_ros.measurement.twin import Twin, TwinCommand
+    from stickslip_ros.measurement.twin.recording import read_log
+    from stickslip_ros.measurement.twin.story import TwinStory
 
     if args.recording is None:
         return _live(args)
@@ -91,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         (heading, rows), page=lambda: twin_page(story),
     )  # fmt: skip
     if args.page:
-        from stickslip_ros.workbench.server import TwinPanel
+        from stickslip_ros.cli.workbench.server import TwinPanel
 
         serve(TwinPanel(story), args, "twin")
     fine = twin.level[0] in ("ok", "blind") and not twin.departs and not twin.changes
@@ -102,8 +103,8 @@ def _live(args: argparse.Namespace) -> int:
     if not args.page:
         raise UsageError("give a RECORDING, or --page to see a twin that runs")
     with require_ros():
-        from stickslip_ros.ros.twin_listener import TwinListener
-    from stickslip_ros.workbench.server import TwinPanel
+        from stickslip_ros.ros.nodes.twin_listener import TwinListener
+    from stickslip_ros.cli.workbench.server import TwinPanel
 
     with closing(TwinListener(args.node)) as twin:
         return serve(TwinPanel(twin.story), args, "twin")

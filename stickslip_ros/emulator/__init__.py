@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from stickslip_ros.lazy_names import lazy_names
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.base.lazy_names import lazy_names
+from stickslip_ros.physics.parameters import ParameterError
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.command import DISABLED, FAULT, HOLDING, TARGETING
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.physics.parameters import ParameterError
 
 if TYPE_CHECKING:
     from stickslip_ros.emulator.recorder import Recorder

@@ -3,17 +3,25 @@
 
 from typing import TYPE_CHECKING
 
-from stickslip_ros.lazy_names import lazy_names
+from stickslip_ros.base.lazy_names import lazy_names
 
 _PLACES = {
-    "comparison": "Comparison compare",
+    "comparison": "Comparison",
+    "measurements": "analyse compare find_runs identify_actuator read_measurement",
     "metrics": "ComparisonMetric",
     "motion_pair": "Alignment ComparisonError Fits",
     "verdict": "LIMITS Judgement judge",
 }
 
 if TYPE_CHECKING:
-    from stickslip_ros.measurement.comparison import Comparison, compare
+    from stickslip_ros.measurement.comparison import Comparison
+    from stickslip_ros.measurement.measurements import (
+        analyse,
+        compare,
+        find_runs,
+        identify_actuator,
+        read_measurement,
+    )
     from stickslip_ros.measurement.metrics import ComparisonMetric
     from stickslip_ros.measurement.motion_pair import Alignment, ComparisonError, Fits
     from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
@@ -28,6 +36,10 @@ __all__ = [
     "ComparisonMetric",
     "Fits",
     "Judgement",
+    "analyse",
     "compare",
+    "find_runs",
+    "identify_actuator",
     "judge",
+    "read_measurement",
 ]

@@ -23,13 +23,13 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.reporting import MEASURED, SIMULATED, draw_lines, format_si
+from stickslip_ros.base.reporting.terminal import format_rows
 from stickslip_ros.measurement.steps.noise import noise_of, without_spikes
-from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.model.actuator_chain import Chain
-from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si
-from stickslip_ros.reporting.terminal import format_rows
+from stickslip_ros.physics.model.actuator import Actuator
+from stickslip_ros.physics.model.actuator_chain import Chain
+from stickslip_ros.physics.parameters import ParameterError, Parameters
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,10 +15,10 @@ import numpy as np
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.steps.motions import determined_part, runs_of
 from stickslip_ros.measurement.steps.run import Run
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.motion.readings import through_bandwidth
-from stickslip_ros.motion.sampling import PlannedRun, trace_runs
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.simulation.motion import Motion
+from stickslip_ros.simulation.readings import through_bandwidth
+from stickslip_ros.simulation.sampling import PlannedRun, trace_runs
 
 #: Samples in a period of ringing; runs of this many steps or more go without, to save memory.
 _DENSE, _MANY_STEPS = 40.0, 500

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.reporting import (
+    MEASURED,
+    SIMULATED,
+    draw_lines,
+    format_si,
+    html_table,
+    to_json,
+)
+from stickslip_ros.base.reporting.tables import Cell, frame
+from stickslip_ros.base.reporting.terminal import format_rows, style_text
 from stickslip_ros.measurement.metrics import (
     ComparisonMetric,
     RunPair,
@@ -29,10 +39,7 @@ from stickslip_ros.measurement.motion_pair import (
 from stickslip_ros.measurement.steps.motions import determined_part, runs_of
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.run import Run
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table, to_json
-from stickslip_ros.reporting.tables import Cell, frame
-from stickslip_ros.reporting.terminal import format_rows, style_text
+from stickslip_ros.simulation.motion import Motion
 
 if TYPE_CHECKING:
     import pandas

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.alignment import align, align_starts
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
@@ -37,8 +38,7 @@ from stickslip_ros.measurement.steps.motions import (
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Run, main_run
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.reporting import format_si
+from stickslip_ros.simulation.motion import Motion
 
 #: Periods of the drive before the first and after the last slip of a run that belong to it.
 _BEFORE, _AFTER = 1.5, 0.98

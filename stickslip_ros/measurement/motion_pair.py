@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.measurement.onset import cycle_of, detrend
 from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, runs_of
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Cycles, Run
-from stickslip_ros.motion.motion import Motion
+from stickslip_ros.simulation.motion import Motion
 
 #: Samples that candidates are judged by.
 _JUDGES = 20_000

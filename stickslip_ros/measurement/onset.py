@@ -19,7 +19,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.ringing import Ringing
 
 #: c above.

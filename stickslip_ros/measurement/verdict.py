@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.metric_rows import METRICS
-from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.comparison import Comparison

@@ -14,7 +14,7 @@ their layouts, taken apart by NumPy, take 2 us and 1, without which an export ta
 
 from typing import TYPE_CHECKING
 
-from stickslip_ros.lazy_names import lazy_names
+from stickslip_ros.base.lazy_names import lazy_names
 
 _PLACES = {
     "message_types": "STATUS_TYPE definition_from_fields nanoseconds schema_text",

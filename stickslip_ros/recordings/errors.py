@@ -10,8 +10,8 @@ from pathlib import Path
 
 from mcap.exceptions import McapError
 
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.opening import ReadError
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.base.opening import ReadError
 
 BROKEN = (struct.error, McapError, ValueError, OverflowError)
 """What reading broken bytes ends in, here and in the library."""

@@ -15,8 +15,8 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from stickslip_ros.errors import printable
-from stickslip_ros.files import whole_file, whole_folder
+from stickslip_ros.base.errors import printable
+from stickslip_ros.base.files import whole_file, whole_folder
 from stickslip_ros.recordings.cdr import decoder_for, fields_of, not_of_type
 from stickslip_ros.recordings.errors import BagError, UndecodableError, short
 from stickslip_ros.recordings.layouts import (

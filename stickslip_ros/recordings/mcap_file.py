@@ -18,7 +18,7 @@ from typing import NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, MetadataIndex, Statistics
 
-from stickslip_ros.opening import Allowance
+from stickslip_ros.base.opening import Allowance
 from stickslip_ros.recordings.errors import BROKEN, reading
 from stickslip_ros.recordings.mcap_records import (
     HEAD,

@@ -26,7 +26,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from stickslip_ros.opening import Allowance, open_regular
+from stickslip_ros.base.opening import Allowance, open_regular
 from stickslip_ros.recordings.errors import damaged
 from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.qos import qos_profiles

@@ -13,8 +13,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.opening import open_regular
-from stickslip_ros.parameters.bounded_files import load_texts
+from stickslip_ros.base.opening import open_regular
+from stickslip_ros.physics.parameters.bounded_files import load_texts
 from stickslip_ros.recordings.errors import BagError, reading, short
 from stickslip_ros.recordings.qos import OfferedQos, YamlFields, qos_profiles
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from stickslip_ros.parameters.bounded_files import load_texts
+from stickslip_ros.physics.parameters.bounded_files import load_texts
 
 _INFINITE_NS = 2**63 - 1  # no limit; rosbag2 shows it as 9223372036 s 854775807 ns
 _NS_PER_S = 1_000_000_000

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.errors import printable
-from stickslip_ros.opening import Allowance, open_regular
+from stickslip_ros.base.errors import printable
+from stickslip_ros.base.opening import Allowance, open_regular
 from stickslip_ros.recordings.errors import BagError, damaged, reading, short
 from stickslip_ros.recordings.mcap_reader import McapFiles, Wanted
 from stickslip_ros.recordings.mcap_records import BagMessage, Block, unpack_message

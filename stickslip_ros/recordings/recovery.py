@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 from mcap.records import Statistics
 
-from stickslip_ros.errors import printable
-from stickslip_ros.files import whole_folder
+from stickslip_ros.base.errors import printable
+from stickslip_ros.base.files import whole_folder
 from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
 from stickslip_ros.recordings.mcap_file import McapFile, Piece
 from stickslip_ros.recordings.mcap_records import (

@@ -20,9 +20,9 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import START, Event, NotRepeatable, event_texts, is_set_point
 from stickslip_ros.axis.joints import SOURCE, TRUTH, JointReport
 from stickslip_ros.axis.resimulation import Rerun, model_changes, start_of
-from stickslip_ros.files import whole_folder
-from stickslip_ros.model.arithmetic import arithmetic
-from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
+from stickslip_ros.base.files import whole_folder
+from stickslip_ros.physics.model.arithmetic import arithmetic
+from stickslip_ros.physics.model.versions import MODEL_VERSION, ModelChange
 from stickslip_ros.recordings.encoding import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import (

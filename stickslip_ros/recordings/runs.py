@@ -19,7 +19,7 @@ from stickslip_ros.axis.events import (
     unpack_set_points,
 )
 from stickslip_ros.axis.joints import SOURCE, Joints, contact_joints, joints_of
-from stickslip_ros.parameters.groups import CONTACT_SUFFIX, SLIDER
+from stickslip_ros.physics.parameters.groups import CONTACT_SUFFIX, SLIDER
 from stickslip_ros.recordings.cdr import decode_messages, decoder_for, not_of_type, statuses
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.message_types import STATUS_TYPE, nanoseconds

@@ -17,7 +17,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-from stickslip_ros.files import WriteError, reason_and_cure, synchronize, write_text
+from stickslip_ros.base.files import WriteError, reason_and_cure, synchronize, write_text
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS nodes: with `client`, the only room that imports rclpy and message packages."""
+"""The only room with ROS: nodes, the client of an axis, axes for tests."""

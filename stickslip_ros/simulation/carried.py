@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from stickslip_ros.laws import Law, RegistrationError, register_law
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.waveforms import register_waveform
+from stickslip_ros.physics.laws import Law, RegistrationError, register_law
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.physics.waveforms import register_waveform
 
 
 def sweep_with(

@@ -6,11 +6,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.compiled import report_compilation
-from stickslip_ros.motion.phases import regime_now
-from stickslip_ros.motion.sampling import trace_steps
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.base.compiled import report_compilation
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.simulation.phases import regime_now
+from stickslip_ros.simulation.sampling import trace_steps
+from stickslip_ros.simulation.steps import run_steps
 from stickslip_ros.simulation.sweep_metrics import METRICS
 from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep
 

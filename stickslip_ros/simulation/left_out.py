@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters
 
 #: Effects that a steady cycle does not show: creep, a past, chance, wear
 PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread", "wear_rate")

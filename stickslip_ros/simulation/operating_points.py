@@ -19,19 +19,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.laws import value_or
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.model.actuator import strokes
-from stickslip_ros.model.friction import is_defined
-from stickslip_ros.model.plant import scale_distances
-from stickslip_ros.model.surface import Surface
-from stickslip_ros.model.waveforms import command_of, drives_of, largest_slip
-from stickslip_ros.motion.settled import MEASURABLE, SETTLING, TRIAL_STEPS, settled_mean
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.physics.laws import value_or
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.model.actuator import strokes
+from stickslip_ros.physics.model.friction import is_defined
+from stickslip_ros.physics.model.plant import scale_distances
+from stickslip_ros.physics.model.surface import Surface
+from stickslip_ros.physics.model.waveforms import command_of, drives_of, largest_slip
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.physics.solver.batch import Batch
 from stickslip_ros.simulation.left_out import OF_A_CYCLE
-from stickslip_ros.solver.batch import Batch
+from stickslip_ros.simulation.settled import MEASURABLE, SETTLING, TRIAL_STEPS, settled_mean
+from stickslip_ros.simulation.steps import run_steps
 
 #: (values to try, at which points) -> at which points the value is high enough
 Trial = Callable[[Array, NDArray[np.bool_]], NDArray[np.bool_]]

@@ -15,7 +15,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
-from stickslip_ros.errors import StickslipError, libraries_for
+from stickslip_ros.base.errors import StickslipError, libraries_for
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")

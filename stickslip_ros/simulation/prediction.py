@@ -31,14 +31,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.laws.law import ELASTOPLASTIC
-from stickslip_ros.model import Plant
-from stickslip_ros.model.waveforms import drive_of, drives_of
-from stickslip_ros.parameters import PARAMETERS, Parameters, ParameterSource
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
-from stickslip_ros.reporting.terminal import format_rows
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.base.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
+from stickslip_ros.base.reporting.terminal import format_rows
+from stickslip_ros.physics.laws.law import ELASTOPLASTIC
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.waveforms import drive_of, drives_of
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters, ParameterSource
 from stickslip_ros.simulation.left_out import EFFECTS, left_out
 
 if TYPE_CHECKING:

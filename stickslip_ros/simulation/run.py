@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.compiled import report_compilation
-from stickslip_ros.model.waveforms import largest_slip
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.motion.readings import read_steps
-from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
-from stickslip_ros.motion.steps import PUSHED, UNSTABLE, StepRun, growth_of, run_steps
-from stickslip_ros.motion.trace import Trace
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
-from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
-from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import format_rows
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.compiled import report_compilation
+from stickslip_ros.base.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
+from stickslip_ros.base.reporting.tables import frame
+from stickslip_ros.base.reporting.terminal import format_rows
+from stickslip_ros.physics.model.waveforms import largest_slip
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters, ParameterSource
+from stickslip_ros.simulation.motion import Motion
 from stickslip_ros.simulation.operating_points import zero_amplitude
+from stickslip_ros.simulation.readings import read_steps
+from stickslip_ros.simulation.sampling import trace_at_rate, trace_steps
+from stickslip_ros.simulation.steps import PUSHED, UNSTABLE, StepRun, growth_of, run_steps
+from stickslip_ros.simulation.trace import Trace
 
 if TYPE_CHECKING:
     import pandas
@@ -82,7 +82,7 @@ def simulate(
     113.0 nm a step, 1.402 um in all
     >>> ss.simulate(preloadd=1.0)
     Traceback (most recent call last):
-    stickslip_ros.parameters.row.ParameterError: there is no parameter 'preloadd'; did you mean ...
+    stickslip_ros...ParameterError: there is no parameter 'preloadd'; did you mean ...
     """
     p = Parameters.of(parameters, **values)
     check_steps(steps)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
 
 if TYPE_CHECKING:
-    from stickslip_ros.arrays import Array
+    from stickslip_ros.base.arrays import Array
 
 _POINTS = f"{__package__}.operating_points"
 

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros import laws, waveforms
-from stickslip_ros.arrays import Array
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.motion.settled import TRIAL_STEPS
-from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.physics import laws, waveforms
+from stickslip_ros.physics.parameters import Parameters, parameter
 from stickslip_ros.simulation.carried import sweep_with
 from stickslip_ros.simulation.left_out import left_out
+from stickslip_ros.simulation.settled import TRIAL_STEPS
 from stickslip_ros.simulation.sweep_metrics import METRICS, Points
 
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.compiled import report_compilation
-from stickslip_ros.parameters import Parameters, ParameterSource, parameter
-from stickslip_ros.reporting import axes_or_new, format_si, html_table, to_json
-from stickslip_ros.reporting.tables import csv_text, frame
-from stickslip_ros.reporting.terminal import format_rows
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.compiled import report_compilation
+from stickslip_ros.base.reporting import axes_or_new, format_si, html_table, to_json
+from stickslip_ros.base.reporting.tables import csv_text, frame
+from stickslip_ros.base.reporting.terminal import format_rows
+from stickslip_ros.physics.parameters import Parameters, ParameterSource, parameter
 from stickslip_ros.simulation.parallel import in_order, threads, workers_of
 from stickslip_ros.simulation.sweep_metrics import METRICS
 from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep, SweepAxis, SweepError, parts_of
@@ -251,7 +251,7 @@ class SweepResult:
         from matplotlib import rc_context
         from matplotlib.figure import Figure
 
-        from stickslip_ros.reporting.picture import COLUMN, LOOKS
+        from stickslip_ros.base.reporting.picture import COLUMN, LOOKS
 
         count = len(self.metrics)
         with rc_context(LOOKS):

@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.compiled import report_compilation
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.motion.settled import MEASURABLE, TRIAL_STEPS
-from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
-from stickslip_ros.reporting import format_si
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.compiled import report_compilation
+from stickslip_ros.base.reporting import format_si
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.parameters import ParameterError, Parameters, ParameterSource
+from stickslip_ros.physics.solver import Simulation
 from stickslip_ros.simulation.left_out import OF_ONE_CONTACT, left_out
 from stickslip_ros.simulation.operating_points import batch_of, decay_of
-from stickslip_ros.solver import Simulation
+from stickslip_ros.simulation.settled import MEASURABLE, TRIAL_STEPS
 
 #: Ringing periods over which ringing is measured, and samples in each.
 _WINDOW, _SAMPLES = 3, 80

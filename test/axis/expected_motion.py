@@ -7,8 +7,8 @@ from typing import Any
 
 from table_1 import table_1
 
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.solver import Simulation, State
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.solver import Simulation, State
 
 
 class Cycles:

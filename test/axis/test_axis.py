@@ -18,9 +18,9 @@ from expected_motion import Cycles
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.solver import State
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.solver import State
+from stickslip_ros.simulation.steps import run_steps
 
 T = 0.01  # s, the period at the default 100 Hz
 

@@ -9,7 +9,7 @@ import pytest
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.parameters import PARAMETERS, ParameterError
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError
 
 Do = Callable[[Axis], Any]
 

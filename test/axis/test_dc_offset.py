@@ -8,7 +8,7 @@ import pytest
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.physics.model.actuator import Actuator
 
 LOOP = {"actuator": "hysteresis", "scan_rate": 1000.0}
 FAST = {"frequency": 1000.0}

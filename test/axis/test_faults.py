@@ -13,7 +13,7 @@ from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.events import Event, event_texts
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.axis.resimulation import Rerun
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.physics.parameters import ParameterError
 
 QUIET = {
     **TABLE_1,

@@ -9,11 +9,11 @@ import pytest
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.model.actuator_stages import follow
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import ParameterError
-from stickslip_ros.solver import Simulation
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.model.actuator_stages import follow
+from stickslip_ros.physics.parameters import ParameterError
+from stickslip_ros.physics.solver import Simulation
+from stickslip_ros.simulation.steps import run_steps
 
 MCS = {"max_voltage": 100.0, "amplitude": 100.0, "amplitude_levels": 4095}
 

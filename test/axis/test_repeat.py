@@ -12,9 +12,9 @@ from table_1 import TABLE_1, table_1
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import Rerun
-from stickslip_ros.model.arithmetic import arithmetic
-from stickslip_ros.model.versions import MODEL_VERSION
-from stickslip_ros.solver import State
+from stickslip_ros.physics.model.arithmetic import arithmetic
+from stickslip_ros.physics.model.versions import MODEL_VERSION
+from stickslip_ros.physics.solver import State
 from stickslip_ros.version import __version__
 
 PARAMETERS = {

@@ -15,8 +15,8 @@ from table_1 import TABLE_1, table_1
 from stickslip_ros.axis import Axis, Event
 from stickslip_ros.axis.events import NotRepeatable, event_texts, value_text
 from stickslip_ros.axis.resimulation import Rerun
-from stickslip_ros.parameters import ParameterError
-from stickslip_ros.solver import State
+from stickslip_ros.physics.parameters import ParameterError
+from stickslip_ros.physics.solver import State
 
 
 def commanded(*commands: tuple[Any, ...]) -> list[Event]:

@@ -14,12 +14,12 @@ from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.sensor import Sensor, low_pass_of
-from stickslip_ros.model import Plant
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.motion.readings import read_steps, through_bandwidth
-from stickslip_ros.motion.sampling import trace_steps
-from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.solver import Samples, Simulation
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.parameters import ParameterError, Parameters
+from stickslip_ros.physics.solver import Samples, Simulation
+from stickslip_ros.simulation.motion import Motion
+from stickslip_ros.simulation.readings import read_steps, through_bandwidth
+from stickslip_ros.simulation.sampling import trace_steps
 
 
 def _sensor(**changes: Any) -> Sensor:

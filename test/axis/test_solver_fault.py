@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from stickslip_ros.axis import Axis, CommandRefused, actuation
-from stickslip_ros.solver import advance
+from stickslip_ros.physics.solver import advance
 
 FAST = {"frequency": 1000.0, "mass": 0.004, "preload": 0.4}
 #: A ringing of 160 MHz without damping: no integrator gets through a cycle of 1 ms in time.

@@ -15,7 +15,7 @@ from stickslip_ros.axis.axis import AxisGroup
 from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.axis.trajectory import Trajectory
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.physics.parameters import ParameterError
 
 JOINT = "axis_slider"
 FAST = {"frequency": 1000.0}

@@ -11,8 +11,8 @@ from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.motion.sampling import trace_at_rate, trace_steps
-from stickslip_ros.motion.trace import save_csv
+from stickslip_ros.simulation.sampling import trace_at_rate, trace_steps
+from stickslip_ros.simulation.trace import save_csv
 
 #: First bytes of the pictures by the end of their names.
 PICTURES = {"png": b"\x89PNG", "pdf": b"%PDF"}

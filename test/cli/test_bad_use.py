@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from stickslip_ros.base.reporting.terminal import SEARCH
 from stickslip_ros.cli.main import main
-from stickslip_ros.reporting.terminal import SEARCH
 
 FINE = {
     "analyse": "steps_100hz.csv",

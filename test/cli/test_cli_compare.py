@@ -19,11 +19,11 @@ from table_1 import table_1
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 from stickslip_ros.emulator import Recorder
-from stickslip_ros.measurement.load_motion import load_motion
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.motion.sampling import trace_steps
-from stickslip_ros.motion.trace import save_csv
+from stickslip_ros.measurement.bags.load_motion import load_motion
 from stickslip_ros.recordings import BagWriter, open_bag
+from stickslip_ros.simulation.motion import Motion
+from stickslip_ros.simulation.sampling import trace_steps
+from stickslip_ros.simulation.trace import save_csv
 from stickslip_ros.version import __version__
 
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config" / "table1_typical.yaml"

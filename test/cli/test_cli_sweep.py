@@ -14,7 +14,7 @@ from child import environment
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.motion.steps import run_steps
+from stickslip_ros.simulation.steps import run_steps
 
 REPOSITORY = Path(__file__).parent.parent.parent
 TYPICAL = ("--config", str(REPOSITORY / "config" / "table1_typical.yaml"))

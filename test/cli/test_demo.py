@@ -15,8 +15,8 @@ pytest.importorskip("rclpy")
 
 from rosbags.highlevel import AnyReader
 
+from stickslip_ros.base.shared_files import example
 from stickslip_ros.cli.main import main
-from stickslip_ros.shared_files import example
 
 pytestmark = pytest.mark.long
 

@@ -9,7 +9,7 @@ import pytest
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
 
 
 def test_holds_that_play_no_part_do_not_come_back(capsys: pytest.CaptureFixture[str]) -> None:

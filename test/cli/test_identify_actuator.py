@@ -11,8 +11,8 @@ from actuator_bench import STROKE, bench, maxwell_slip
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.model.actuator import Actuator
+from stickslip_ros.physics.parameters import Parameters
 
 TRUE = Actuator.of(table_1(actuator="hysteresis", hysteresis=0.2).actuator)
 

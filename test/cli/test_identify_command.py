@@ -9,7 +9,7 @@ import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.parameters import Parameters, yaml_text
+from stickslip_ros.physics.parameters import Parameters, yaml_text
 
 AXIS = Axis(preload=0.5, mass=5e-3, sigma_1=7.0, sigma_0ss=1.2e7)
 

@@ -66,4 +66,4 @@ def test_who_computes_no_motion_loads_no_solver(code: str) -> None:
     if "client" in code and "rclpy" not in modules:
         pytest.skip("needs rclpy")
     assert "numpy" in modules or "COMMANDS" in code, run.stderr
-    assert not {"numba", "stickslip_ros.solver", "stickslip_ros.compiled"} & modules
+    assert not {"numba", "stickslip_ros.physics.solver", "stickslip_ros.base.compiled"} & modules

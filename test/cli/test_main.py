@@ -137,7 +137,7 @@ def test_a_reader_that_goes_away_is_no_error(arguments: str, unbuffered: str) ->
 
 ENDLESS = """
 import sys
-from stickslip_ros.motion import steps
+from stickslip_ros.simulation import steps
 from stickslip_ros.cli.main import main
 once = steps.run_steps
 def endless(p, steps, *progress):
@@ -208,7 +208,7 @@ sys.exit(main(["simulate"]))
 
 IGNORING = """
 import signal, sys, time
-from stickslip_ros.motion import steps
+from stickslip_ros.simulation import steps
 from stickslip_ros.cli.main import main
 class Deaf:
     def __del__(self):
@@ -242,8 +242,8 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
 @pytest.mark.parametrize(
     ("loaded", "who"),
     [
-        ("stickslip_ros.parameters", "stickslip"),
-        ("stickslip_ros.motion.steps", "stickslip simulate"),
+        ("stickslip_ros.physics.parameters", "stickslip"),
+        ("stickslip_ros.simulation.steps", "stickslip simulate"),
     ],
 )
 def test_ctrl_c_while_it_loads_ends_as_later(loaded: str, who: str) -> None:

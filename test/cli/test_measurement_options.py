@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.motion.motion import Motion
+from stickslip_ros.simulation.motion import Motion
 
 VALUES = [(1e-5 * k, round(0.1 * k % 1.7, 3)) for k in range(50)]
 

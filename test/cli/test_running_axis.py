@@ -17,12 +17,12 @@ from rosbags.highlevel import AnyReader
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.running_axis import sparkline
-from stickslip_ros.parameters.row import read_quantity
+from stickslip_ros.physics.parameters.row import read_quantity
 
 pytest.importorskip("rclpy")
 
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.nodes.axis_node import AxisNode
 
 PATIENCE = 60.0  # s
 
@@ -62,7 +62,7 @@ def test_an_axis_that_is_not_there_is_said_to_be_missing(
     command: str, first: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever waits hears soon what for."""
-    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.01)
+    monkeypatch.setattr("stickslip_ros.base.reporting.terminal._PATIENCE", 0.01)
     assert main(command.split()) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"{first}stickslip ")

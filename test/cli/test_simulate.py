@@ -13,11 +13,11 @@ import pytest
 from table_1 import OVER_PRELOAD, OVER_STROKE, table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.laws import LEFT_TO_LAW
-from stickslip_ros.model.friction import constants_in_force
-from stickslip_ros.motion.sampling import PlannedRun, trace_runs
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.physics.laws import LEFT_TO_LAW
+from stickslip_ros.physics.model.friction import constants_in_force
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters
+from stickslip_ros.simulation.sampling import PlannedRun, trace_runs
+from stickslip_ros.simulation.steps import run_steps
 
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 #: The operating point of Table 1, spelt out.

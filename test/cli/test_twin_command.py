@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.measurement.load_motion import load_motion
-from stickslip_ros.model import Plant
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import Parameters, yaml_text
-from stickslip_ros.solver import Simulation
-from stickslip_ros.twin import TwinCommand
-from stickslip_ros.twin.recording import read_log
+from stickslip_ros.measurement.bags.load_motion import load_motion
+from stickslip_ros.measurement.twin import TwinCommand
+from stickslip_ros.measurement.twin.recording import read_log
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.waveforms import command_of
+from stickslip_ros.physics.parameters import Parameters, yaml_text
+from stickslip_ros.physics.solver import Simulation
 
 BAG = Path(__file__).parents[1] / "golden" / "bags" / "plain"
 

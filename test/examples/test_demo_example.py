@@ -10,11 +10,11 @@ from live import Ros
 
 pytest.importorskip("rclpy")
 
+from stickslip_ros.base.shared_files import example
 from stickslip_ros.cli.main import main
 from stickslip_ros.client import AxisClient
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.ros.axis_node import AxisNode
-from stickslip_ros.shared_files import example
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.ros.nodes.axis_node import AxisNode
 
 demonstration = example("demo")
 RESULTS = ("bag/bag_0.mcap", "bag/metadata.yaml", "response.png", "summary.txt")

@@ -5,7 +5,7 @@ import runpy
 
 import pytest
 
-from stickslip_ros.shared_files import shared
+from stickslip_ros.base.shared_files import shared
 
 pytest.importorskip("gymnasium")
 EXAMPLE = str(shared("examples/gymnasium_env.py"))

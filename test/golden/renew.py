@@ -25,8 +25,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from stickslip_ros.axis.sensor import Sensor, low_pass_of
 from stickslip_ros.cli.main import main
-from stickslip_ros.model.arithmetic import arithmetic
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.model.arithmetic import arithmetic
+from stickslip_ros.physics.parameters import Parameters
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -180,7 +180,7 @@ def record(name: str, folder: Path) -> None:
     from std_srvs.srv import Trigger
 
     from stickslip_ros.client import AxisClient
-    from stickslip_ros.ros.child_process import child_node, choose_domain
+    from stickslip_ros.ros.testing.child_process import child_node, choose_domain
 
     choose_domain()
     file, values = AXES[name]

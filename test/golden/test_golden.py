@@ -17,7 +17,7 @@ from renew import AXES, BAGS, RESULTS, STUDIED, results, studied
 from variants import HAS_UNFUSED, LEAST, SAME_LIBRARY, UNFUSED, Variant
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.model.arithmetic import arithmetic
+from stickslip_ros.physics.model.arithmetic import arithmetic
 from stickslip_ros.recordings import BagReader, open_bag, resimulate, statuses
 
 GOLDEN: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))

@@ -24,7 +24,7 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
 from validation.whole_system import positions
 
 pytestmark = pytest.mark.flaky(reruns=1)
@@ -235,7 +235,7 @@ def test_my_node_and_the_example_in_pytest(tmp_path: Path) -> None:
     for file in (REPOSITORY / "examples" / "my_node").glob("*my_node.py"):
         (tmp_path / file.name).write_text(file.read_text())
     own = {name: "" for name in os.environ if name.startswith("PYTEST_")}
-    options = ("-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider", "--strict-markers")
+    options = ("-p", "stickslip_ros.testing", "-p", "no:cacheprovider", "--strict-markers")
     done = python("-m", "pytest", *options, cwd=tmp_path, **own)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "5 passed" in done.stdout

@@ -14,7 +14,7 @@ import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 from child import stickslip
 
-from stickslip_ros.parameters import Parameters, read_yaml
+from stickslip_ros.physics.parameters import Parameters, read_yaml
 from validation.whole_system import positions
 
 #: My axis, of which I know the preload and the mass, and not its stiffnesses.

@@ -15,7 +15,7 @@ import yaml
 from child import stickslip
 from live import Start
 
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
 from validation.whole_system import positions
 
 #: Mine: a heavier runner with a payload, at 1 kHz.

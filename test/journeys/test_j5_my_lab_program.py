@@ -14,7 +14,7 @@ from child import stickslip
 from live import Process, wait_until
 from rosbags.highlevel import AnyReader
 
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.parameters import Parameters
 from validation.whole_system import positions
 
 pytestmark = pytest.mark.flaky(reruns=1)

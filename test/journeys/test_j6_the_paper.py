@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from child import REPOSITORY, python
 
-from stickslip_ros.parameters import Parameters, read_yaml
+from stickslip_ros.physics.parameters import Parameters, read_yaml
 from validation.whole_system import positions
 
 CHECKS = REPOSITORY / "validation" / "paper" / "checks.csv"

@@ -14,8 +14,8 @@ import pytest
 from child import run, stickslip
 
 PACKAGE = """
-from stickslip_ros.laws import LAWS, Law
-from stickslip_ros.waveforms import Shape
+from stickslip_ros.physics.laws import LAWS, Law
+from stickslip_ros.physics.waveforms import Shape
 
 ceim = LAWS["ceim"]
 TWICE = Law(

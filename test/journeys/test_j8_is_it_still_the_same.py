@@ -14,8 +14,8 @@ from child import stickslip
 from emulated import Client
 from live import Start, wait_until
 
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.twin import TwinCommand
+from stickslip_ros.measurement.twin import TwinCommand
+from stickslip_ros.physics.parameters import Parameters
 from validation.twin_axis import Hidden, RealAxis
 
 DRIVE = {"preload": 0.4, "frequency": 300.0, "amplitude": 250.0}

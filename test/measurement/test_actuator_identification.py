@@ -15,11 +15,11 @@ from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
 )
-from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.model.actuator_chain import Chain
-from stickslip_ros.model.actuator_stages import follow
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.physics.model.actuator import Actuator
+from stickslip_ros.physics.model.actuator_chain import Chain
+from stickslip_ros.physics.model.actuator_stages import follow
+from stickslip_ros.physics.parameters import ParameterError, Parameters
+from stickslip_ros.simulation.steps import run_steps
 
 Numbers = NDArray[np.float64]
 

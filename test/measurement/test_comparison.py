@@ -15,26 +15,26 @@ from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
 from table_1 import table_1
 
 import stickslip_ros as ss
+from stickslip_ros.base.reporting import to_json
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement import (
     Comparison,
     ComparisonError,
     Fits,
-    compare,
     judge,
 )
 from stickslip_ros.measurement.as_measured import simulate_as_measured, simulate_motion
+from stickslip_ros.measurement.comparison import compare
 from stickslip_ros.measurement.metric_rows import METRICS
 from stickslip_ros.measurement.metrics import significant
 from stickslip_ros.measurement.steps.measured_value import estimate_settled_mean
 from stickslip_ros.measurement.steps.motions import find_runs
 from stickslip_ros.measurement.steps.run import Run
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.motion.sampling import PlannedRun, trace_runs, trace_steps
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.motion.trace import save_csv
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import to_json
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.simulation.motion import Motion
+from stickslip_ros.simulation.sampling import PlannedRun, trace_runs, trace_steps
+from stickslip_ros.simulation.steps import run_steps
+from stickslip_ros.simulation.trace import save_csv
 
 STEPS, OFFSET, NOISE = 12, 37e-6, 1e-9
 PERIOD = 0.01  # s, of the drive

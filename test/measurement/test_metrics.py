@@ -26,7 +26,7 @@ from stickslip_ros.measurement.motion_pair import (
 from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Cycles, Run
-from stickslip_ros.motion.motion import Motion
+from stickslip_ros.simulation.motion import Motion
 
 Array = NDArray[np.float64]
 PERIOD = 0.01  # s

@@ -107,7 +107,7 @@ def _without_constants(schema: str, type_name: str) -> dict[str, Any]:
 @pytest.mark.parametrize("source", ["installed text", "fields"])
 def test_schema_means_what_rosbags_knows_of_the_type(type_name: str, source: str) -> None:
     pytest.importorskip("rclpy")
-    from stickslip_ros.ros.messages import message_class, message_definition
+    from stickslip_ros.ros.nodes.messages import message_class, message_definition
 
     def from_fields(name: str) -> str:
         return definition_from_fields(message_class(name).get_fields_and_field_types())

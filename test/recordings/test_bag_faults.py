@@ -15,7 +15,7 @@ from file_layer import FileLayer, each_fault
 from mcap.reader import make_reader
 from test_bag_resimulation import record_axis
 
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover, resimulate
 
 MS = 1_000_000

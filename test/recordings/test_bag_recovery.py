@@ -31,7 +31,7 @@ from child import python
 from mcap.opcode import Opcode
 from rosbags.rosbag2 import Reader
 
-from stickslip_ros.files import WriteError
+from stickslip_ros.base.files import WriteError
 from stickslip_ros.recordings import (
     BagError,
     BagWriter,

@@ -23,12 +23,12 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import Event, NotRepeatable, event_texts, is_set_point
 from stickslip_ros.axis.joints import JointReport
 from stickslip_ros.axis.resimulation import model_changes
+from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.cli.main import main
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.model import versions
-from stickslip_ros.model.arithmetic import arithmetic
-from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
-from stickslip_ros.parameters import PARAMETERS, read_yaml
+from stickslip_ros.physics.model import versions
+from stickslip_ros.physics.model.arithmetic import arithmetic
+from stickslip_ros.physics.model.versions import MODEL_VERSION, ModelChange
+from stickslip_ros.physics.parameters import PARAMETERS, read_yaml
 from stickslip_ros.recordings import BagWriter, open_bag, resimulate
 from stickslip_ros.recordings.resimulation import Difference
 
@@ -186,7 +186,7 @@ def test_a_state_that_was_tampered_with_is_found(
     def one_bit(number: int, data: bytes) -> bytes:
         return data if number != 30 else data[:-8] + bytes([data[-8] ^ 1]) + data[-7:]
 
-    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.0)
+    monkeypatch.setattr("stickslip_ros.base.reporting.terminal._PATIENCE", 0.0)
     record_axis(tmp_path / "run", joints=one_bit)
     assert main(["bag", "resimulate", str(tmp_path / "run")]) == 1
     said = capsys.readouterr()
@@ -358,8 +358,8 @@ def test_the_programs_of_the_page_run(
     assert "/joint_states" in shown[0]
     assert len(shown) > 50
     exec(runs_again, {})
-    axes, again, findings = capsys.readouterr().out.splitlines()
-    assert "preload" in axes
+    counts, again, findings = capsys.readouterr().out.splitlines()
+    assert "/joint_states" in counts
     assert again.startswith("/stickslip_axis False ")  # another mass moves otherwise
     assert "run_0.mcap" in findings
     (tmp_path / "new").mkdir()

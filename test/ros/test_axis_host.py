@@ -14,12 +14,12 @@ from live import Ros
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.ros.axis_host import AxisHost, axis_or_host, without_name
-from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.base.shared_files import example
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.node_parameters import unused_files
-from stickslip_ros.shared_files import example
+from stickslip_ros.ros.nodes.axis_host import AxisHost, axis_or_host, without_name
+from stickslip_ros.ros.nodes.axis_node import AxisNode
+from stickslip_ros.ros.nodes.node_parameters import unused_files
 
 SQUARE, JOINTS = example("square"), "/joint_states"
 URDF = Path(__file__).resolve().parent.parent.parent / "urdf" / "nanorobot.urdf"

@@ -22,13 +22,13 @@ from table_1 import table_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.joints import contact_joints
-from stickslip_ros.laws import LAWS
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.ros import diagnostics
-from stickslip_ros.ros.axis_host import main
+from stickslip_ros.physics.laws import LAWS
+from stickslip_ros.physics.parameters import PARAMETERS
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.messages import fill_joints
+from stickslip_ros.ros.nodes import diagnostics
+from stickslip_ros.ros.nodes.axis_host import main
+from stickslip_ros.ros.nodes.messages import fill_joints
+from stickslip_ros.simulation.steps import run_steps
 
 
 def connect(ros: Ros, axis: str = "/stickslip_axis") -> tuple[AxisClient, Heard]:

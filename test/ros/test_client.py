@@ -15,9 +15,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from heard import values
 from live import MakeAxis, Ros, Start
 
-from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.physics.parameters import PARAMETERS
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
+from stickslip_ros.ros.nodes.axis_node import AxisNode
 
 
 @pytest.fixture
@@ -155,7 +155,7 @@ def test_without_an_axis_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = io.StringIO()
     monkeypatch.setattr(screen, "isatty", lambda: True)
     monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.5)
+    monkeypatch.setattr("stickslip_ros.base.reporting.terminal._PATIENCE", 0.5)
     with pytest.raises(TimeoutError, match=r"no axis answers at /lab/x: is axis_node running "):
         AxisClient("lab/x", timeout=1.3)
     assert screen.getvalue() == "waiting for /lab/x, 1.3 s at most ...\n"

@@ -18,9 +18,9 @@ from stickslip_ros.axis.command import FLOAT64, SCANNING, Command, row
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.axis.tasks import ScanTask
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
-from stickslip_ros.ros.recording import axis_topics
+from stickslip_ros.ros.nodes.axis_node import AxisNode
+from stickslip_ros.ros.nodes.recording import axis_topics
 
 #: Moves the level of the actuator by a share of the highest voltage.
 SHARE = Command(

@@ -16,10 +16,10 @@ from rosbags.highlevel import AnyReader
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
-from stickslip_ros.ros.recorder_node import RecorderNode
-from stickslip_ros.ros.twin_node import TwinNode
+from stickslip_ros.ros.nodes.axis_node import AxisNode
+from stickslip_ros.ros.nodes.recorder_node import RecorderNode
+from stickslip_ros.ros.nodes.twin_node import TwinNode
 
 DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
 
@@ -29,7 +29,7 @@ def test_the_example_for_users_passes(start_module: Start, tmp_path: Path) -> No
     page = (DOCS / "testing.md").read_text(encoding="utf-8")
     example, _ = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     (tmp_path / "test_stage.py").write_text(example)
-    options = ("-q", "-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider")
+    options = ("-q", "-p", "stickslip_ros.testing", "-p", "no:cacheprovider")
     run = start_module("pytest", *options, "test_stage.py")
     run.wait_for("2 passed", timeout=60.0)
     assert run.wait() == 0

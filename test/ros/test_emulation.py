@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from live import wait_until
 
-from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.nodes.axis_host import main
 
 
 @pytest.mark.long

@@ -18,19 +18,19 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64, Int32
 from table_1 import TABLE_1
 
+from stickslip_ros.base.errors import StickslipError, UsageError
 from stickslip_ros.client import AxisClient
-from stickslip_ros.errors import StickslipError, UsageError
 from stickslip_ros.recordings import BagWriter, TopicDescription
 from stickslip_ros.recordings.message_types import schema_text
-from stickslip_ros.ros.axis_host import axis_or_host
-from stickslip_ros.ros.axis_node import AxisNode
-from stickslip_ros.ros.followed_clock import follows
-from stickslip_ros.ros.messages import message_definition
-from stickslip_ros.ros.process import Runnable
-from stickslip_ros.ros.recorder_node import RecorderNode
-from stickslip_ros.ros.replay_node import ReplayNode
-from stickslip_ros.ros.replay_node import main as replay
-from stickslip_ros.ros.twin_node import TwinNode
+from stickslip_ros.ros.nodes.axis_host import axis_or_host
+from stickslip_ros.ros.nodes.axis_node import AxisNode
+from stickslip_ros.ros.nodes.followed_clock import follows
+from stickslip_ros.ros.nodes.messages import message_definition
+from stickslip_ros.ros.nodes.process import Runnable
+from stickslip_ros.ros.nodes.recorder_node import RecorderNode
+from stickslip_ros.ros.nodes.replay_node import ReplayNode
+from stickslip_ros.ros.nodes.replay_node import main as replay
+from stickslip_ros.ros.nodes.twin_node import TwinNode
 
 NONE_YET = "waits for the first message on /clock"
 #: s and ns: below 0, the start, on, far too many ns, back, far ahead, back to 0, ahead once more

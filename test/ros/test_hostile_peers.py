@@ -32,13 +32,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.trajectory import MOST_POINTS
-from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.ros import topics
-from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.physics.parameters import PARAMETERS
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.guarded_node import MOST_PARAMETERS, GuardedNode
-from stickslip_ros.ros.messages import read_command
-from stickslip_ros.ros.recorder_node import RecorderNode
+from stickslip_ros.ros.nodes import topics
+from stickslip_ros.ros.nodes.axis_node import AxisNode
+from stickslip_ros.ros.nodes.guarded_node import MOST_PARAMETERS, GuardedNode
+from stickslip_ros.ros.nodes.messages import read_command
+from stickslip_ros.ros.nodes.recorder_node import RecorderNode
 
 #: What a client hears of an axis
 HEARD = (

@@ -17,8 +17,8 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.recordings import BagReader, resimulate
-from stickslip_ros.ros.in_process import InProcess
-from stickslip_ros.ros.recorder_node import RecorderNode
+from stickslip_ros.ros.nodes.recorder_node import RecorderNode
+from stickslip_ros.ros.testing.in_process import InProcess
 
 NOISE, LATENCY = 20e-9, 0.02  # m, s
 

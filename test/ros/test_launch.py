@@ -18,7 +18,7 @@ from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.recording import UnsetClock
+from stickslip_ros.ros.nodes.recording import UnsetClock
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 # The launch system is not among the ROS wheels.

@@ -18,8 +18,8 @@ from std_srvs.srv import Trigger
 from stickslip_ros.axis.command import JOINT_STATE
 from stickslip_ros.recordings import BagReader, resimulate
 from stickslip_ros.ros.client import AxisClient
-from stickslip_ros.ros.recorder_node import RecorderNode
-from stickslip_ros.ros.topics import EVENTS, OUTPUTS, OutputTopic
+from stickslip_ros.ros.nodes.recorder_node import RecorderNode
+from stickslip_ros.ros.nodes.topics import EVENTS, OUTPUTS, OutputTopic
 
 Record = Callable[[Callable[[], Any]], BagReader]
 HEAT = OutputTopic("~/heat", JOINT_STATE, "heat", joints=lambda *_: [("_contact", 1e-9, 0.0, 0.0)])
@@ -78,6 +78,7 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
             ros.wait_until(partial(have, k), "the set point in force")
 
     AxisClient(node=ros.node("user")).set_amplitude(250.0)
+
     def send_more() -> None:
         """And let the second pass in which the axis logs what came before its new reader."""
         send(kept + 31, 60)

@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from stickslip_ros.errors import UsageError
-from stickslip_ros.ros import recorder_node, replay_node
-from stickslip_ros.ros.own_parameters import OwnParameter
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.ros.nodes import recorder_node, replay_node
+from stickslip_ros.ros.nodes.own_parameters import OwnParameter
 
 NUMBERS = [
     row

@@ -25,16 +25,10 @@ from rclpy.task import Future
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
-from stickslip_ros.ros import (
-    axis_host,
-    child_process,
-    process,
-    recorder_node,
-    replay_node,
-    twin_node,
-)
-from stickslip_ros.ros.child_process import ChildError, ChildProcess
-from stickslip_ros.ros.process import DONE, SpinThread, run
+from stickslip_ros.ros.nodes import axis_host, process, recorder_node, replay_node, twin_node
+from stickslip_ros.ros.nodes.process import DONE, SpinThread, run
+from stickslip_ros.ros.testing import child_process
+from stickslip_ros.ros.testing.child_process import ChildError, ChildProcess
 
 
 class CountingFuture(Future):

@@ -30,9 +30,9 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
 from stickslip_ros.recordings import open_bag, recorded_runs
-from stickslip_ros.ros.recorded_topic import LossCount, RecordedTopic, request_qos
-from stickslip_ros.ros.recorder_node import SERVICE_QOS, main
-from stickslip_ros.ros.recording import axis_topics
+from stickslip_ros.ros.nodes.recorded_topic import LossCount, RecordedTopic, request_qos
+from stickslip_ros.ros.nodes.recorder_node import SERVICE_QOS, main
+from stickslip_ros.ros.nodes.recording import axis_topics
 
 
 def _values(folder: Path, topic: str) -> list[Any]:

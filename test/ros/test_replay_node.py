@@ -19,8 +19,8 @@ from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
 from stickslip_ros.recordings.message_types import schema_text
-from stickslip_ros.ros.messages import message_definition
-from stickslip_ros.ros.replay_node import Timetable, main, offered_qos, with_ticks
+from stickslip_ros.ros.nodes.messages import message_definition
+from stickslip_ros.ros.nodes.replay_node import Timetable, main, offered_qos, with_ticks
 
 START_NS = 1_700_000_000_000_000_000
 STEP_NS = 5_000_000
@@ -197,7 +197,7 @@ class SteadyClock:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         self.slept: list[float] = []
-        monkeypatch.setattr("stickslip_ros.ros.replay_node.time.sleep", self.sleep)
+        monkeypatch.setattr("stickslip_ros.ros.nodes.replay_node.time.sleep", self.sleep)
 
     def sleep(self, seconds: float) -> None:
         self.slept.append(seconds)

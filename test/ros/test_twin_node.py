@@ -18,16 +18,16 @@ from test_config_files import every_series_is_in
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.reporting import CONFIDENCE
 from stickslip_ros.cli.main import main
-from stickslip_ros.errors import UsageError
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.measurement.twin import Twin, TwinCommand
+from stickslip_ros.measurement.twin.recording import read_log
+from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.recordings.message_types import nanoseconds
-from stickslip_ros.reporting import CONFIDENCE
-from stickslip_ros.ros.messages import diagnostic_array, event_status, stamp
-from stickslip_ros.ros.twin_listener import TwinListener
-from stickslip_ros.ros.twin_node import TwinNode
-from stickslip_ros.twin import Twin, TwinCommand
-from stickslip_ros.twin.recording import read_log
+from stickslip_ros.ros.nodes.messages import diagnostic_array, event_status, stamp
+from stickslip_ros.ros.nodes.twin_listener import TwinListener
+from stickslip_ros.ros.nodes.twin_node import TwinNode
 
 TWIN, JOINTS, REPORTS = "/stickslip_twin", "/joint_states", "/diagnostics"
 

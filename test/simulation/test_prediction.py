@@ -10,8 +10,8 @@ from table_1 import OVER_PRELOAD, OVER_STROKE, table_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
-from stickslip_ros.model import Plant
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.operating_points import steps_of
 from stickslip_ros.simulation.prediction import (
     RANGES,

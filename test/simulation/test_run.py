@@ -13,8 +13,8 @@ import pytest
 from table_1 import TABLE_1, table_1
 
 import stickslip_ros as ss
-from stickslip_ros.model import Plant
-from stickslip_ros.motion.steps import run_steps
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.simulation.steps import run_steps
 
 matplotlib.use("agg")
 

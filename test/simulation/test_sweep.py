@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 from table_1 import table_1
 
 import stickslip_ros as ss
-from stickslip_ros.model import LAWS, Plant, drive_of
-from stickslip_ros.model.waveforms import drives_of
-from stickslip_ros.motion.settled import MEASURABLE
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.reporting.picture import save_picture
+from stickslip_ros.base.reporting.picture import save_picture
+from stickslip_ros.physics.model import LAWS, Plant, drive_of
+from stickslip_ros.physics.model.waveforms import drives_of
+from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.simulation import operating_points
 from stickslip_ros.simulation.operating_points import (
     batch_of,
@@ -31,6 +29,8 @@ from stickslip_ros.simulation.operating_points import (
     zero_amplitude,
 )
 from stickslip_ros.simulation.parallel import in_order, threads
+from stickslip_ros.simulation.settled import MEASURABLE
+from stickslip_ros.simulation.steps import run_steps
 from stickslip_ros.simulation.sweep_metrics import METRICS
 from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep, SweepError
 from stickslip_ros.simulation.sweep_result import SweepResult, compute

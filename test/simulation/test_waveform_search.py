@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.motion.sampling import trace_steps
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.parameters import ParameterError, Parameters
+from stickslip_ros.simulation.sampling import trace_steps
+from stickslip_ros.simulation.steps import run_steps
 from stickslip_ros.simulation.waveform_search import (
     elongate_step,
     elongation_map,

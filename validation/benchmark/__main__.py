@@ -10,9 +10,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from stickslip_ros.base.files import check_folder
 from stickslip_ros.cli.command_line import Parser, finish
 from stickslip_ros.cli.options import progress_bar
-from stickslip_ros.files import check_folder
 from validation import benchmark
 from validation.benchmark import METHODS, OURS, PEERS
 

@@ -18,10 +18,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.laws.law import ELASTOPLASTIC
-from stickslip_ros.model import DriveCycle, Plant, drive_of
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver import Simulation, State
+from stickslip_ros.physics.laws.law import ELASTOPLASTIC
+from stickslip_ros.physics.model import DriveCycle, Plant, drive_of
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.physics.solver import Simulation, State
 
 #: damping, viscous, pull, z_ss, z_lim: what `rates` takes beside the state
 Constants = tuple[float, float, float, float, float]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import odeint, solve_ivp
 
-from stickslip_ros.parameters import SolverParameters
+from stickslip_ros.physics.parameters import SolverParameters
 from validation.benchmark.cases import Constants, Problem, Scaled, rates
 
 #: Runs the cycles it was made for, once, and returns the displacement, m.

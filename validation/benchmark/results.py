@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.files import whole_file
-from stickslip_ros.reporting import to_json
+from stickslip_ros.base.files import whole_file
+from stickslip_ros.base.reporting import to_json
 from validation.benchmark.measuring import LIMIT, CaseResult, Measured, Point
 from validation.benchmark.methods import METHODS, OURS
 

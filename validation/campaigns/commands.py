@@ -15,9 +15,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.parameters.row import Parameter
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.physics.parameters.row import Parameter
 from validation.soak.run import RandomCommands
 
 #: s of simulated time of each axis, and of the processor at most

@@ -28,19 +28,19 @@ from emulated import Emulated
 from rosbags.highlevel import AnyReader
 
 import stickslip_ros as ss
-from stickslip_ros.arrays import Array
 from stickslip_ros.axis import Axis
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.cli.main import main as stickslip
 from stickslip_ros.emulator import Recorder
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.laws import LAWS, Law, register_law
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import PARAMETERS, Parameters
-from stickslip_ros.parameters.parameters import yaml_text
+from stickslip_ros.measurement.twin import Twin, TwinCommand
+from stickslip_ros.physics.laws import LAWS, Law, register_law
+from stickslip_ros.physics.model.waveforms import command_of
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters
+from stickslip_ros.physics.parameters.parameters import yaml_text
+from stickslip_ros.physics.waveforms import Shape, register_waveform
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.recordings.recovery import recover
-from stickslip_ros.twin import Twin, TwinCommand
-from stickslip_ros.waveforms import Shape, register_waveform
 from validation.campaigns.crossings import LAW, Case
 from validation.campaigns.judging import within
 from validation.twin_axis import Log, feed
@@ -305,9 +305,9 @@ def sensor_fault(case: Case) -> str:
 def _in_node(case: Case, others: dict[str, dict[str, Any]], record: bool = False) -> str:
     from rclpy.logging import set_logger_level
 
-    from stickslip_ros.ros.in_process import InProcess
-    from stickslip_ros.ros.recorder_node import RecorderNode
-    from stickslip_ros.testing.plugin import own_domain
+    from stickslip_ros.ros.nodes.recorder_node import RecorderNode
+    from stickslip_ros.ros.testing.in_process import InProcess
+    from stickslip_ros.testing import own_domain
     from validation.campaigns.topics import send_steps
 
     set_logger_level("", 40)  # errors

@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from allpairspy import AllPairs
 
-from stickslip_ros.laws import LAWS
+from stickslip_ros.physics.laws import LAWS
 from validation.campaigns.arguments import arguments
 from validation.campaigns.judging import judged
 from validation.draws import even

@@ -21,13 +21,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.laws import LAWS
-from stickslip_ros.model import Plant
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import PARAMETERS, Parameters
-from stickslip_ros.solver import Simulation
-from stickslip_ros.solver.driven import simulation_of
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.physics.laws import LAWS
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.waveforms import command_of
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters
+from stickslip_ros.physics.solver import Simulation
+from stickslip_ros.physics.solver.driven import simulation_of
 from validation.campaigns.arguments import arguments
 from validation.draws import REAL, anywhere, corner, differing, even, loads, shape, waveform
 from validation.whole_system import NoAnswerError, WholeSystem, positions

@@ -18,11 +18,11 @@ import yaml
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.measurement.load_motion import load_motion
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.measurement.bags.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.recordings import open_bag
 from validation.campaigns.hostile_messages import search
 

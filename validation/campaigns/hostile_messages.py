@@ -18,8 +18,8 @@ from hypothesis import seed as seeded
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
-from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.ros.messages import message_class
+from stickslip_ros.physics.parameters import PARAMETERS
+from stickslip_ros.ros.nodes.messages import message_class
 
 #: Numbers at which arithmetic goes wrong, and some that an axis takes.
 FLOATS = (

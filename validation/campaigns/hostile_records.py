@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.cli.main import main as stickslip
 from validation.campaigns.judging import study, within
 

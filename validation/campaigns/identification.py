@@ -38,15 +38,19 @@ from bench_traces import (
 from experiments import truth_of
 from other_axes import Other, other_trace
 
-from stickslip_ros.identification import Experiment, Fit, IdentificationError, identify
-from stickslip_ros.identification.experiment import Stepping
-from stickslip_ros.identification.free import free_parameters, lag_of_amplifier, width_of_sensor
-from stickslip_ros.identification.problem import Problem
-from stickslip_ros.identification.trace import Trace
+from stickslip_ros.base.reporting import CONFIDENCE
+from stickslip_ros.measurement.identification import Experiment, Fit, IdentificationError, identify
+from stickslip_ros.measurement.identification.experiment import Stepping
+from stickslip_ros.measurement.identification.free import (
+    free_parameters,
+    lag_of_amplifier,
+    width_of_sensor,
+)
+from stickslip_ros.measurement.identification.problem import Problem
+from stickslip_ros.measurement.identification.trace import Trace
 from stickslip_ros.measurement.steps.ringing import Ringing
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import CONFIDENCE
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.simulation.motion import Motion
 from validation.campaigns.arguments import arguments
 
 #: What a sample is averaged over, in looks; most samples of a record.

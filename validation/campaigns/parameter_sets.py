@@ -24,15 +24,15 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.laws import LAWS
-from stickslip_ros.model import Plant
-from stickslip_ros.model.friction import has_own_rate
-from stickslip_ros.model.surface import Surface
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.solver import SolverError
-from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.waveforms import WAVEFORMS
+from stickslip_ros.physics.laws import LAWS
+from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.friction import has_own_rate
+from stickslip_ros.physics.model.surface import Surface
+from stickslip_ros.physics.model.waveforms import command_of
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.physics.solver import SolverError
+from stickslip_ros.physics.solver.driven import simulation_of
+from stickslip_ros.physics.waveforms import WAVEFORMS
 from validation.campaigns.arguments import arguments
 from validation.campaigns.judging import study, within
 from validation.draws import corner

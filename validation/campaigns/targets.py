@@ -31,9 +31,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.laws import LAWS
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.physics.laws import LAWS
+from stickslip_ros.physics.parameters import Parameters
 from validation.campaigns.arguments import arguments
 from validation.campaigns.drives import EFFECTS
 from validation.draws import REAL, anywhere, differing, even, loads, shape, waveform

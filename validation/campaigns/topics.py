@@ -19,10 +19,10 @@ import numpy as np
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
-from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.ros.in_process import InProcess
-from stickslip_ros.testing.plugin import own_domain
+from stickslip_ros.physics.model.waveforms import command_of
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.ros.testing.in_process import InProcess
+from stickslip_ros.testing import own_domain
 from validation.draws import differing
 from validation.whole_system import NoAnswerError, WholeSystem, positions
 

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.twin import Twin, TwinCommand, TwinSettings
-from stickslip_ros.twin.changes import CAUSES
-from stickslip_ros.twin.timeline import OperatingPoint
-from stickslip_ros.twin.tracker import THETA
+from stickslip_ros.measurement.twin import Twin, TwinCommand, TwinSettings
+from stickslip_ros.measurement.twin.changes import CAUSES
+from stickslip_ros.measurement.twin.timeline import OperatingPoint
+from stickslip_ros.measurement.twin.tracker import THETA
+from stickslip_ros.physics.parameters import Parameters
 from validation.campaigns.arguments import arguments
 from validation.twin_axis import Hidden, Log, RealAxis, feed
 

@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from stickslip_ros.base.compiled import report_compilation
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.reporting import to_json
 from stickslip_ros.cli.command_line import Parser, finish
 from stickslip_ros.cli.options import flag, option, progress_bar
-from stickslip_ros.compiled import report_compilation
-from stickslip_ros.errors import UsageError
-from stickslip_ros.motion.steps import run_steps
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import to_json
+from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.parallel import threads
+from stickslip_ros.simulation.steps import run_steps
 from validation.paper.claim import Claim, Result
 from validation.paper.report import CLAIMS, PAGE, ClaimOutcome, refuse_foreign, report
 

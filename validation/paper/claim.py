@@ -23,8 +23,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.reporting import format_si, scale_of
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.reporting import format_si, scale_of
 
 #: Columns of a CSV: names with units, arrays of equal length.
 Table = Mapping[str, Array]

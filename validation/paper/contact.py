@@ -15,22 +15,22 @@ import numpy as np
 from scipy.signal import find_peaks
 from scipy.stats import spearmanr
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.ringing import fit_ringing
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.model.contacts import Geometry, forces_by_preload, preload_ratio
-from stickslip_ros.model.derivations import (
+from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.model.contacts import Geometry, forces_by_preload, preload_ratio
+from stickslip_ros.physics.model.derivations import (
     MATERIALS,
     Elastic,
     sigma_0_of_asperities,
     sigma_0_of_mindlin,
     sigma_0_of_ringing,
 )
-from stickslip_ros.model.surface import CycleStart, Surface
-from stickslip_ros.motion.sampling import trace_steps
-from stickslip_ros.motion.settled import TRIAL_STEPS
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.model.surface import CycleStart, Surface
+from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.operating_points import blocking_preloads, zero_amplitudes
+from stickslip_ros.simulation.sampling import trace_steps
+from stickslip_ros.simulation.settled import TRIAL_STEPS
 from validation.paper.claim import ClaimVerdict, Result, Table, Values, paired
 from validation.paper.parameter_sets import (
     EIGENFREQUENCY,

@@ -6,10 +6,10 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.model import Contact, Plant, drive_of, friction_force, z_rate
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.physics.model import Contact, Plant, drive_of, friction_force, z_rate
+from stickslip_ros.physics.solver import Simulation
 from stickslip_ros.simulation.operating_points import batch_of
-from stickslip_ros.solver import Simulation
 from validation.paper.claim import Result
 from validation.paper.parameter_sets import EPM_FIX, LUGRE, Set, columns, one_step
 

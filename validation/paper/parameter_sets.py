@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.model.derivations import sigma_0_of_ringing
-from stickslip_ros.motion.settled import TRIAL_STEPS
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.physics.model.derivations import sigma_0_of_ringing
+from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.operating_points import generated_forces, steps_of
+from stickslip_ros.simulation.settled import TRIAL_STEPS
 
 Set = Mapping[str, Any]
 #: The actuator of Table 1: V at its full deflection, m.

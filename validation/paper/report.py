@@ -17,11 +17,11 @@ from markupsafe import Markup
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from stickslip_ros.errors import UsageError
-from stickslip_ros.files import whole_folder, writing
-from stickslip_ros.reporting.page import page
-from stickslip_ros.reporting.picture import TWO_COLUMNS
-from stickslip_ros.reporting.tables import csv_text
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.files import whole_folder, writing
+from stickslip_ros.base.reporting.page import page
+from stickslip_ros.base.reporting.picture import TWO_COLUMNS
+from stickslip_ros.base.reporting.tables import csv_text
 from stickslip_ros.version import __version__
 from validation.paper import contact, influences, response, step_curves
 from validation.paper.claim import Claim, ClaimVerdict, Result, read_charts, read_checks

@@ -6,25 +6,25 @@ from dataclasses import astuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.cli.pages.response import draw_closer, draw_cycles
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.measurement.steps.motions import analyse_steps
-from stickslip_ros.model import DriveCycle, Plant, drive_of
-from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.motion.phases import points
-from stickslip_ros.motion.sampling import trace_steps
-from stickslip_ros.motion.settled import TRIAL_STEPS
-from stickslip_ros.motion.trace import HEADER, Trace
-from stickslip_ros.pages.response import draw_closer, draw_cycles
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.physics.model import DriveCycle, Plant, drive_of
+from stickslip_ros.physics.model.actuator import Actuator
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.physics.solver import Simulation
 from stickslip_ros.simulation.operating_points import zero_amplitudes
+from stickslip_ros.simulation.phases import points
+from stickslip_ros.simulation.sampling import trace_steps
+from stickslip_ros.simulation.settled import TRIAL_STEPS
+from stickslip_ros.simulation.trace import HEADER, Trace
 from stickslip_ros.simulation.waveform_search import (
     elongate_step,
     elongation_map,
     shape_slip,
     shaping_map,
 )
-from stickslip_ros.solver import Simulation
 from validation.paper.claim import ClaimVerdict, Result, Table
 from validation.paper.parameter_sets import (
     FULL_DEFLECTION,

@@ -5,14 +5,14 @@ import math
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.model import Plant
-from stickslip_ros.motion.settled import MEASURABLE, TRIAL_STEPS
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.physics.model import Plant
 from stickslip_ros.simulation.operating_points import (
     blocking_preloads,
     intersections,
     zero_amplitudes,
 )
+from stickslip_ros.simulation.settled import MEASURABLE, TRIAL_STEPS
 from validation.paper.claim import ClaimVerdict, Result, Values, paired
 from validation.paper.parameter_sets import (
     EPM_CALC,

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from stickslip_ros.parameters import Parameters, read_yaml
+from stickslip_ros.physics.parameters import Parameters, read_yaml
 from validation.paper import __main__ as command
 from validation.paper.claim import Basis, Check, Claim, ClaimVerdict, Result
 from validation.paper.parameter_sets import EPM_CALC, EPM_FIX, JOINT, JOINT_SENSOR, Set, columns

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.base.errors import UsageError
+from stickslip_ros.base.files import WriteError, write_text
+from stickslip_ros.base.reporting.page import page, plot_parts
 from stickslip_ros.cli.command_line import Parser, finish
 from stickslip_ros.cli.options import progress_bar, require_ros
-from stickslip_ros.errors import UsageError
-from stickslip_ros.files import WriteError, write_text
-from stickslip_ros.reporting.page import page, plot_parts
 
 if TYPE_CHECKING:
     from validation.soak.run import Soaked
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if not Path("/proc/self/statm").exists():
         raise UsageError("needs /proc to watch the processes: run it on Linux")
     with require_ros():
-        from stickslip_ros.ros.child_process import choose_domain
+        from stickslip_ros.ros.testing.child_process import choose_domain
         from validation.soak.run import soak
     try:
         args.out.mkdir()

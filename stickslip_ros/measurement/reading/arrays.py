@@ -21,9 +21,9 @@ from typing import IO, Any
 
 import numpy as np
 
+from stickslip_ros.base.opening import Allowance, open_regular
 from stickslip_ros.measurement.reading.instruments import asking, library
 from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementError, Table
-from stickslip_ros.opening import Allowance, open_regular
 
 #: Matrices with more columns are no tables.
 _WIDEST = 256

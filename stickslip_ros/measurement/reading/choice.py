@@ -23,7 +23,7 @@ from stickslip_ros.measurement.reading.table import (
     is_index,
     name_and_unit,
 )
-from stickslip_ros.parameters.row import NUMBER, read_quantity
+from stickslip_ros.physics.parameters.row import NUMBER, read_quantity
 
 _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip

@@ -15,7 +15,7 @@ import numpy as np
 from stickslip_ros.measurement.reading.choice import Reading
 from stickslip_ros.measurement.reading.motion import ActuatorLoop, loop_of, motion_of
 from stickslip_ros.measurement.reading.table import Column, MeasurementError, Table
-from stickslip_ros.motion.motion import Motion
+from stickslip_ros.simulation.motion import Motion
 
 #: Names and units of arrays, in the order that they are given in.
 _ARRAYS = (("time", "s"), ("position", "m"), ("actuator", "m"))

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.base.opening import Allowance, ReadError, open_regular
 from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementError, Table
-from stickslip_ros.opening import Allowance, ReadError, open_regular
 
 #: Characters of a library's message that are shown.
 _LONGEST = 160

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 
 from stickslip_ros.measurement.reading.table import MeasurementError
-from stickslip_ros.parameters.bounded_files import unwrap_numbers
+from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 #: 1,234.5 and 1.234,5 with the sign of the thousands as ','.

@@ -17,7 +17,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.opening import ReadError, open_regular
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.reading import arrays, instruments
 from stickslip_ros.measurement.reading.choice import (
     LOOP,
@@ -32,9 +34,7 @@ from stickslip_ros.measurement.reading.layout import LARGEST
 from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, numbers_of, read_text_table
 from stickslip_ros.measurement.steps.actuator_cycles import find_strokes
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.opening import ReadError, open_regular
-from stickslip_ros.reporting import format_si
+from stickslip_ros.simulation.motion import Motion
 
 Reader = Callable[[Path], Table]
 

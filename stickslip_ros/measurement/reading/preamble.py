@@ -21,8 +21,8 @@ from stickslip_ros.measurement.reading.table import (
     is_unit_cell,
     name_and_unit,
 )
-from stickslip_ros.parameters.bounded_files import unwrap_numbers
-from stickslip_ros.parameters.row import NUMBER
+from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
+from stickslip_ros.physics.parameters.row import NUMBER
 
 #: Words for the time (s) between samples, for their rate (Hz) and for the time (s) of the first.
 _STEPS = ("increment", "tinc", "xinc", "xincrement", "deltax", "sampleinterval", "samplinginterval",

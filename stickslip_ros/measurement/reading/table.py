@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.errors import StickslipError, printable
-from stickslip_ros.parameters.row import PREFIXES
+from stickslip_ros.base.errors import StickslipError, printable
+from stickslip_ros.physics.parameters.row import PREFIXES
 
 _LONG_PREFIXES = {
     "": 1.0, "femto": 1e-15, "pico": 1e-12, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3,

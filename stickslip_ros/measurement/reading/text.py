@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from stickslip_ros.base.opening import Allowance, ReadError, open_regular
 from stickslip_ros.measurement.reading.layout import (
     COMMENTS,
     GAPS,
@@ -47,7 +48,6 @@ from stickslip_ros.measurement.reading.table import (
     Table,
     Unit,
 )
-from stickslip_ros.opening import Allowance, ReadError, open_regular
 
 #: Characters that the form of a table is found from, and that are read at once.
 _SAMPLE, _BLOCK = 2_000_000, 4_000_000

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.record import FASTER, TraceError
 from stickslip_ros.measurement.steps.run import Cycles
 from stickslip_ros.measurement.steps.settings import SETTINGS

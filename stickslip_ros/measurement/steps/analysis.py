@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.backstep import find_ringing, measure_slip
 from stickslip_ros.measurement.steps.cycle_values import cycle_values
 from stickslip_ros.measurement.steps.doubts import Evidence, comes_back

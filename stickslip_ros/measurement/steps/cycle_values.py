@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.backstep import MeanSlip
 from stickslip_ros.measurement.steps.record import Pyramid, Record
 from stickslip_ros.measurement.steps.ringing import Ringing

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.steps.fold import Rest
 from stickslip_ros.measurement.steps.hum import MAINS
 from stickslip_ros.measurement.steps.matching import Chain, change_of_cycles, cycle_rows
@@ -19,7 +20,6 @@ from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.step_fit import PRECISION, Disturbances
 from stickslip_ros.measurement.steps.timing import SlipGrid
-from stickslip_ros.reporting import format_si
 
 #: What leaves the cycles sure.
 NO_REST = "no rest beside the run, so step and drift cannot be told apart"

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.record import Record
 
 #: Mains frequencies, Hz, and the default number of harmonics of each.

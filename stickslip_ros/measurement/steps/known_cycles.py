@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.backstep import find_ringing, measure_slip
 from stickslip_ros.measurement.steps.cycle_values import cycle_values
 from stickslip_ros.measurement.steps.fold import fold_slips
@@ -17,7 +17,7 @@ from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import MeanPosition, Pyramid, Record
 from stickslip_ros.measurement.steps.run import Cycles, Run
 from stickslip_ros.measurement.steps.timing import SlipGrid
-from stickslip_ros.motion.settled import settled_from, settled_mean
+from stickslip_ros.simulation.settled import settled_from, settled_mean
 
 #: Noise (m) below which positions are simulated, and extremes are those of single samples.
 EXACT = 1e-11

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.record import (
     Level,
     MeanPosition,
@@ -23,7 +23,7 @@ from stickslip_ros.measurement.steps.record import (
 )
 from stickslip_ros.measurement.steps.search import FEWEST_SAMPLES, Candidate
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.motion.settled import SETTLING
+from stickslip_ros.simulation.settled import SETTLING
 
 #: Samples of a period at which slips are matched.
 SAMPLES_A_PERIOD = 200

@@ -10,7 +10,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.motion.settled import settled_from
+from stickslip_ros.simulation.settled import settled_from
 
 #: Standard errors of a significant difference: 0.3 % of a normal distribution lie beyond.
 COVERAGE = 3.0

@@ -12,7 +12,8 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.steps.actuator_cycles import (
     SHORT,
     cycles_of_actuator,
@@ -31,8 +32,7 @@ from stickslip_ros.measurement.steps.record import (
 )
 from stickslip_ros.measurement.steps.run import Cycles, Run, main_run
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.motion.motion import Motion
-from stickslip_ros.reporting import format_si
+from stickslip_ros.simulation.motion import Motion
 
 #: Part of the actuator's stroke that a step never exceeds, gains of both sensors included.
 _OUTRUN = 1.1

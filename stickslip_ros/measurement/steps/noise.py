@@ -9,7 +9,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 
 #: A spike differs from the median of its neighbours by this many times the noise, and by this many
 #: times the difference of all but a hundredth of the samples; and by this many times that of three

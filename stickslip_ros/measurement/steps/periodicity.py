@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.record import MeanPosition, Pyramid, Record
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS

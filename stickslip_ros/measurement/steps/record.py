@@ -10,8 +10,8 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.errors import StickslipError
 
 #: What helps against too few samples in a cycle.
 FASTER = "sample faster (a bag: raise publish_rate, or stickslip bag resimulate)"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.record import Level, smooth
 from stickslip_ros.measurement.steps.settings import SETTINGS
 

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
+from stickslip_ros.base.reporting.tables import frame
+from stickslip_ros.base.reporting.terminal import format_rows, nanometres
 from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.motion.settled import settled_from
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
-from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import format_rows, nanometres
+from stickslip_ros.simulation.settled import settled_from
 
 if TYPE_CHECKING:
     import pandas

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.fold import Rest
 from stickslip_ros.measurement.steps.hum import MAINS, USUAL
 from stickslip_ros.measurement.steps.measured_value import MeasuredValue

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.matching import SAMPLES_A_PERIOD, Chain, window_of
 from stickslip_ros.measurement.steps.record import (
     Level,
@@ -26,7 +26,7 @@ from stickslip_ros.measurement.steps.record import (
 )
 from stickslip_ros.measurement.steps.ringing import Ringing, without_ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.motion.settled import SETTLING
+from stickslip_ros.simulation.settled import SETTLING
 
 #: Slips of a run that are timed at most: more do not tell period and phase better.
 _TIMED = 1500

@@ -29,14 +29,19 @@ from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, SET_PARAMETERS,
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import STEP_OF_TIME, value_text
 from stickslip_ros.axis.faults import VANISH
-from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.parameters.groups import AXIS_NODE
-from stickslip_ros.reporting.terminal import announce_if_slow
+from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.base.reporting.terminal import announce_if_slow
+from stickslip_ros.physics.parameters import PARAMETERS
+from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.ros.client.listener import Answer, AxisListener
-from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command
-from stickslip_ros.ros.process import SpinThread
-from stickslip_ros.ros.topics import SET_POINT_LOG
+from stickslip_ros.ros.nodes.messages import (
+    MalformedCommand,
+    message_class,
+    read_command,
+    write_command,
+)
+from stickslip_ros.ros.nodes.process import SpinThread
+from stickslip_ros.ros.nodes.topics import SET_POINT_LOG
 
 _LAST_WORDS = 1.0  # s
 

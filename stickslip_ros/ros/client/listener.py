@@ -16,11 +16,18 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.parameters.groups import SLIDER
+from stickslip_ros.base.reporting import format_si
+from stickslip_ros.physics.parameters.groups import SLIDER
 from stickslip_ros.recordings.message_types import nanoseconds
-from stickslip_ros.reporting import format_si
-from stickslip_ros.ros.messages import message_class
-from stickslip_ros.ros.topics import DESCRIPTION, DIAGNOSTICS, EVENTS, JOINTS, SET_POINTS, STATUS
+from stickslip_ros.ros.nodes.messages import message_class
+from stickslip_ros.ros.nodes.topics import (
+    DESCRIPTION,
+    DIAGNOSTICS,
+    EVENTS,
+    JOINTS,
+    SET_POINTS,
+    STATUS,
+)
 
 _POLL = 0.02  # s, between checks of conditions without a notification
 _QUEUE = 100  # messages that may wait while the program computes

@@ -17,10 +17,10 @@ import pytest
 from test_formats import FILES, WAVEFORMS, T, X, write_bag
 from waveform_files import COUNT
 
-from stickslip_ros.measurement.load_motion import load_motion
+from stickslip_ros.measurement.bags.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading
-from stickslip_ros.motion.motion import Motion
 from stickslip_ros.recordings import BagError
+from stickslip_ros.simulation.motion import Motion
 
 TIMES = int(os.environ.get("STICKSLIP_MUTATIONS", "0"))
 #: Samples that one piece of damage may change unseen: a doubled or a cut line at both its ends.

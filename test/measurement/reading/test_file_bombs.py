@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 import scipy.io
 
+from stickslip_ros.base.opening import UNPACK_VARIABLE
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
-from stickslip_ros.opening import UNPACK_VARIABLE
 
 #: Samples of a bomb: 80 MB, above what every file may unpack to; a tenth in the quick test.
 COUNT = 10_000_000
@@ -34,7 +34,7 @@ import json, os, sys, time
 from pathlib import Path
 import RigolWFM.wfm, scipy.io  # once, not in each child
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
-from stickslip_ros import opening
+from stickslip_ros.base import opening
 opening.ALWAYS_ALLOWED //= int(sys.argv[1])
 opening.UNPACK_FACTOR //= int(sys.argv[1])
 for name in sys.argv[2:]:
@@ -359,8 +359,8 @@ def test_a_user_may_allow_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     path = tmp_path / "large.npz"
     np.savez_compressed(path, t=np.arange(5e5), x_nm=np.zeros(500_000))
     units = {"t": "us"}
-    monkeypatch.setattr("stickslip_ros.opening.ALWAYS_ALLOWED", 0)
-    monkeypatch.setattr("stickslip_ros.opening.UNPACK_FACTOR", 2)
+    monkeypatch.setattr("stickslip_ros.base.opening.ALWAYS_ALLOWED", 0)
+    monkeypatch.setattr("stickslip_ros.base.opening.UNPACK_FACTOR", 2)
     with pytest.raises(MeasurementError, match="unpacks to more than 2 times its size"):
         read_measurement(path, Reading(units=units))
     monkeypatch.setenv(UNPACK_VARIABLE, "1000")

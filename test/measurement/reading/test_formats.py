@@ -32,7 +32,7 @@ from waveform_files import (
 )
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.measurement.load_motion import joint_columns, load_motion
+from stickslip_ros.measurement.bags.load_motion import joint_columns, load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop, read_measurement
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 

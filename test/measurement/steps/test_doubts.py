@@ -8,7 +8,7 @@ import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace
 from records import bench
 
-from stickslip_ros.arrays import Array
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.analysis import find_steps
 
 

@@ -8,8 +8,8 @@ import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace
 from records import assert_right, bench
 
-from stickslip_ros.arrays import Array
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.measurement.steps.analysis import find_steps
 from stickslip_ros.measurement.steps.fold import find_rests
 from stickslip_ros.measurement.steps.motions import find_runs

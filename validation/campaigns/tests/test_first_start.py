@@ -15,7 +15,7 @@ from child import environment
 from cpu_time import computes_at_most
 from live import Ros, wait_until
 
-from stickslip_ros.numba_internals import is_whole
+from stickslip_ros.base.numba_internals import is_whole
 
 #: As the executable that is installed does.
 COMMAND = [

@@ -42,5 +42,5 @@ def test_nothing_is_compiled_after_it(tmp_path: Path) -> None:
     assert first.stdout.startswith("ready after")
     for command in LATER:
         assert run("-m", "stickslip_ros", *command.split()).stderr == ""
-    tell = "from stickslip_ros.compiled import report_compilation as t\nwith t():\n"
+    tell = "from stickslip_ros.base.compiled import report_compilation as t\nwith t():\n"
     assert run("-c", tell + AXIS.strip().replace("\n", "\n    ").join(["    ", "\n"])).stderr == ""

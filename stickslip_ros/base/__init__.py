@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What has nothing to do with friction: errors, files, compiling, tables, pages, pictures."""

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The motion in a file, whatever kind it is: a trace, a table or a bag.
+
+Bags, ours and those of others (rosbag2 with SQLite or MCAP, ROS 1): each number is a column.
+
+A column is named by topic and field, such as ``/laser/range``; those of joint states by the joint,
+``/joint_states/axis_slider/position``. Times are those of the headers' stamps, or of the recorder
+where messages have no header, and count from the first message of their topic.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
+from stickslip_ros.measurement.reading.choice import MOTION, choose
+from stickslip_ros.measurement.reading.motion import motion_of, naming
+from stickslip_ros.measurement.reading.table import Column, Loaded, Table
+from stickslip_ros.physics.parameters import PARAMETERS, Value
+from stickslip_ros.physics.parameters.groups import PIEZO, SLIDER
+from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
+from stickslip_ros.recordings.cdr import decode_messages, fields_of
+from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, stamp_of
+from stickslip_ros.simulation.motion import Motion
+
+
+class LoadedMotion(NamedTuple):
+    """A motion and the information in its file."""
+
+    motion: Motion
+    #: the time (ns since the Unix epoch) that its times count from, of a bag
+    origin_ns: int | None = None
+    #: of the axis when it started, if the file holds them
+    parameters: dict[str, Value] | None = None
+    version: str | None = None  #: of this package that the axis ran with, likewise
+    joint: str | None = None  #: whose motion it is, of a bag
+
+
+def is_parameter_file(path: Path) -> bool:
+    """Return whether a path is that of a parameter file."""
+    return path.suffix.lower() in (".yaml", ".yml")
+
+
+def load_motion(
+    path: Path,
+    how: Reading | None = None,
+    joint: str | None = None,
+    origin_ns: int | None = None,
+) -> LoadedMotion:
+    """Read a motion from a bag, a trace that we wrote, or a measurement of any format.
+
+    how: properties that the file does not state, such as the columns of time and position.
+    joint: in a bag; None: the only one whose name ends in ``_slider``, or the only one.
+    origin_ns: time that the stamps of a bag count from; None: its first message.
+    Raises MeasurementError: a table cannot be read, or has no such joint, or several to ask for.
+    Raises BagError: a bag cannot be read.
+    """
+    how = how or Reading()
+    if not is_bag(path):
+        return LoadedMotion(read_measurement(path, how))
+    with naming(path):
+        table, origins = read_bag(path)
+        if not how.columns:
+            how = replace(how, columns=joint_columns(table, joint))
+        position = choose(table, MOTION, how)["x"]
+        motion = motion_of(table, path.name, how)
+    # Whole nanoseconds, so that two compared bags use the same times.
+    stamps = origins[position.number - 1] + np.rint(1e9 * motion.t).astype(np.int64)
+    origin = int(stamps[0]) if origin_ns is None else origin_ns
+    motion = replace(motion, t=np.asarray(1e-9 * (stamps - origin), np.float64))
+    joint = position.name.split("/")[-2]
+    if len(all_of := _sliders(table)) > 1:
+        note = f"the motion is that of {position.name}; the sliders are: {', '.join(all_of)}"
+        motion = replace(motion, source=f"{path.name} ({joint})", notes=(*motion.notes, note))
+    return LoadedMotion(motion, origin, *_axis_of(path, joint), joint)
+
+
+def _axis_of(path: Path, joint: str) -> tuple[dict[str, Value] | None, str | None]:
+    """Return parameters and version of the axis with a joint, from the event it starts with."""
+    with open_bag(path) as bag:
+        for texts in recorded_axes(bag).values():
+            if f"{texts.get('axis_name')}{SLIDER}" == joint:
+                known = {name: text for name, text in texts.items() if name in PARAMETERS}
+                parameters = {name: PARAMETERS[name].parse(text) for name, text in known.items()}
+                return parameters, texts.get("version")
+    return None, None
+
+
+#: Fields whose unit the definition of a message states.
+_UNITS = {
+    ("sensor_msgs/msg/Range", "range"): "m",
+    **{("geometry_msgs/msg/PointStamped", f"point.{axis}"): "m" for axis in "xyz"},
+    **{("geometry_msgs/msg/PoseStamped", f"pose.position.{axis}"): "m" for axis in "xyz"},
+    **{("nav_msgs/msg/Odometry", f"pose.pose.position.{axis}"): "m" for axis in "xyz"},
+}
+#: Name of the column of times that each topic has.
+_TIME = "time"
+#: Longer arrays are no columns.
+_LONGEST_ARRAY = 16
+_NO_COLUMN = re.compile(r"\]\.|(^|\.)header\.")
+#: Messages of a topic that its columns are taken from: joints may come one by one.
+_LOOKED_AT = 50
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a path is that of a recording."""
+    return path.is_dir() or path.suffix.lower() in (".mcap", ".db3", ".bag")
+
+
+def read_bag(path: Path) -> tuple[Table, list[int]]:
+    """Return the columns of a bag and the time (ns) that each counts from, if it is one of times.
+
+    Raises MeasurementError and BagError.
+    """
+    columns: list[Column] = []
+    sources: list[tuple[str, str, int]] = []  # topic, field and origin of each column
+    with open_bag(path) as bag:
+        for topic, about in bag.topics.items():
+            names: dict[str, None] = {}
+            origin = 0
+            messages = _messages(bag, topic) if bag.counts[topic] else iter(())
+            # The parser of types prints types that it refuses; one that nobody knows is left out.
+            with contextlib.suppress(BagError), contextlib.redirect_stderr(io.StringIO()):
+                for stamp, numbers in islice(messages, _LOOKED_AT):
+                    if numbers:
+                        origin = origin if names else stamp
+                        names |= dict.fromkeys([_TIME, *numbers])
+            for field in names:
+                unit = "s" if field == _TIME else _UNITS.get((about.type, field))
+                if about.type == JOINT_STATE_TYPE and field.endswith("/position"):
+                    unit = "m"
+                sources.append((topic, field, origin))
+                length, number = bag.counts[topic], len(sources)
+                columns.append(Column(f"{topic}/{field}", unit, number=number, length=length))
+    if not columns:
+        raise MeasurementError("it holds no messages with numbers")
+
+    def load(wanted: Sequence[Column]) -> Loaded:
+        topics, fields, origins = zip(*(sources[one.number - 1] for one in wanted), strict=True)
+        if len(set(topics)) > 1:
+            raise MeasurementError("the columns have to be of one topic")
+        with open_bag(path) as bag:  # joints may come one by one: rows have one of them
+            rows = [
+                [(numbers | {_TIME: 1e-9 * (stamp - origins[0])}).get(f, math.nan) for f in fields]
+                for stamp, numbers in _messages(bag, topics[0])
+                if not numbers.keys().isdisjoint({*fields} - {_TIME})
+            ]
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(fields))
+        if _TIME in fields:  # a message may come late, or twice
+            table = table[np.unique(table[:, fields.index(_TIME)], return_index=True)[1]]
+        return Loaded([np.ascontiguousarray(column) for column in table.T])
+
+    return Table(columns, load), [origin for _, _, origin in sources]
+
+
+def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, dict[str, float]]]:
+    """Yield stamp (ns) and numbers by name of each message, without those of headers and lists."""
+    kind = bag.topics[topic].type
+    for recorded, message in decode_messages(bag, [topic]):
+        yield (
+            stamp_of(message, recorded.log_ns),
+            {
+                name: float(value)
+                for name, value in fields_of(message, kind, _LONGEST_ARRAY)
+                if isinstance(value, bool | int | float) and not _NO_COLUMN.search(name)
+            },
+        )
+
+
+def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
+    """Return the columns of a joint: the one named, the only slider, or the only one.
+
+    Empty where the bag has no joints to choose from. Raises MeasurementError if the joint is not
+    there, or several sliders are and none is named.
+    """
+    positions = [c for c in table.columns if c.unit == "m" and c.name.endswith("/position")]
+    # Commands may name the same joints: the topic that has most messages shows the motion. What no
+    # sensor reads is no measurement.
+    positions.sort(
+        key=lambda one: ("/truth/" not in one.name, one.length or 0, -one.number),
+    )
+    joints = {column.name.split("/")[-2]: column.name for column in positions}
+    if joint is not None and joint not in joints:
+        listed = ", ".join(sorted(joints)) or "none"
+        raise MeasurementError(f"there is no joint {joint!r}; there are: {listed}")
+    sliders = _sliders(table)
+    if joint is None and len(sliders) > 1:
+        raise MeasurementError(
+            f"which joint? it has {', '.join(sliders)}; name one: --joint {sliders[0]} "
+            f"(or its column: --columns x={joints[sliders[0]]})"
+        )
+    chosen = joint or next(iter(sliders or (joints if len(joints) == 1 else ())), None)
+    if chosen is None:
+        return {}
+    actuator = joints.get(chosen.removesuffix(SLIDER) + PIEZO)
+    return {"x": joints[chosen], **({"u": actuator} if actuator else {})}
+
+
+def _sliders(table: Table) -> list[str]:
+    """Return the joints of a bag whose names end as those of sliders do, in order of the names."""
+    ends = f"{SLIDER}/position"
+    return sorted({one.name.split("/")[-2] for one in table.columns if one.name.endswith(ends)})

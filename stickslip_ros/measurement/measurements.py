@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measurements read, analysed, compared with a run, and used to identify an actuator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip_ros.base.compiled import report_compilation
+from stickslip_ros.base.reporting.terminal import SEARCH, announce_if_slow
+from stickslip_ros.base.shared_files import sample_file
+from stickslip_ros.measurement import comparison as comparisons
+from stickslip_ros.measurement.actuator_identification import (
+    IdentifiedActuator,
+    identify_hysteresis,
+)
+from stickslip_ros.measurement.as_measured import simulate_as_measured
+from stickslip_ros.measurement.bags.finer import finest_motion
+from stickslip_ros.measurement.bags.load_motion import is_bag, is_parameter_file, load_motion
+from stickslip_ros.measurement.comparison import Comparison
+from stickslip_ros.measurement.motion_pair import Fits
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
+from stickslip_ros.measurement.reading.given import given_loop, given_motion
+from stickslip_ros.measurement.steps import motions as analyses
+from stickslip_ros.measurement.steps.motions import analyse_steps
+from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.run import Run
+from stickslip_ros.physics.parameters import Parameters
+from stickslip_ros.simulation.motion import Motion
+from stickslip_ros.simulation.run import SimulatedRun
+from stickslip_ros.simulation.trace import Trace
+
+#: Whatever holds the position of a runner over time: a motion, a file, or a DataFrame, an xarray
+#: object or a pair of arrays as `given_motion` takes them.
+MotionSource = Any
+
+
+def read_measurement(path: MotionSource, *, joint: str | None = None, **how: Any) -> Motion:
+    """Read the motion in a trace, table, array file, instrument's file or bag.
+
+    Parameters
+    ----------
+    path : str, path, DataFrame, Dataset or pair of arrays
+        The file or bag, or the name of a sample of the package; or a table or arrays that a program
+        holds.
+    joint : str, optional
+        The joint to use in a bag.
+    **how
+        What the file does not state, by key (``t``, ``x``, ``u``) or as an option takes it
+        (``units="x=nm"``): columns, units, scale, rate (Hz), angle (rad), wavelength (m), rows,
+        decimal; see docs/compare.md.
+
+    Returns
+    -------
+    Motion
+        Time (s) and position (m), each of shape (samples,).
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read as a motion, or holds no such joint; the message names the option
+        that helps.
+    BagError
+        The bag is damaged.
+
+    Examples
+    --------
+    >>> import stickslip_ros as ss
+    >>> motion = ss.read_measurement("steps_100hz.csv")
+    >>> print(f"{len(motion.t)} samples over {motion.duration:.2f} s")
+    14000 samples over 0.14 s
+    """
+    if not isinstance(path, str | PathLike):
+        return given_motion(path, how=_reading(how))
+    if is_parameter_file(Path(path)):
+        raise MeasurementError(
+            f"{path} is a parameter file and no measurement; compare takes it first, as the run, "
+            "and simulate runs it"
+        )
+    return load_motion(
+        sample_file(Path(path), MeasurementError), how=_reading(how), joint=joint
+    ).motion
+
+
+def find_runs(measurement: MotionSource, frequency: float | None = None) -> list[Run]:
+    """Return the runs of steps in a measurement, from rest to rest, in the order of time.
+
+    Parameters
+    ----------
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
+        The motion, a file of it, or a table or arrays (s, m) that hold it.
+    frequency : float, optional
+        Frequency of the drive, Hz, if it is known.
+
+    Returns
+    -------
+    list of Run
+        Each with its start, end, steps and frequency; empty where nothing steps.
+
+    Raises
+    ------
+    TraceError
+        The frequency is not above 0, or the record holds no whole cycle of it.
+
+    Examples
+    --------
+    >>> import stickslip_ros as ss
+    >>> (run,) = ss.find_runs("steps_100hz.csv")
+    >>> run.steps, round(run.frequency)
+    (10, 100)
+    """
+    motion = _motion(measurement)
+    with announce_if_slow(SEARCH):
+        _check(frequency)
+        return analyses.find_runs(motion.t, motion.x, frequency)
+
+
+def analyse(
+    measurement: MotionSource,
+    *arrays: ArrayLike,
+    frequency: float | None = None,
+    start: float | None = None,
+    zero_amplitude: float | None = None,
+) -> Run:
+    """Return steps, backsteps and ringing of a measurement, of its longest run if it has several.
+
+    Parameters
+    ----------
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
+        The motion, a file of it, or a table or arrays (s, m) that hold it.
+    *arrays : array_like
+        Where times (s) are given in place of a measurement: positions (m) and, where it was
+        measured, the actuator's deflection (m), each of shape (samples,).
+    frequency : float, optional
+        Frequency of the drive, Hz; found if it is not given.
+    start : float, optional
+        Time of the first cycle, s; found if it is not given.
+    zero_amplitude : float, optional
+        0-amplitude, m, measured separately, for Eq. 9.
+
+    Returns
+    -------
+    Run
+        Steps and backsteps of shape (cycles,), m, and the ringing.
+
+    Raises
+    ------
+    TraceError
+        No steps are found, or the frequency is not above 0.
+
+    Examples
+    --------
+    >>> import stickslip_ros as ss
+    >>> found = ss.analyse(ss.simulate("table1_typical", steps=12))
+    >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
+    133.8 nm, ringing at 7549 Hz
+    """
+    motion = _finest(measurement, *arrays)
+    _check(frequency)
+    with announce_if_slow(SEARCH):
+        return analyse_steps(
+            motion.t, motion.x, motion.u,
+            frequency=frequency, start=start, zero_amplitude=zero_amplitude,
+        )  # fmt: skip
+
+
+def compare(
+    run: MotionSource | Parameters | Mapping[str, Any],
+    measurement: MotionSource,
+    *,
+    fits: Fits | None = None,
+    cutoff: float | None = None,
+) -> Comparison:
+    """Return how a measurement differs from a run of the same motion.
+
+    Parameters
+    ----------
+    run : Motion, SimulatedRun, Trace, Parameters, mapping, str or path
+        The run; of parameters, also in a YAML file, the steps that the measurement shows are
+        simulated.
+    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
+        The measured motion, a file of it, or a table or arrays (s, m) that hold it.
+    fits : Fits, optional
+        Which corrections of clock and sensor are fitted.
+    cutoff : float, optional
+        Frequency of a low-pass filter on both, Hz.
+
+    Returns
+    -------
+    Comparison
+        Differences of shape (samples,), m, with metrics and tolerances.
+
+    Raises
+    ------
+    ComparisonError
+        The two cannot be brought together.
+    MeasurementError
+        A file cannot be read.
+
+    Examples
+    --------
+    >>> import stickslip_ros as ss
+    >>> found = ss.compare("table1_typical.yaml", "steps_100hz.csv")
+    >>> found.differing
+    []
+    >>> print(f"rmse {1e9 * found.rmse:.1f} nm, noise of the sensor {1e9 * found.noise:.1f} nm")
+    rmse 2.0 nm, noise of the sensor 2.0 nm
+    """
+    measured = _finest(measurement)
+    with report_compilation(), announce_if_slow("comparing"):
+        if isinstance(run, Parameters | Mapping) or (
+            isinstance(run, str | PathLike) and is_parameter_file(Path(run))
+        ):
+            p = Parameters.of(run)  # type: ignore[arg-type]
+            period = 1.0 / p.drive.frequency
+            runs = analyses.find_runs(measured.t, measured.x, p.drive.frequency)
+            simulated = simulate_as_measured(p, measured, runs, "simulation")
+            return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
+        return comparisons.compare(_finest(run), measured, fits, cutoff)  # type: ignore[arg-type]
+
+
+def identify_actuator(
+    loop: Any,
+    *,
+    operators: int = 16,
+    creep_start: float = 0.1,
+    **how: Any,
+) -> IdentifiedActuator:
+    """Return the play operators that repeat a recording of voltage and deflection.
+
+    The recording may contain many loops, rests and drift.
+
+    Parameters
+    ----------
+    loop : str, path, DataFrame, Dataset or tuple of array_like
+        A file or table, or voltage (V), deflection (m) and, where known, times (s), each of shape
+        (samples,).
+    operators : int
+        How many play operators.
+    creep_start : float
+        Time that creep counts from, s.
+    **how
+        How the file is read, as in `read_measurement`; arrays take none.
+
+    Returns
+    -------
+    IdentifiedActuator
+        The operators, their error, drift and creep.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or holds no loop; an option is not known, or given with arrays.
+    ParameterError
+        An impossible number of operators.
+
+    Examples
+    --------
+    >>> import stickslip_ros as ss
+    >>> found = ss.identify_actuator("actuator_loop.csv")
+    >>> print(f"loop of {100 * found.width:.0f} % of the stroke, {1e9 * found.gain:.3f} nm/V")
+    loop of 14 % of the stroke, 0.532 nm/V
+    """
+    times: Any = None
+    if isinstance(loop, tuple):
+        if how:
+            raise MeasurementError(f"{', '.join(how)}: options of files; arrays are in V, m and s")
+        volts, deflection, *rest = (np.asarray(one, dtype=np.float64) for one in loop)
+        times = rest[0] if rest else None
+    else:
+        read = (
+            read_loop(sample_file(Path(loop), MeasurementError), _reading(how))
+            if isinstance(loop, str | PathLike)
+            else given_loop(loop, _reading(how))
+        )
+        volts, deflection, times = read.volts, read.deflection, read.times
+    return identify_hysteresis(volts, deflection, operators, times, creep_start)
+
+
+def _reading(how: Mapping[str, Any]) -> Reading:
+    """Return how a file is read by options. Raises MeasurementError for an unknown one."""
+    known = [one.name for one in fields(Reading)]
+    for name in how:
+        if name not in known:
+            raise MeasurementError(f"there is no option {name!r}; known: {', '.join(known)}")
+    return Reading(**how)
+
+
+def _check(frequency: float | None) -> None:
+    """Raise TraceError for a frequency (Hz) that none can be."""
+    if frequency is not None and not 0.0 < frequency < math.inf:
+        raise TraceError(f"the frequency is {frequency:g} Hz; it has to be above 0")
+
+
+def _finest(source: MotionSource, *arrays: ArrayLike) -> Motion:
+    """Return a motion; that of a bag of ours is simulated again where its samples are too few."""
+    if arrays or not isinstance(source, str | PathLike) or not is_bag(Path(source)):
+        return _motion(source, *arrays)
+    return finest_motion(Path(source), load_motion(Path(source)))
+
+
+def _motion(source: MotionSource, *arrays: ArrayLike) -> Motion:
+    if isinstance(source, SimulatedRun):
+        source = source.motion
+    if isinstance(source, Trace):
+        source = Motion.of_trace(source, "trace")
+    if isinstance(source, str | PathLike):
+        source = read_measurement(source)
+    if not isinstance(source, Motion):
+        return given_motion(source, *arrays)
+    if arrays:
+        raise MeasurementError(
+            f"{source.source} is a measurement of its own; give it alone, or times (s) and "
+            "positions (m) as arrays"
+        )
+    return source

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node that guards all its callbacks, so that none of them can end the process.
+
+If a callback raises an exception, the node logs and counts it; a service answers that it failed.
+rclpy itself would pass the exception to the code that spins the executor.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_service import ParameterService
+from rclpy.qos import QoSProfile, qos_profile_parameters
+
+from stickslip_ros.ros.nodes.followed_clock import (
+    CLOCK_TOPIC,
+    USE_SIM_TIME,
+    follows,
+    passing_over_negatives,
+)
+
+_WARN_PERIOD = 1.0  # s, between errors in the log
+#: Of services: so many requests may wait
+_SERVICES = QoSProfile(depth=250)
+#: Parameters that one request may set; more are refused together.
+MOST_PARAMETERS = 200
+
+
+class NoAnswer(Exception):
+    """Raised by the callback of a service that is not to be answered at all."""
+
+
+class GuardedNode(Node):
+    """A node that no message, service call, timer or parameter can bring down."""
+
+    def __init__(self, name: str, **options: Any) -> None:
+        """Set up the node; name and options are those of `rclpy.node.Node`.
+
+        Given parameters are declared, so that a misspelt name is found.
+        """
+        self.failures = 0  #: callbacks that raised, since the start
+        options.setdefault("automatically_declare_parameters_from_overrides", True)
+        super().__init__(name, start_parameter_services=False, **options)
+        follows(self)  # rclpy only logs a wrong type, and goes on without /clock
+        self.add_on_set_parameters_callback(_keep_clock)
+        self._parameter_service = _Parameters(self)
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin: this one."""
+        return [self]
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Any, *a: Any, **k: Any
+    ) -> Any:
+        """As rclpy does; an exception in the callback is counted as a refusal."""
+        if topic == CLOCK_TOPIC:  # asked for by rclpy itself, with use_sim_time
+            callback = passing_over_negatives(self, callback)
+        return super().create_subscription(msg_type, topic, self._guarded(callback, topic), *a, **k)
+
+    def create_service(  # type: ignore[override]
+        self, kind: Any, name: str, callback: Any, *a: Any, **k: Any
+    ) -> Any:
+        """As rclpy does; an exception in it is counted, and the answer reports the failure.
+
+        Requests of a hundred clients at once may wait, and of parameters no more: of those that
+        rclpy has no room for, nobody hears again.
+        """
+        guarded = self._guarded(callback, name)
+
+        def answer(request: Any, response: Any) -> Any:
+            done = guarded(request, response)
+            if done is None and hasattr(response, "message"):
+                response.message = f"{name} failed; the log of the node says why"
+            return done or response
+
+        if not a and k.get("qos_profile") in (None, qos_profile_parameters):
+            k["qos_profile"] = _SERVICES
+        return super().create_service(kind, name, answer, *a, **k)
+
+    def create_timer(  # type: ignore[override]
+        self, period: float, callback: Any, *a: Any, **k: Any
+    ) -> Any:
+        """As rclpy does; an exception in the callback is counted."""
+        return super().create_timer(period, self._guarded(callback, "a timer"), *a, **k)
+
+    def note_failure(self, source: str, error: Exception) -> None:
+        """Count and log an exception of a callback; source: topic, service or "a timer"."""
+        self.failures += 1
+        self.get_logger().error(
+            f"{source} failed, {_short(error)}; {self.failures} failures so far. It is passed "
+            "over and the node goes on: please report it with what was sent",
+            throttle_duration_sec=_WARN_PERIOD,
+        )
+
+    def _guarded(self, callback: Callable[..., Any], source: str) -> Callable[..., Any]:
+        # rclpy looks at the signature, which functools.wraps keeps.
+        @functools.wraps(callback)
+        def guarded(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except NoAnswer:
+                raise  # whoever spins passes it over, and rclpy then sends nothing
+            except Exception as error:
+                self.note_failure(source, error)
+                return None
+
+        return guarded
+
+
+def _keep_clock(changes: Sequence[Parameter]) -> SetParametersResult:
+    """Refuse another clock while the node runs: what is under way counts by the present one."""
+    if any(one.name == USE_SIM_TIME for one in changes):
+        reason = f"{USE_SIM_TIME} can be set at the start only"
+        return SetParametersResult(successful=False, reason=reason)
+    return SetParametersResult(successful=True)
+
+
+def _bounded(name: str, asked: str) -> Any:
+    """Return a callback of rclpy's that answers by nothing where too much is asked for."""
+    answered = getattr(ParameterService, name)
+
+    def callback(self: ParameterService, request: Any, response: Any) -> Any:
+        many = _too_many(len(getattr(request, asked)))
+        return response if many else answered(self, request, response)
+
+    return callback
+
+
+class _Parameters(ParameterService):
+    """The parameter services; a parameter whose type ROS does not know is refused."""
+
+    # What is asked of more than a few hundred is answered by nothing, as by a node that does not
+    # know one of them: 3000 names made a node grow by 70 MB, 100 000 prefixes took seconds.
+
+    _get_parameters_callback = _bounded("_get_parameters_callback", "names")
+    _get_parameter_types_callback = _bounded("_get_parameter_types_callback", "names")
+    _describe_parameters_callback = _bounded("_describe_parameters_callback", "names")
+    _list_parameters_callback = _bounded("_list_parameters_callback", "prefixes")
+
+    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+        wanted = request.parameters
+        if many := _too_many(len(wanted)):  # one refusal for all: to make thousands takes 50 ms
+            response.results = [self._set((), many)] * len(wanted)
+        else:
+            response.results = [self._set([message], "") for message in wanted]
+        return response
+
+    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+        response.result = self._set(request.parameters, _too_many(len(request.parameters)))
+        return response
+
+    def _set(self, messages: Sequence[Any], reason: str) -> SetParametersResult:
+        """Set parameters, all or none; refuse them if there is a reason already."""
+        if not reason:
+            try:
+                node = self._get_node()
+                wanted = [Parameter.from_parameter_msg(message) for message in messages]
+                # A dump that is loaded again names those of the start too, as they are.
+                news = [one for one in wanted if not _stays(node, one)]
+                if wanted and not news:
+                    return SetParametersResult(successful=True)
+                return node.set_parameters_atomically(news)
+            except Exception as error:
+                reason = _short(error)
+        return SetParametersResult(successful=False, reason=reason)
+
+
+def _stays(node: Node, wanted: Parameter) -> bool:
+    """Return whether a parameter that only the start sets has the wanted value already."""
+    if not node.has_parameter(wanted.name):
+        return False
+    now, fixed = node.get_parameter(wanted.name), node.describe_parameter(wanted.name).read_only
+    same = now.type_ == wanted.type_ and now.value == wanted.value
+    if now.type_ == Parameter.Type.DOUBLE:  # 1, and the text that YAML takes "1e-06" for
+        with suppress(TypeError, ValueError):
+            same = now.value == float(wanted.value)
+    return same and (fixed or wanted.name == USE_SIM_TIME)
+
+
+def _too_many(count: int) -> str:
+    if count <= MOST_PARAMETERS:
+        return ""
+    return f"{count} parameters in one request; {MOST_PARAMETERS} is the limit: send several"
+
+
+def _short(error: Exception) -> str:
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return text if len(text) <= 300 else f"{text[:300]} ..."

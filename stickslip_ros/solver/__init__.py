@@ -1,7 +1,0 @@
-# SPDX-License-Identifier: Apache-2.0
-"""Advances the model: the compiled kernel for one axis."""
-
-from stickslip_ros.solver.advance import SolverError
-from stickslip_ros.solver.simulation import CycleResults, Samples, Simulation, State
-
-__all__ = ["CycleResults", "Samples", "Simulation", "SolverError", "State"]
