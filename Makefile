@@ -47,7 +47,7 @@ test: $(STAMP)  ## run the tests that come before each commit (ARGS="-k solver" 
 	@$(PYTEST) -m 'not long' $(ARGS)
 
 test-all: $(STAMP)  ## run all tests, also those that take long (ARGS="-m long" for these alone)
-	@$(PYTEST) test validation $(ARGS)
+	@$(PYTEST) test validation/test_programs.py validation/paper validation/campaigns/tests $(ARGS)
 
 lint: $(STAMP)  ## check format, style, types, tables of pages and packaging
 	@$(PY) -m ruff format --check .

@@ -21,6 +21,7 @@ from stickslip_ros.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis, AxisStatus, CommandRefused, Event
+    from stickslip_ros.axis.resimulation import Rerun
     from stickslip_ros.base.errors import StickslipError
     from stickslip_ros.client import AxisClient, AxisFault
     from stickslip_ros.emulator import CONTROLLERS, OwnAxes, ServerThread, controller_of
@@ -83,6 +84,7 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "axis": "Axis AxisStatus CommandRefused Event",
+    "axis.resimulation": "Rerun",
     "base.errors": "StickslipError",
     "client": "AxisClient AxisFault",
     "emulator": "CONTROLLERS OwnAxes ServerThread controller_of",
@@ -116,12 +118,12 @@ __all__ = [
     "ComparisonMetric", "Contact", "ElongatedStep", "Event", "Experiment", "Fit",
     "IdentificationError", "IdentifiedActuator", "Law", "MeasurementError", "Motion", "OwnAxes",
     "ParameterError", "Parameters", "Prediction", "PredictionError", "Prior", "RegistrationError",
-    "Run", "ServerThread", "Shape", "ShapedSlip", "SimulatedRun", "StickslipError", "SweepError",
-    "SweepResult", "TopicDescription", "Trace", "TraceError", "Twin", "TwinCommand", "TwinSettings",
-    "analyse", "compare", "controller_of", "decoder_for", "elongate_step", "find_runs", "identify",
-    "identify_actuator", "number", "open_bag", "predict", "read_measurement", "read_yaml",
-    "recorded_runs", "recover", "register_law", "register_waveform", "resimulate", "shape_slip",
-    "simulate", "sweep", "warm_up", "with_rows",
+    "Rerun", "Run", "ServerThread", "Shape", "ShapedSlip", "SimulatedRun", "StickslipError",
+    "SweepError", "SweepResult", "TopicDescription", "Trace", "TraceError", "Twin", "TwinCommand",
+    "TwinSettings", "analyse", "compare", "controller_of", "decoder_for", "elongate_step",
+    "find_runs", "identify", "identify_actuator", "number", "open_bag", "predict",
+    "read_measurement", "read_yaml", "recorded_runs", "recover", "register_law",
+    "register_waveform", "resimulate", "shape_slip", "simulate", "sweep", "warm_up", "with_rows",
 ]  # fmt: skip
 
 # Type checkers must not see it: to them, any name would then be one of ours.

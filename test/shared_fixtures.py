@@ -43,7 +43,7 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 hypothesis.settings.register_profile("any machine", deadline=None)
 hypothesis.settings.load_profile("any machine")
 #: Folders whose tests start processes, serve sockets or wait for DDS.
-REAL_TIME = frozenset({"cli", "emulator", "examples", "ros", "testing", "validation"})
+REAL_TIME = frozenset({"cli", "emulator", "examples", "ros"})
 NO_BROWSER = "no browser for the tests of pages: apt-get install chromium"
 
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measurements read, aligned with a run and compared; each name is loaded when it is used."""
+"""What a record says: read, its steps found, compared with a run; identification and twin below.
+
+Each name is loaded when it is used.
+"""
 
 from typing import TYPE_CHECKING
 

@@ -168,7 +168,7 @@ class _Decoded:
         if len(self._columns) > _MOST_COLUMNS:
             raise UndecodableError(
                 f"the messages on {self._name} of {self._bag.path} have more than {_MOST_COLUMNS} "
-                "columns together; read them with `stickslip_ros.recordings.open_bag`"
+                "columns together; read them with `stickslip_ros.open_bag`"
             )
         return made if len(made) < 2 else list(_in_order(made))
 

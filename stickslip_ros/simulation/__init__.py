@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The functions for programs and notebooks; results display themselves as tables.
+"""What a program asks: runs, traces, sweeps, predictions, waveforms; the package has these names.
 
-``from stickslip_ros.simulation import simulate``; the package itself has all these names, too. Each
-is loaded when it is first used.
+Each is loaded when it is first used.
 """
 
 from typing import TYPE_CHECKING

@@ -2,14 +2,16 @@
 """The plan of a sweep: metrics over a grid of one or two parameters.
 
 A parameter varies over an even grid, or over listed values. This file loads no solver, so that a
-worker of another process has the laws of others before, see `carried`.
+worker of another process has the laws and waveforms that others registered before the solver is
+loaded, which is compiled with them. A worker whose solver is loaded already answers with the error
+and goes on: one that failed to unpack its task would hang.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,8 +21,9 @@ from numpy.typing import NDArray
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.physics import laws, waveforms
+from stickslip_ros.physics.laws import Law, RegistrationError, register_law
 from stickslip_ros.physics.parameters import Parameters, parameter
-from stickslip_ros.simulation.carried import sweep_with
+from stickslip_ros.physics.waveforms import register_waveform
 from stickslip_ros.simulation.left_out import left_out
 from stickslip_ros.simulation.settled import TRIAL_STEPS
 from stickslip_ros.simulation.sweep_metrics import METRICS, Points
@@ -255,3 +258,33 @@ def parts_of(sweep: Sweep, workers: int) -> Iterator[range]:
     size = max(1, min(_CYCLES // cycles, -(-sweep.points // (4 * workers))))
     for first in range(0, sweep.points, size):
         yield range(first, min(first + size, sweep.points))
+
+
+def sweep_with(
+    kind: Callable[..., Any],
+    laws: Mapping[str, Law],
+    waveforms: Mapping[str, Callable[..., Any]],
+    flat: Mapping[str, Any],
+    *parts: Any,
+) -> Any:
+    """Register laws and waveforms; return a sweep of a kind, of flat parameters and other parts."""
+    try:
+        for name, law in laws.items():
+            register_law(name, law)
+        for name, waveform in waveforms.items():
+            register_waveform(name, waveform)
+    except RegistrationError as error:
+        return Refused(str(error))
+    return kind(Parameters.of(flat), *parts)
+
+
+class Refused:
+    """In place of a sweep that a worker cannot compute."""
+
+    def __init__(self, why: str) -> None:
+        """Say why."""
+        self._why = why
+
+    def evaluate(self, first: int, stop: int) -> Any:
+        """Raise RegistrationError."""
+        raise RegistrationError(f"in a worker: {self._why}; or start the workers anew")

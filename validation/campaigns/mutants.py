@@ -40,7 +40,7 @@ OTHERS = 20  # over the other rooms, by their lines
 MOST = 60  # tests of a mutant, those of its room first: most mutants need few
 TIMEOUT = 900.0  # s; a mutant that runs for ever is killed
 _SECONDS = "STICKSLIP_MUTANTS_SECONDS"
-KERNEL = ("test/solver", "test/model", "test/golden", "test/laws", "test/axis/test_axis.py")
+KERNEL = ("test/physics", "test/golden", "test/axis/test_axis.py")
 OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
     ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult, ast.Pow: ast.Mult, ast.LShift: ast.RShift,
@@ -139,9 +139,8 @@ def reach(tree: Path, contexts: Iterable[str]) -> None:
             by_line = data.contexts_by_lineno(str(tree / name))
             rows = by_line if outside else [line]
             found |= {_test(one) for row in rows for one in by_line.get(row, []) if "::" in one}
-        room = f"test/{Path(name).parts[1]}/"
-        dice = random.Random(name)
-        tests = sorted(sorted(found), key=lambda test: (not test.startswith(room), dice.random()))
+        folder, dice = f"test/{Path(name).parts[1]}/", random.Random(name)
+        tests = sorted(sorted(found), key=lambda test: (not test.startswith(folder), dice.random()))
         tests = list(KERNEL) if compiled else tests[:MOST]
         text = f"reached by {'the tests of the kernel' if compiled else len(found)}\n"
         path.write_text(text + "".join(f"test: {one}\n" for one in tests) + "--- " + patch[2])

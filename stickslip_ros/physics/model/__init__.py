@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The physics: friction laws, runner and loads, actuator and excitation. SI units throughout."""
+"""Contact, runner and loads, actuator and drive cycle. SI units throughout."""
 
 from stickslip_ros.physics.parameters import PARAMETERS
 

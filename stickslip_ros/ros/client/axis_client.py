@@ -180,7 +180,7 @@ class AxisClient(AxisListener):
     # -- commands; each returns when the axis has taken it
 
     def send(self, name: str, *arguments: Any) -> AxisClient:
-        """Send any command of the registry, `stickslip_ros.axis.commands.COMMANDS`, with its value.
+        """Send any command of docs/commands.md by its name, with its value.
 
         That of "parameters" is a mapping, that of "trajectory" the points, as `follow` takes them.
         """
@@ -302,7 +302,7 @@ class AxisClient(AxisListener):
 
     @contextmanager
     def fault(self, faults: str) -> Iterator[AxisClient]:
-        """Inject faults of `stickslip_ros.axis.faults.FAULTS`, as "axis_stall 50", for a block.
+        """Inject faults of docs/faults.md, as "axis_stall 50", for a block.
 
         Those that were injected before act again after it.
         """

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS nodes: with `client`, the only room that imports rclpy and message packages."""
+"""The nodes, and what they share with the client: messages, topics, processes."""
