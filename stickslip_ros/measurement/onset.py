@@ -35,6 +35,9 @@ _ONSET_SEEN = 12.0
 #: Added to what is fitted: far more than it reaches. Steps of the derivative are parts of a trial:
 #: of one near 0, as where all agrees, a step would be lost to rounding.
 _AWAY = 10.0
+#: Logarithm of the largest factor between the ringing in a slip and after it: where the samples do
+#: not show the ringing, the fit has no minimum and would go on to a frequency of 0.
+_OTHER = 3.0
 _DESCENT = {"diff_step": 1e-3 / _AWAY, "xtol": 1e-6 / _AWAY, "ftol": 1e-10}
 
 
@@ -98,7 +101,8 @@ def find_onset(
 
     def left(trial: Array, part: slice = slice(None)) -> Array:
         # While the contact slides, it rings at another frequency than after it.
-        own = Ringing(ringing.frequency * math.exp(trial[1]), ringing.decay * math.exp(trial[2]))
+        faster, shorter = (math.exp(min(max(one, -_OTHER), _OTHER)) for one in trial[1:3])
+        own = Ringing(ringing.frequency * faster, ringing.decay * shorter)
         begin = slips + trial[0] / omega
         if drift:
             begin = begin + trial[3] / omega * (slips - middle) / (slips[-1] - slips[0] + period)

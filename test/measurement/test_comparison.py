@@ -576,3 +576,21 @@ def test_three_standard_errors_hold_for_few_cycles_too(cycles: int) -> None:
         found = estimate_settled_mean(random.normal(5.0, 1.0, cycles), exact=False)
         held += abs(found.value - 5.0) < 3.0 * found.error
     assert held > 0.995 * 2000
+
+
+def test_a_clock_is_found_where_samples_do_not_show_the_ringing() -> None:
+    """The ringing in the slips has no best frequency then; the fit went on to 0, and divided by it.
+
+    Behind a resonance of the actuator, which is as fast as the samples.
+    """
+    drive: dict[str, Any] = {
+        **{"model": "lugre", "preload": 0.668, "mass": 1.11e-3, "mu_k": 0.14, "mu_s": 0.16},
+        **{"sigma_0": 9.09e6, "sigma_1": 8.48, "v_stribeck": 0.029, "frequency": 43.07},
+        **{"amplitude": 91.0, "actuator_resonance": 50541.0, "actuator_damping": 0.338},
+    }
+    trace = ss.simulate(drive, steps=-20).trace_at(2e4)
+    x = np.concatenate([np.full(900, trace.x[0]), trace.x, np.full(900, trace.x[-1])])
+    t = np.arange(len(x)) / 2e4
+    found = ss.compare({**drive, "mu_k": 0.162}, (t, x))
+    # The rest before the steps; two samples are as much as such a record tells.
+    assert found.alignment.offset == pytest.approx(0.045, abs=1e-4)

@@ -130,10 +130,13 @@ def reach(tree: Path, contexts: Iterable[str]) -> None:
         known[-1].read()
     for path in sorted(PATCHES.glob("*.patch")):
         patch = path.read_text(encoding="utf-8").partition("--- ")
-        name, line = _place(patch[2])
-        if not (tree / name).exists():
+        name, line, text = _place(patch[2])
+        source = (tree / name).read_text(encoding="utf-8") if (tree / name).exists() else ""
+        same = [k for k, one in enumerate(source.splitlines(), 1) if one == text]
+        if not same:
             continue
-        compiled, outside = _surroundings((tree / name).read_text(encoding="utf-8"), line)
+        line = min(same, key=lambda k: abs(k - line))  # it may have moved
+        compiled, outside = _surroundings(source, line)
         found: set[str] = set()
         for data in known:
             by_line = data.contexts_by_lineno(str(tree / name))
@@ -142,15 +145,16 @@ def reach(tree: Path, contexts: Iterable[str]) -> None:
         folder, dice = f"test/{Path(name).parts[1]}/", random.Random(name)
         tests = sorted(sorted(found), key=lambda test: (not test.startswith(folder), dice.random()))
         tests = list(KERNEL) if compiled else tests[:MOST]
-        text = f"reached by {'the tests of the kernel' if compiled else len(found)}\n"
-        path.write_text(text + "".join(f"test: {one}\n" for one in tests) + "--- " + patch[2])
+        head = f"reached by {'the tests of the kernel' if compiled else len(found)}\n"
+        path.write_text(head + "".join(f"test: {one}\n" for one in tests) + "--- " + patch[2])
 
 
-def _place(patch: str) -> tuple[str, int]:
-    """Return the file that a patch changes, and the first line that it changes."""
+def _place(patch: str) -> tuple[str, int, str]:
+    """Return the file that a patch changes, the first line that it changes, and its text."""
     lines = patch.splitlines()
-    line = int(lines[2].split()[1].lstrip("-").partition(",")[0])
-    return lines[0].removeprefix("a/"), line + [one[:1] for one in lines[3:]].index("-")
+    first = int(lines[2].split()[1].lstrip("-").partition(",")[0])
+    after = [one[:1] for one in lines[3:]].index("-")
+    return lines[0].removeprefix("a/"), first + after, lines[3 + after][1:]
 
 
 def _surroundings(source: str, line: int) -> tuple[bool, bool]:
@@ -181,7 +185,7 @@ def run(tree: Path, marked: str, only: Iterable[int]) -> None:
             if only and int(path.stem) not in only:
                 continue
             text = path.read_text(encoding="utf-8")
-            place = ":".join(map(str, _place(text.partition("--- ")[2])))
+            place = ":".join(map(str, _place(text.partition("--- ")[2])[:2]))
             tests = [one.removeprefix("test: ") for one in text.splitlines() if one[:6] == "test: "]
             there = [one for one in tests if (copied / one.partition("::")[0]).exists()]
             apply = ["git", "apply", "--unsafe-paths", "-p1", f"--directory={copied}", str(path)]
