@@ -61,3 +61,19 @@ def test_a_law_under_another_name_has_the_same() -> None:
     fix = deviance("ceim", "epm_fix", mu_s=0.2, mu_k=0.2)
     free = ["sigma_0", "sigma_1", "z_ba", "sigma_0ss", "z_ss"]
     assert deviance("ceim", "ceim", free, z_ss=6e-8) == pytest.approx(fix, abs=2.0)
+
+
+def test_the_derivatives_are_those_of_the_residuals() -> None:
+    """Of two records with clocks of their own: by differences of what is computed, row by row."""
+    traces = [Trace(Experiment.of(*small(seed)[1])) for seed in (3, 4)]
+    problem = Problem(traces, free_parameters([one.parameters for one in traces], ["sigma_1"]))
+    at = problem.point(problem.begin(problem.free.start))
+    assert at
+    jacobian = problem.jacobian(at, central=True)
+    for k in range(problem.size):
+        step = np.zeros(problem.size)
+        step[k] = 1e-3
+        ends = [problem.point(at.unknowns + sign * step) for sign in (1.0, -1.0)]
+        assert ends[0] and ends[1]
+        quotient = (ends[0].residuals - ends[1].residuals) / 2e-3
+        assert jacobian[:, k] == pytest.approx(quotient, abs=0.02 * float(np.abs(quotient).max()))
