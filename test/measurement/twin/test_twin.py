@@ -12,7 +12,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.measurement.twin import Twin, TwinCommand, TwinSettings
 from stickslip_ros.measurement.twin.response import Blur, CycleCurve
 from stickslip_ros.measurement.twin.settings import TwinError
-from stickslip_ros.measurement.twin.timeline import OperatingPoint
+from stickslip_ros.measurement.twin.timeline import OperatingPoint, Piece
 from stickslip_ros.measurement.twin.tracker import ReadingFilter
 from stickslip_ros.measurement.twin.twin import BLIND, DRIFTING, OK, UNLIKE
 from stickslip_ros.physics.parameters import Parameters
@@ -392,6 +392,15 @@ def test_a_reading_in_the_ringing_is_no_better_anchor_than_it_is() -> None:
     filtered.move(0.0, np.zeros(1), 0.0)
     *_, z = filtered.read(5e-9 + 1e-8, Blur())
     assert abs(z) == pytest.approx(1e-8 / math.sqrt(1e-16 + 8e-18))
+
+
+def test_uncertain_times_leave_as_much_in_common_as_chance_says() -> None:
+    """Of the ringing in two readings, each at a time that is known to 8 us."""
+    drive, late = OperatingPoint(300.0, 100.0, 1, 1), _random().normal(0.0, 8e-6, (2, 200_000))
+    curve = CycleCurve.of(P, drive)
+    common = np.cos(2.0 * np.pi * curve.ringing_frequency * (late[0] - late[1])).mean()
+    found = curve.blur(Piece(0.0, drive, 10.0), 0.055, 8e-6)
+    assert found.coherence == pytest.approx(common, abs=5e-3)
 
 
 def _in_moves(changes: dict[str, float], moves: int, gain: float = 1.0) -> Twin:
