@@ -48,8 +48,6 @@ def test_the_examples_print_what_they_show(module: str, monkeypatch: pytest.Monk
     found = importlib.import_module(f"stickslip_ros.{module}".rstrip("."))
     results = doctest.testmod(found, optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
     assert results.failed == 0
-    if module.startswith("simulation"):
-        assert results.attempted > 0
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/library.md"])

@@ -59,8 +59,13 @@ def dead_links(folder: Path) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def site() -> Path:
-    """Build the site where ``make site`` has it, every warning an error; give its folder."""
+    """Give the folder of ``make site``, which has just built it; build it where it is missing.
+
+    Built a second time, it would lose the entries of the index that its search knows.
+    """
     folder = ROOT / "docs" / "_build" / "site"
+    if (folder / "searchindex.js").exists():
+        return folder
     run = python("-m", "sphinx", "-q", "-W", "-b", "html", str(ROOT / "docs"), str(folder))
     assert run.returncode == 0, run.stderr
     return folder

@@ -64,15 +64,6 @@ def design_a_waveform(axes: Axes) -> None:
     axes.legend()
 
 
-def closed_loop(axes: Axes) -> None:
-    """Draw the way to a target: steps, then the actuator alone."""
-    axis = ss.Axis({"frequency": 1000.0, "preload": 0.5})
-    axis.command_position(5e-6)
-    _draw_positions(axes, axis, 0.0, 0.1)
-    axes.axhline(5.0, color=MEASURED, linewidth=0.8, label="target")
-    axes.legend()
-
-
 def robot_tests(axes: Axes) -> None:
     """Draw what a test of a robot may see: a move, a push, a target beyond the limit."""
     axis = ss.Axis({"frequency": 1000.0, "preload": 0.5, "soft_high": 6e-6})
@@ -118,7 +109,7 @@ def same_drive(axes: Axes) -> None:
 
 
 PICTURES: tuple[Callable[[Axes], None], ...] = (
-    first_step, my_trace, fit_my_drive, design_a_waveform, closed_loop, robot_tests,
+    first_step, my_trace, fit_my_drive, design_a_waveform, robot_tests,
     same_drive,
 )  # fmt: skip
 

@@ -81,7 +81,7 @@ class Contact(NamedTuple):
     z_s: float  #: limit of the deflection at rest, m
     v_s: float  #: Stribeck velocity, m/s
     kind: int  #: which alpha: ELASTOPLASTIC, ELASTOPLASTIC_CALC, ALWAYS_PLASTIC; or FOREIGN
-    printed: int = 0  #: 1: alpha as the paper prints it, with z instead of |z| in its sine
+    printed: int = 0  #: 1: alpha as the paper prints it, with z instead of its amount in the sine
 
 
 #: The part of a `Contact` that is distances: z_ba, z_ss, z_k, z_s
