@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass, field, fields, replace
-from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
@@ -13,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.files import whole_file
-from stickslip_ros.base.opening import open_regular
 from stickslip_ros.base.reporting import format_si
 
 
@@ -64,20 +62,6 @@ def write_csv(trace: Trace, file: TextIO) -> None:
 
 def _names_of_contacts(count: int) -> tuple[str, ...]:
     return tuple(_OF_CONTACT.format(k + 1) for k in range(count))
-
-
-def read_csv(path: Path) -> Trace:
-    """Read a trace that `save_csv` wrote; ValueError if path holds none; as `open_regular` else."""
-    try:
-        with open_regular(path) as file:
-            reader = csv.reader(TextIOWrapper(file, encoding="utf-8", newline=""))
-            names = tuple(next(reader, ()))
-            each = _names_of_contacts(len(names) - len(HEADER))
-            if names not in (HEADER + each, HEADER[:-1]):  # earlier versions knew no work
-                raise ValueError(f"its first line has to be {','.join(HEADER)}")
-            return trace_of_rows(np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
-    except (ValueError, TypeError, csv.Error) as error:
-        raise ValueError(f"{path} is not a trace written by simulate --trace: {error}") from None
 
 
 def save_csv(trace: Trace, path: Path) -> None:
