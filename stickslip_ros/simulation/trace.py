@@ -55,13 +55,8 @@ def trace_of_rows(rows: NDArray[np.float64]) -> Trace:
 def write_csv(trace: Trace, file: TextIO) -> None:
     """Write one line for each sample, below a line of names with units."""
     writer, columns = csv.writer(file), [getattr(trace, f.name) for f in fields(trace)[:-1]]
-    known = columns if len(trace.work) else columns[:-1]  # earlier versions knew no work
-    writer.writerow(HEADER[: len(known)] + _names_of_contacts(len(trace.each)))
-    writer.writerows(np.column_stack([*known, *trace.each]).tolist())
-
-
-def _names_of_contacts(count: int) -> tuple[str, ...]:
-    return tuple(_OF_CONTACT.format(k + 1) for k in range(count))
+    writer.writerow([*HEADER, *(_OF_CONTACT.format(k + 1) for k in range(len(trace.each)))])
+    writer.writerows(np.column_stack([*columns, *trace.each]).tolist())
 
 
 def save_csv(trace: Trace, path: Path) -> None:

@@ -14,7 +14,7 @@ from stickslip_ros.measurement.twin.response import Blur, CycleCurve
 from stickslip_ros.measurement.twin.settings import TwinError
 from stickslip_ros.measurement.twin.timeline import OperatingPoint, Piece
 from stickslip_ros.measurement.twin.tracker import ReadingFilter
-from stickslip_ros.measurement.twin.twin import BLIND, DRIFTING, OK, UNLIKE
+from stickslip_ros.measurement.twin.twin import BLIND, CHANGED, DRIFTING, OK, UNLIKE
 from stickslip_ros.physics.parameters import Parameters
 from validation.twin_axis import Hidden, RealAxis, feed
 
@@ -93,6 +93,20 @@ def test_an_axis_that_stays_the_same_is_ok_and_known() -> None:
     for one, truth in (("preload", 0.4), ("gain", P.actuator.gain)):
         estimate = next(e for e in twin.estimates() if e.name == one)
         assert estimate.low < truth < estimate.high
+
+
+@pytest.mark.long
+def test_a_fifth_of_the_preload_is_told_within_fifty_cycles() -> None:
+    twin = _told(_log(preload=0.8))
+    (change,) = twin.changes
+    assert CHANGE < change.told < CHANGE + 0.5
+    assert abs(change.onset - CHANGE) < 0.1
+    assert change.step_after == pytest.approx(136.69e-9, abs=0.15e-9)
+    assert twin.level[0] == CHANGED
+    assert change.verdict is not None and "preload" in change.verdict.possible
+    assert math.expm1(change.verdict.sizes["preload"]) == pytest.approx(-0.2, abs=0.012)
+    preload = next(one for one in twin.estimates() if one.name == "preload")
+    assert preload.low < 0.32 < preload.high
 
 
 @pytest.mark.long
