@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stickslip_ros.base.errors import UsageError
 from stickslip_ros.base.reporting import format_si
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 _FEWEST = 16
 
 
-def add_reading_options(parser: argparse.ArgumentParser, keys: str = "t,x") -> None:
-    """Add the options that say how the columns of a file are read."""
+def add_reading_options(parser: argparse.ArgumentParser, keys: str = "t,x", more: str = "") -> None:
+    """Add the options that say how the columns of a file are read; more is said of --columns."""
     first, second = keys.split(",")
     reading = parser.add_argument_group("reading the measurement")
     for name, example, text in (
-        ("columns", f"{first}=NAME,{second}=NAME", "columns, by name or by number from 1"),
+        ("columns", f"{first}=NAME,{second}=NAME", f"columns, by name or by number from 1{more}"),
         ("units", f"{first}=UNIT,{second}=UNIT", "units of columns, such as ms, nm, mV"),
         ("scale", f"{second}=50nm/V", "length for one unit of a column; a minus inverts the sign"),
     ):
@@ -44,7 +44,7 @@ def add_reading_options(parser: argparse.ArgumentParser, keys: str = "t,x") -> N
 
 def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a measurement is read."""
-    add_reading_options(parser)
+    add_reading_options(parser, more="; u is a deflection, of voltage only the cycles count")
     reading = parser.add_argument_group("which motion, and which part of it")
     text = "angle between the axis of the sensor and the motion (default: 0)"
     option(reading, "--sensor-angle", "DEG", text, quantity("deg"), default=0.0)
@@ -60,13 +60,15 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
 def reading_of(args: argparse.Namespace) -> Reading:
     """Return how the options say that a file is read. Raises UsageError, MeasurementError."""
     from stickslip_ros.measurement.reading import Reading
+    from stickslip_ros.measurement.reading.options import pairs
 
     angle = getattr(args, "sensor_angle", 0.0)
     if not -85.0 <= angle <= 85.0:
         raise UsageError(f"--sensor-angle is {angle:g} degrees; it has to lie between -85 and 85")
-    typed: Any = {name: ",".join(getattr(args, name)) for name in ("columns", "units", "scale")}
     return Reading(
-        **typed,
+        columns=pairs("columns", *args.columns),
+        units=pairs("units", *args.units),
+        scale=pairs("scale", *args.scale),
         rate=args.rate,
         angle=math.radians(angle),
         wavelength=getattr(args, "wavelength", None),

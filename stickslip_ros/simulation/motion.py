@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,8 @@ class Motion:
     v: NDArray[np.float64] | None = None  #: runner velocity, m/s, where it is known exactly
     u: NDArray[np.float64] | None = None  #: actuator deflection, m
     notes: tuple[str, ...] = ()  #: remarks of the reader, for people
+    #: voltage of the actuator in any unit, of which only the cycles are used
+    voltage: NDArray[np.float64] | None = None
 
     @classmethod
     def of_trace(cls, trace: Trace, source: str) -> Motion:
@@ -108,6 +110,6 @@ class Motion:
     def between(self, start: float, end: float) -> Motion:
         """Return the samples from start to end (s), both included."""
         kept = slice(*np.searchsorted(self.t, [start, np.nextafter(end, np.inf)]))
-        v = None if self.v is None else self.v[kept]
-        u = None if self.u is None else self.u[kept]
-        return Motion(self.source, self.t[kept], self.x[kept], v, u, self.notes)
+        names = ("t", "x", "v", "u", "voltage")
+        held = {name: one for name in names if (one := getattr(self, name)) is not None}
+        return replace(self, **{name: one[kept] for name, one in held.items()})

@@ -24,7 +24,8 @@ import numpy as np
 
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
 from stickslip_ros.measurement.reading.choice import MOTION, choose
-from stickslip_ros.measurement.reading.motion import motion_of, naming
+from stickslip_ros.measurement.reading.formats import naming
+from stickslip_ros.measurement.reading.motion import motion_of
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 from stickslip_ros.physics.parameters import PARAMETERS, Value
 from stickslip_ros.physics.parameters.groups import PIEZO, SLIDER
@@ -72,7 +73,7 @@ def load_motion(
         table, origins = read_bag(path)
         if not how.columns:
             how = replace(how, columns=joint_columns(table, joint))
-        position = choose(table, MOTION, how)["x"]
+        position = choose(table, MOTION, how)[0]["x"]
         motion = motion_of(table, path.name, how)
     # Whole nanoseconds, so that two compared bags use the same times.
     stamps = origins[position.number - 1] + np.rint(1e9 * motion.t).astype(np.int64)

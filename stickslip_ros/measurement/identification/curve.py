@@ -15,8 +15,9 @@ from stickslip_ros.measurement.identification.experiment import IdentificationEr
 from stickslip_ros.measurement.identification.fit import FittedCurve
 from stickslip_ros.measurement.identification.trace import Seen
 from stickslip_ros.measurement.reading import MeasurementError
-from stickslip_ros.measurement.reading.motion import open_table
-from stickslip_ros.measurement.reading.table import Column, Unit
+from stickslip_ros.measurement.reading.formats import open_table
+from stickslip_ros.measurement.reading.table import Column
+from stickslip_ros.measurement.reading.units import Unit
 from stickslip_ros.physics.model.plant import Plant
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.simulation.sweep_metrics import METRICS, Points

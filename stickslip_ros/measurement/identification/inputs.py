@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,11 @@ from stickslip_ros.base.shared_files import config_file, sample_file
 from stickslip_ros.measurement.bags.load_motion import load_motion
 from stickslip_ros.measurement.identification.experiment import IdentificationError
 from stickslip_ros.measurement.reading import MeasurementError, Reading
+from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.given import given_table
-from stickslip_ros.measurement.reading.motion import motion_of, open_table
-from stickslip_ros.measurement.reading.table import Column, Table, Unit
+from stickslip_ros.measurement.reading.motion import motion_of
+from stickslip_ros.measurement.reading.table import Column, Table
+from stickslip_ros.measurement.reading.units import Unit
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters, parameter
 from stickslip_ros.physics.parameters.bounded_files import read_values
 from stickslip_ros.physics.parameters.row import read_quantity
@@ -167,18 +169,12 @@ def table_motion(table: Table, source: str, how: Reading) -> Motion:
     column, factor = found
     # Read as a position in metres: nothing but the unit differs.
     columns = [
-        Column(one.name, "m" if one.number == column.number else one.unit, one.clock, one.values,
-               one.number, one.length, one.stamped, one.alone)
-        for one in table.columns
-    ]  # fmt: skip
-
-    def load(wanted: Sequence[Column]) -> Any:
-        return table.load([table.columns[one.number - 1] for one in wanted])
-
+        replace(one, unit="m") if one.number == column.number else one for one in table.columns
+    ]
     units = {key: unit for key, unit in how.units.items() if key != "x"}
     named = {**how.columns, "x": str(column.number)}
     motion = motion_of(
-        Table(columns, load, table.preview, table.notes), source,
+        Table(columns, table.load, table.preview, table.notes), source,
         Reading(named, units, how.scale, how.rate, how.angle, None, how.rows, how.decimal),
     )  # fmt: skip
     v = factor * motion.x

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.base.opening import Allowance, open_regular
 from stickslip_ros.measurement.reading.instruments import asking, library
@@ -31,38 +32,34 @@ _WIDEST = 256
 _UNITS = ("units", "unit", "Units", "Unit", "unit_string", "YUnits")
 _STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
 _STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
+#: What h5py says of a file that another program writes, or was writing when it crashed.
+_BEING_WRITTEN = ("unable to lock file", "already open for write")
 #: A MATLAB file is broken if it takes longer: seconds, and those for each byte of its arrays.
 _PATIENCE, _PATIENCE_A_BYTE = 8.0, 1e-8
 #: Memory (bytes) of the interpreter and its libraries; copies of the arrays beside it.
 _INTERPRETER, _COPIES = 600_000_000, 3
-#: Reads the file named first and leaves its variables, or what is wrong, in the one named second.
-#: The third argument is how many bytes its variables may state; the others limit memory and time,
-#: where the system can. Lists of cells and records are no columns, so they are not unpacked.
+#: Reads the file named first and leaves its arrays, or what is wrong, in the one named second. The
+#: others limit memory (bytes) and time (s), where the system can. Objects, texts and lists of cells
+#: are no columns.
 _CHILD = """
 import sys
 sys.path[:1] = []  # the folder that we happen to be in
-import math, pickle, warnings
+import pickle, warnings
 warnings.simplefilter("ignore")
-sizes = {"double": 8, "single": 4, "logical": 1, "struct": 0, "cell": 0, "object": 0}
-sizes.update((sign + "int" + str(8 * n), n) for sign in ("", "u") for n in (1, 2, 4, 8))
 try:
-    import scipy.io
-    stated = {
-        name: math.prod(shape) * (sizes[kind] or 1)
-        for name, shape, kind in scipy.io.whosmat(sys.argv[1])
-        if sizes.get(kind, -1) > 0 or (kind in sizes and math.prod(shape) == 1)
-    }
-    most, memory, copies, patience, a_byte = map(float, sys.argv[3:])
-    total = sum(stated.values())
-    if total > most:
-        raise MemoryError
+    import numpy, scipy.io
     try:
         import resource
-        resource.setrlimit(resource.RLIMIT_AS, (int(memory + copies * total),) * 2)
-        resource.setrlimit(resource.RLIMIT_CPU, (int(patience + a_byte * total),) * 2)
+        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[4]),) * 2)
     except ImportError:
         pass
-    held = scipy.io.loadmat(sys.argv[1], variable_names=list(stated))
+    held = {
+        name: value
+        for name, value in scipy.io.loadmat(sys.argv[1]).items()
+        if type(value) is numpy.ndarray and (value.dtype.kind in "cfiu" or value.size == 1)
+        and not name.startswith("__")
+    }
 except BaseException as error:
     held = " ".join(str(error).split())[:160] or type(error).__name__
     held = None if isinstance(error, MemoryError) else held
@@ -75,6 +72,8 @@ def columns_in(
     name: str, array: Any, unit: str | None = None, clock: Clock | None = None
 ) -> Iterator[Column]:
     """Yield the columns that an array holds: its fields, or itself, or its columns."""
+    if type(array) is not np.ndarray and not isinstance(array, np.void):
+        return  # an object or a function of MATLAB
     array = np.asarray(array)
     if array.dtype.names:
         flat = array.reshape(-1)
@@ -83,7 +82,7 @@ def columns_in(
             yield from columns_in(f"{name}.{field}" if name else field, inner, None, clock)
     elif array.dtype == object and array.size == 1:
         yield from columns_in(name, array.reshape(-1)[0], None, clock)
-    elif array.dtype.kind in "fiu" and array.size > 1:
+    elif array.dtype.kind in "cfiu" and array.size > 1:
         array = np.squeeze(array)
         if array.ndim == 1:
             yield Column(name, unit, clock, array)
@@ -95,12 +94,8 @@ def columns_in(
 
 def read_npy(path: Path) -> Table:
     """Read a file of `numpy.save`. Raises MeasurementError and OSError."""
-    with asking("array"):
-        # A mapping is refused where the file is shorter than its shape says; nothing is reserved.
-        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
-        if mapped.offset + mapped.nbytes != path.stat().st_size:
-            raise MeasurementError("its array is followed by other bytes; write it anew")
-    return Table.of(columns_in("", np.array(mapped)))
+    with asking("array"), open_regular(path) as file:
+        return _of_mapping({"": _array(file, path.stat().st_size)})
 
 
 def read_npz(path: Path) -> Table:
@@ -108,29 +103,33 @@ def read_npz(path: Path) -> Table:
     allowance, held = Allowance(path), {}
     with asking("arrays"), zipfile.ZipFile(path) as packed:
         for member in packed.infolist():
-            if not member.filename.endswith(".npy"):
-                continue
-            # The shape may promise more than the member holds: it would be reserved at once.
-            with packed.open(member) as file:
-                promised = _stated_bytes(file)
-            if promised > member.file_size:
-                raise MeasurementError(
-                    f"{member.filename} is shorter than its shape; write it anew"
-                )
-            allowance.spend(member.file_size)
-            with packed.open(member) as file:
-                array = np.lib.format.read_array(file, allow_pickle=False)
-            held[member.filename.removesuffix(".npy")] = array
+            name, _, suffix = member.filename.rpartition(".")
+            if suffix == "npy":
+                allowance.spend(member.file_size)
+                with packed.open(member) as file:
+                    held[name] = _array(file, member.file_size)
     return _of_mapping(held)
 
 
-def _stated_bytes(file: IO[bytes]) -> int:
-    """Return the bytes of the samples according to the header of an array."""
+def _array(file: IO[bytes], size: int) -> NDArray[Any] | None:
+    """Return the array in a file of so many bytes, None if it holds objects of Python.
+
+    Its shape may promise more than the file holds: it would be reserved at once. MeasurementError.
+    """
     form = np.lib.format
     first = form.read_magic(file) == (1, 0)
     read_header = form.read_array_header_1_0 if first else form.read_array_header_2_0
     shape, _, dtype = read_header(file)
-    return math.prod(shape) * dtype.itemsize
+    if dtype.hasobject:
+        return None
+    missing = file.tell() + math.prod(shape) * dtype.itemsize - size
+    if missing:
+        what = "shorter" if missing > 0 else "longer"
+        raise MeasurementError(
+            f"its array cannot be read: it is {what} than its shape; write it anew"
+        )
+    file.seek(0)
+    return np.asarray(form.read_array(file, allow_pickle=False))
 
 
 def read_hdf5(path: Path) -> Table:
@@ -142,7 +141,7 @@ def read_hdf5(path: Path) -> Table:
     def take(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset) or name.startswith("#refs#"):
             return
-        if item.dtype.kind not in "fiuV" or item.dtype.hasobject or item.ndim > 3:
+        if item.dtype.kind not in "cfiuV" or item.dtype.hasobject or item.ndim > 3:
             return
         if item.shape is None or item.size < 2:
             return
@@ -156,8 +155,18 @@ def read_hdf5(path: Path) -> Table:
         found.extend(columns_in(name, item[()], unit, _clock(facts)))
 
     open_regular(path).close()
-    with asking("HDF5"), h5py.File(path, "r") as file:
-        file.visititems(take)
+    with asking("HDF5"):
+        try:
+            file = h5py.File(path, "r")
+        except OSError as error:
+            if any(words in str(error) for words in _BEING_WRITTEN):
+                raise MeasurementError(
+                    "it is still open for writing; close the writer (after a crash, h5clear -s "
+                    "makes it readable)"
+                ) from None
+            raise
+        with file:
+            file.visititems(take)
     return Table.of(found)
 
 
@@ -175,12 +184,14 @@ def _plain(attributes: Any) -> dict[str, Any]:
 
 
 def _of_mapping(held: Mapping[str, Any]) -> Table:
-    """Return the columns of named arrays; single numbers may give the clock of all."""
-    arrays = {name: np.asarray(value) for name, value in held.items()}
+    """Return the columns of named arrays, without objects; single numbers may give their clock."""
+    arrays = {name: value for name, value in held.items() if value is not None}
     single = {name: one.reshape(-1)[0] for name, one in arrays.items()
               if one.size == 1 and one.dtype.kind in "fiu"}  # fmt: skip
     found = [one for name, array in arrays.items() for one in columns_in(name, array)]
-    return Table.of(found, _clock(single))
+    objects = ", ".join(name or "its array" for name, value in held.items() if value is None)
+    left_out = f"{objects}: objects of Python, not numbers, left out; save float64 arrays"
+    return Table.of(found, _clock(single), (left_out,) if objects else ())
 
 
 def _clock(facts: Mapping[str, Any]) -> Clock | None:
@@ -200,16 +211,15 @@ def read_mat(path: Path) -> Table:
             return read_hdf5(path)
     with tempfile.TemporaryDirectory(prefix="stickslip-") as folder:
         out, allowance = Path(folder, "variables"), Allowance(path)
-        limits = allowance.left, _INTERPRETER, _COPIES, _PATIENCE, _PATIENCE_A_BYTE
-        command = [sys.executable, "-c", _CHILD, os.path.abspath(path), str(out)]
-        command += map(str, limits)
-        # of the clock: other work takes its time, too
-        patience = 10.0 * (_PATIENCE + _PATIENCE_A_BYTE * allowance.left)
+        patience = _PATIENCE + _PATIENCE_A_BYTE * allowance.left
+        limits = map(int, (_INTERPRETER + _COPIES * allowance.left, patience))
+        command = [sys.executable, "-c", _CHILD, os.path.abspath(path), str(out), *map(str, limits)]
         one_thread = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # each reserves memory
         try:
             child = subprocess.run(
-                command, capture_output=True, timeout=patience, check=False, env=one_thread
-            )
+                command, capture_output=True, check=False, env=one_thread,
+                timeout=10.0 * patience,  # of the clock: other work takes its time, too
+            )  # fmt: skip
         except subprocess.TimeoutExpired:
             raise MeasurementError("its MATLAB variables take too long to read") from None
         if child.returncode != 0 or not out.exists():
@@ -220,4 +230,4 @@ def read_mat(path: Path) -> Table:
         allowance.spend(allowance.left + 1)
     if isinstance(held, str):
         raise MeasurementError(f"its MATLAB variables cannot be read: {held}; export it anew")
-    return _of_mapping({name: v for name, v in held.items() if not name.startswith("__")})
+    return _of_mapping(held)

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.choice import Reading
 from stickslip_ros.measurement.reading.motion import ActuatorLoop, loop_of, motion_of
+from stickslip_ros.measurement.reading.options import Reading
 from stickslip_ros.measurement.reading.table import Column, MeasurementError, Table
 from stickslip_ros.simulation.motion import Motion
 
@@ -29,7 +29,7 @@ def given_motion(source: Any, *more: Any, how: Reading | None = None) -> Motion:
 
     Parameters
     ----------
-    source : array_like, DataFrame, Dataset or DataArray
+    source : Motion, array_like, DataFrame, Dataset or DataArray
         Times in s, with the others in more; or one object with times and positions as its columns,
         index or coordinates. Units stand in the names (``x (nm)``) or the attribute ``units``.
     *more : array_like
@@ -42,8 +42,16 @@ def given_motion(source: Any, *more: Any, how: Reading | None = None) -> Motion:
     MeasurementError
         There is no motion in them; the message says what was expected.
     """
+    how = how or Reading()
+    if isinstance(source, Motion):
+        if more or how != Reading():
+            raise MeasurementError(
+                f"{source.source} is a Motion, which is read already; give it alone, without "
+                "options, or its arrays"
+            )
+        return source
     with _naming("table" if not more and hasattr(source, "columns") else "arrays"):
-        return motion_of(given_table(source, *more), "arrays", how or Reading())
+        return motion_of(given_table(source, *more), "arrays", how)
 
 
 def given_loop(source: Any, how: Reading | None = None) -> ActuatorLoop:
@@ -76,63 +84,42 @@ def given_table(source: Any, *more: Any) -> Table:
         return Table.of(_columns_of_arrays((source, *more)))
     if hasattr(source, "to_dataset"):  # a DataArray
         source = source.to_dataset(name=source.name or "position")
+    columns: dict[Any, Any] = {}
     if hasattr(source, "data_vars"):
-        return Table.of(_columns_of_dataset(source))
-    if hasattr(source, "columns") and hasattr(source, "index"):
-        return Table.of(_columns_of_frame(source))
-    raise MeasurementError(f"{_named(source)} is no measurement; {_EXPECTED}")
+        columns = {**dict(source.coords), **dict(source.data_vars)}
+    elif hasattr(source, "columns") and hasattr(source, "index"):
+        index = source.index
+        if index.name is not None or index.dtype.kind in "mMf":  # more than the number of a row
+            columns = {index.name or "time": index}
+        columns |= {name: source[name] for name in source.columns}
+    else:
+        raise MeasurementError(f"{_named(source)} is no measurement; {_EXPECTED}")
+    found = []
+    for name, values in columns.items():
+        unit = getattr(values, "attrs", {}).get("units")
+        if values.ndim == 1:
+            found.append(Column(str(name), unit and str(unit), None, np.asarray(values)))
+    return Table.of(found)
 
 
-def _columns_of_arrays(arrays: tuple[Any, ...]) -> list[Column]:
+def _columns_of_arrays(arrays: tuple[Any, ...]) -> Iterator[Column]:
     if len(arrays) > len(_ARRAYS):
         raise MeasurementError(f"{len(arrays)} arrays are given; they are times, positions and, "
                                "where it was measured, the actuator")  # fmt: skip
-    found: list[Column] = []
+    first = len(np.asarray(arrays[0])) if np.ndim(arrays[0]) else 0
     for (name, unit), given in zip(_ARRAYS, arrays, strict=False):
-        stated = getattr(given, "attrs", {}).get("units", unit)
-        values = _numbers_in(name, getattr(given, "values", given))
+        values = np.asarray(given)
+        if values.ndim == 0:
+            raise MeasurementError(f"{name} is {_named(given)}, no numbers; {_EXPECTED}")
         if values.ndim != 1:
             raise MeasurementError(
                 f"{name} has shape {values.shape}; it has to be (samples,), as the others"
             )
-        if found and len(values) != found[0].length:
+        if len(values) != first:
             raise MeasurementError(
-                f"{name} has {len(values)} samples and time has {found[0].length}; give as many"
+                f"{name} has {len(values)} samples and time has {first}; give as many"
             )
-        found.append(Column(name, str(stated), None, values, length=len(values)))
-    return found
-
-
-def _columns_of_dataset(dataset: Any) -> Iterator[Column]:
-    for name, values in {**dict(dataset.coords), **dict(dataset.data_vars)}.items():
-        if values.ndim == 1:
-            unit = values.attrs.get("units")
-            yield _column(str(name), values.values, None if unit is None else str(unit))
-
-
-def _columns_of_frame(table: Any) -> Iterator[Column]:
-    """Yield the columns of a DataFrame, and its index if that is more than the number of a row."""
-    index = table.index
-    if index.name is not None or index.dtype.kind in "mMf":
-        yield _column(str(index.name or "time"), index.to_numpy())
-    for name in table.columns:
-        if table[name].dtype.kind in "iufmM":
-            yield _column(str(name), table[name].to_numpy())
-
-
-def _column(name: str, values: Any, unit: str | None = None) -> Column:
-    """Return a column; dates and durations count in seconds from the first of them."""
-    values = np.asarray(values)
-    if values.dtype.kind in "mM":
-        return Column(name, "s", None, (values - values[0]) / np.timedelta64(1, "s"))
-    return Column(name, unit, None, _numbers_in(name, values))
-
-
-def _numbers_in(name: str, values: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    try:
-        return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise MeasurementError(f"{name} is {_named(values)}, no numbers; {_EXPECTED}") from None
+        yield Column(name, str(getattr(given, "attrs", {}).get("units", unit)), None, values)
 
 
 def _named(value: Any) -> str:

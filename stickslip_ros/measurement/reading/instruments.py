@@ -118,15 +118,13 @@ def _channels(file: Any, allowance: Allowance) -> Iterator[Column]:
     for channel, start in zip(channels, starts, strict=True):
         allowance.spend(len(channel) * np.dtype(channel.dtype or object).itemsize)
         values, facts = np.asarray(channel[:]), channel.properties
-        unit = facts.get("unit_string") or None
-        if values.dtype.kind == "M":  # dates: seconds from the first one
-            values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"
-        if values.dtype.kind in "fiu":
+        if values.dtype.kind in "cfiuM":
             step = float(facts.get("wf_increment", 0.0))
             begin = float(facts.get("wf_start_offset", 0.0))
             if isinstance(start, np.datetime64):
                 begin += float((start - min(dated)) / np.timedelta64(1, "s"))
             known = Clock(begin, step) if 0.0 < step < math.inf else None
+            unit = facts.get("unit_string") or None
             yield Column(f"{channel.group_name}/{channel.name}", unit, known, values)
 
 

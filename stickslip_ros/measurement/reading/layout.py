@@ -3,107 +3,20 @@
 
 Every separator is tried on the first lines. The one that makes the most lines rows of numbers of
 the same width is the table's. Columns with words among them do not matter, nor do lines above.
-
-Single cells of a text table: numbers in every spelling, dates and times, gaps, words.
 """
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import date
 
+from stickslip_ros.measurement.reading.cells import is_gap, is_stamp, number_text
 from stickslip_ros.measurement.reading.table import MeasurementError
+from stickslip_ros.measurement.reading.units import Unit
 from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
-
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
-#: 1,234.5 and 1.234,5 with the sign of the thousands as ','.
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d*)?(?:[eE][+-]?\d+)?")
-#: Texts for a value that was not measured, with or without a sign.
-GAPS = {"", "nan", "nan(ind)", "1.#qnan", "1.#ind", "1.#inf", "inf", "infinity", "∞", "null",
-         "none", "n/a", "na", "over", "overflow", "ol"}  # fmt: skip
-_STAMP = re.compile(
-    r"(?:(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})[T\s_]+)?"
-    r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2}(?:[.,:]\d+)?)\s*"
-    r"(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|[+-]\d{2}:?\d{2})?"
-)
-_DAY = 86400.0  #: s
-#: Values from here on mean that nothing was measured: 9.9e37 is what instruments send then.
-LARGEST = 1e30
-
-
-def number_text(cell: str, decimal: str, grouped: bool = False) -> str | None:
-    """Return a number as Python writes it, None if a cell is none in the spelling of the table."""
-    if decimal == ",":
-        cell = cell.translate({44: 46, 46: 44})  # commas and points swapped
-    if grouped and _GROUPED.fullmatch(cell):
-        cell = cell.replace(",", "")
-    return cell.lower().replace("d", "e") if _NUMBER.fullmatch(cell) else None
-
-
-def is_gap(cell: str) -> bool:
-    """Return whether a cell is a text for a missing value."""
-    return cell.lower().lstrip("+-") in GAPS or cell.startswith("**")
-
-
-def is_stamp(cell: str) -> bool:
-    """Return whether a cell is a time of the day, with or without a date."""
-    return ":" in cell and _STAMP.fullmatch(cell) is not None
-
-
-def value_of(cell: str, decimal: str, grouped: bool) -> float:
-    """Return the number in a cell, nan for a gap. Raises ValueError."""
-    text = number_text(cell, decimal, grouped)
-    if text is None and not is_gap(cell):
-        raise ValueError(cell)
-    return math.nan if text is None else float(text)
-
-
-class Stamps:
-    """Reads dates and times as seconds after the first day that it meets.
-
-    Times of day without a date are less than half a day apart, so that they may pass midnight.
-    """
-
-    def __init__(self) -> None:
-        self._day: str | None = None
-        self._last: float | None = None  # time of day without a date, s
-
-    def seconds(self, cell: str) -> float:
-        """Return seconds (s), nan for a gap. Raises ValueError."""
-        found = _STAMP.fullmatch(cell)
-        if not found:
-            if is_gap(cell):
-                return math.nan
-            raise ValueError(cell)
-        hour, day = int(found["hour"]), found["date"]
-        if found["half"]:
-            hour = hour % 12 + (12 if found["half"].lower() == "pm" else 0)
-        second = float(re.sub("[,:]", ".", found["second"]))
-        self._day = self._day or day
-        days = _ordinal(day) - _ordinal(self._day) if day and day != self._day else 0
-        seconds = 3600.0 * hour + 60.0 * int(found["minute"]) + second
-        if day is None:
-            last = seconds if self._last is None else self._last
-            days = round((last - seconds) / _DAY)
-            self._last = _DAY * days + seconds
-        return _DAY * days + seconds
-
-
-def _ordinal(text: str) -> int:
-    """Return the number of a day. Raises ValueError where day and month may be swapped."""
-    first, second, third = (int(part) for part in re.split("[-/.]", text))
-    if first > 31:
-        return date(first, second, third).toordinal()
-    if "." in text or first > 12:
-        return date(third + (2000 if third < 100 else 0), second, first).toordinal()
-    raise ValueError(f"{text}: is it the day or the month that comes first?")
-
 
 COMMENTS = ("#", "%", "//")
 #: Separators in the order of preference; None: blanks.
@@ -116,6 +29,8 @@ _LONGEST_PREAMBLE = 30_000
 _FEWEST, _ENOUGH = 3, 0.05
 #: Lines after the first row that are checked, and share of them that have to be rows.
 _FOLLOWING, _MOST = 6, 0.8
+#: A number with letters behind it.
+_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?\s*(?P<unit>[^\W\d]\S*)")
 
 
 @dataclass(frozen=True)
@@ -130,20 +45,24 @@ class Layout:
     kinds: str = ""  #: of each column: n numbers, s stamps, w words, e nothing
 
     def split(self, line: str) -> list[str]:
-        """Return the stripped cells of a line."""
+        """Return the stripped cells of a line, without quotes and outer brackets."""
+        text = unwrap_numbers(line).strip(" \r\n" if self.delimiter == "\t" else None)
+        text = text[1:-1] if text[:1] + text[-1:] in ("()", "[]") else text
         if self.delimiter is None:
-            return [cell.strip('"') for cell in line.split()]
-        row = line.split(self.delimiter)
-        if self.quoted:
-            with contextlib.suppress(csv.Error):
-                row = next(csv.reader([line], delimiter=self.delimiter, skipinitialspace=True), [])
+            return [cell.strip('"') for cell in text.split()]
+        if not self.quoted:
+            return [cell.strip() for cell in text.split(self.delimiter)]
+        try:
+            row = next(csv.reader([text], delimiter=self.delimiter, skipinitialspace=True), [])
+        except csv.Error:
+            row = text.split(self.delimiter)
         return [cell.strip() for cell in row]
 
     @classmethod
     def of(cls, lines: Sequence[str], decimal: str | None = None) -> Layout:
         """Return the form of a table from its first lines; decimal where it is known.
 
-        Raises MeasurementError if no lines are rows of numbers.
+        Raises MeasurementError if no lines are rows of numbers, or they may be read in two ways.
         """
         found: tuple[Layout, dict[int, str]] | None = None
         score, start = (False, 1, 0), 0
@@ -162,36 +81,75 @@ class Layout:
             raise MeasurementError(
                 "no row of numbers; a table has a column of time and one of position"
             )
-        return replace(found[0], first=_first(lines, *found))
+        layout = replace(found[0], first=_first(lines, *found))
+        layout.check(lines, decimal)
+        return layout
 
     def kinds_in(self, cells: Sequence[str]) -> str:
         """Return a letter for the kind of each cell."""
+        return "".join(
+            "n" if number_text(cell, self.decimal, self.grouped)
+            else "s" if is_stamp(cell) else "e" if is_gap(cell) else "w"
+            for cell in cells
+        )  # fmt: skip
 
-        def kind(cell: str) -> str:
-            if number_text(cell, self.decimal, self.grouped):
-                return "n"
-            return "s" if is_stamp(cell) else "e" if is_gap(cell) else "w"
+    def check(self, lines: Sequence[str], decimal: str | None) -> None:
+        """Raise MeasurementError for units beside numbers, and commas of two meanings.
 
-        return "".join(map(kind, cells))
+        decimal is the sign that was given.
+        """
+        first, width = self.first, len(self.kinds.rstrip("e"))
+        cells = re.split(r"[;\t]|,\s*", lines[first])
+        beside = (_WITH_UNIT.fullmatch(cell.strip(' "')) for cell in cells)
+        if found := next((one for one in beside if one and Unit.of(one["unit"])), None):
+            raise MeasurementError(
+                f"line {first + 1} has a unit behind a number ({found[0]!r}); leave numbers only, "
+                "and put the unit into the name of the column, as in 'x (nm)'"
+            )
+        header = lines[first - 1].strip().lstrip("#% ") if first else ""
+        names = [cell for cell in self.split(header) if cell]
+        halved = self.delimiter == "," and not self.quoted and 2 * len(names) == width
+        if names and halved and not any(set(".eE") & set(one) for one in lines[first : first + 50]):
+            raise MeasurementError(
+                f"line {first + 1} has {width} values below {len(names)} names; with decimal "
+                "commas, separate the values with ; or a tab"
+            )
+        if self.decimal != "," or decimal or self.delimiter == ",":
+            return
+        rows = [self.split(line) for line in lines[first : first + 2000] if line.strip()]
+        for k in range(width):
+            column = [row[k].lstrip("+-") for row in rows if k < len(row) and row[k]]
+            with_comma = [cell for cell in column if "," in cell]
+            without = [cell for cell in column if "," not in cell]
+            thousands = all(number_text(one, ".", True) and one[0] != "0" for one in with_comma)
+            if with_comma and without and thousands and all(len(cell) <= 3 for cell in without):
+                raise MeasurementError(
+                    f"column {k + 1}: is {with_comma[0]!r} a number with a decimal comma or one "
+                    "above a thousand? Say so with --decimal , or --decimal ."
+                )
 
 
 def _tries(
     lines: Sequence[str], part: range, decimal: str | None
 ) -> Iterator[tuple[Layout, dict[int, str]]]:
     """Yield forms that lines may have, and the kinds of cells in each line with numbers."""
-    texts = {k: unwrap_numbers(lines[k]).strip(" \r\n()[]") for k in part}
+    texts = {k: lines[k].strip(" \r\n()[]") for k in part}
     texts = {k: text for k, text in texts.items() if text and not text.startswith(COMMENTS)}
     quoted = any('"' in text for text in texts.values())
-    for delimiter in _DELIMITERS:
-        if delimiter and not any(delimiter in text for text in texts.values()):
+    for mark in _DELIMITERS:
+        if mark == decimal == "," or (mark and not any(mark in one for one in texts.values())):
             continue
-        if delimiter == decimal == ",":
-            continue
-        plain = Layout(delimiter, ".", False, quoted)
-        rows = {k: plain.split(lines_text(lines[k], delimiter)) for k in texts}
-        cells = [cell for row in rows.values() for cell in row]
-        for sign in (decimal,) if decimal else _decimals(cells, delimiter, quoted):
-            layout = replace(plain, decimal=sign, grouped=_is_grouped(cells, sign))
+        plain = Layout(mark, ".", False, quoted)
+        rows = {k: plain.split(lines[k]) for k in texts}
+        with_comma = [cell for row in rows.values() for cell in row if "," in cell]
+        signs = (decimal,) if decimal else (",", ".") if with_comma else (".",)
+        if not decimal and any("." in one and number_text(one, ".", True) for one in with_comma):
+            signs = (".",)
+        for sign in signs:
+            cells = [cell for row in rows.values() for cell in row if ",."[sign == ","] in cell]
+            grouped = any(number_text(one, sign, True) and not number_text(one, sign)
+                          for one in cells)  # fmt: skip
+            layout = replace(plain, decimal=sign, grouped=grouped)
             kinds = {k: layout.kinds_in(row) for k, row in rows.items()}
             yield layout, {k: one for k, one in kinds.items() if _numbers(one)}
 
@@ -213,34 +171,13 @@ def _numbers(kinds: str) -> int:
     return kinds.count("n") + kinds.count("s")
 
 
-def lines_text(line: str, delimiter: str | None) -> str:
-    """Return a line ready to be split: without wrapped numbers and outer brackets."""
-    text = unwrap_numbers(line).strip("\r\n")
-    text = text.strip(" ") if delimiter == "\t" else text.strip()
-    return text[1:-1] if text[:1] + text[-1:] in ("()", "[]") else text
-
-
-def _decimals(cells: Sequence[str], delimiter: str | None, quoted: bool) -> tuple[str, ...]:
-    if delimiter == "," and not quoted:
-        return (".",)
-    if any("." in cell and number_text(cell, ".", True) for cell in cells if "," in cell):
-        return (".",)
-    return (",", ".") if any("," in cell for cell in cells) else (".",)
-
-
-def _is_grouped(cells: Sequence[str], decimal: str) -> bool:
-    sign = "," if decimal == "." else "."
-    return any(number_text(cell, decimal, True) and not number_text(cell, decimal)
-               for cell in cells if sign in cell)  # fmt: skip
-
-
 def _first(lines: Sequence[str], found: Layout, rows: dict[int, str]) -> int:
     """Return the first line from which on the rows are like the others."""
     width = len(found.kinds)
     wanted = [k for k, kind in enumerate(found.kinds) if kind in "ns"]
 
     def fits(index: int) -> bool:
-        cells = found.split(lines_text(lines[index], found.delimiter))
+        cells = found.split(lines[index])
         if len(cells) < len(wanted) or abs(len(cells) - width) > (found.delimiter is not None):
             return False
         kinds = found.kinds_in(cells).ljust(width, "e")

@@ -1,16 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measurements as motions and loops: columns chosen, scaled to SI, checked.
-
-How a file begins says which reader takes it, and its suffix where that is not enough. A new format
-is a function from a path to a `Table` and a line in `_BY_START` or `_BY_SUFFIX`.
-"""
+"""Measurements as motions and loops: columns chosen, scaled to SI, checked."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,85 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
-from stickslip_ros.base.opening import ReadError, open_regular
 from stickslip_ros.base.reporting import format_si
-from stickslip_ros.measurement.reading import arrays, instruments
-from stickslip_ros.measurement.reading.choice import (
-    LOOP,
-    MOTION,
-    TIME,
-    Quantity,
-    Reading,
-    choose,
-    contradictions,
+from stickslip_ros.measurement.reading.choice import LOOP, MOTION, TIME, Quantity, choose
+from stickslip_ros.measurement.reading.formats import naming, open_table
+from stickslip_ros.measurement.reading.options import Reading
+from stickslip_ros.measurement.reading.table import (
+    UTC,
+    Clock,
+    Column,
+    Loaded,
+    MeasurementError,
+    Table,
 )
-from stickslip_ros.measurement.reading.layout import LARGEST
-from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
-from stickslip_ros.measurement.reading.text import UNPACKING, numbers_of, read_text_table
 from stickslip_ros.measurement.steps.actuator_cycles import find_strokes
 from stickslip_ros.simulation.motion import Motion
 
-Reader = Callable[[Path], Table]
-
-_BY_START: tuple[tuple[bytes, Reader], ...] = (
-    (b"\x93NUMPY", arrays.read_npy),
-    (b"\x89HDF\r\n\x1a\n", arrays.read_hdf5),
-    (b"MATLAB 5.0 MAT-file", arrays.read_mat),
-    (b"MATLAB 7.3 MAT-file", arrays.read_mat),
-    (b"TDSm", instruments.read_tdms),
-)
-#: LeCroy's mark may come after what an interface put before it.
-_WAVEFORM = b"WAVEDESC"
-#: What is not read, by its start or the end of its name, and the cure.
-_NOT_READ: tuple[tuple[str, bytes, tuple[str, ...], str], ...] = (
-    ("waveforms of Yokogawa", rb"\$PublicInfo|\A%WDF", (".wvf", ".wdf"), "export it as CSV"),
-    ("binary waveforms of Rohde & Schwarz", rb"(?s)\A\s*<\?xml.*<Database", (".wfm.bin",),
-     "export it as CSV"),
-    ("Octave's text", rb"(?s)\A#.*# name:.*\n# type:", (), "save it with save -v7"),
-)  # fmt: skip
-_BY_SUFFIX: dict[str, Reader] = {
-    ".npz": arrays.read_npz,
-    ".mat": arrays.read_mat,
-    ".uff": instruments.read_uff,
-    ".unv": instruments.read_uff,
-    ".uf": instruments.read_uff,
-    ".tdms": instruments.read_tdms,
-    ".wfm": instruments.read_waveform,
-    ".trc": instruments.read_waveform,
-    ".isf": instruments.read_waveform,
-    ".bin": instruments.read_waveform,
-}
-_KNOWN = (
-    "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
-    ".tdms, .wfm, .trc, .isf, .bin of oscilloscopes, and bags"
-)
-
-
-def open_table(path: Path, decimal: str | None = None) -> Table:
-    """Return the columns of a file. Raises MeasurementError and OSError."""
-    path = numbers_of(path)
-    with open_regular(path) as file:
-        start = file.read(1024)
-    if not start:
-        raise MeasurementError("it is empty: no row of numbers")
-    for what, mark, ends, cure in _NOT_READ:
-        if re.search(mark, start) or path.name.lower().endswith(ends):
-            raise MeasurementError(f"{what} cannot be read; {cure}")
-    reader = next((reader for mark, reader in _BY_START if start.startswith(mark)), None)
-    reader = reader or _BY_SUFFIX.get(path.suffix.lower())
-    if reader is None and _WAVEFORM in start[:64]:
-        reader = instruments.read_waveform
-    if reader is not None:
-        return reader(path)
-    try:
-        table = read_text_table(path, decimal)
-    except UNPACKING as error:
-        raise MeasurementError(f"it cannot be unpacked: {error}") from None
-    if table is None:
-        raise MeasurementError(f"it is neither text nor a known format; {_KNOWN}")
-    return table
-
-
+#: Values from here on mean that nothing was measured: 9.9e37 is what instruments send then.
+_LARGEST = 1e30
 #: Rows below which nothing can be said.
 _FEWEST = 16
 #: Times from here on (s) count from the first one: they are dates.
@@ -109,6 +41,8 @@ _WIDEST_LOOP, _WIDEST_STROKE = 0.01, 1e-3
 _SURE_STROKES = 6
 #: Share of times that are like the one before them where times are rounded.
 _MANY_TIES = 0.05
+#: Samples between which an hour repeats or is missing are closer (s): hourly logs have others.
+_HOUR, _DENSE = 3600.0, 30.0
 #: Part of a fringe from which on a step from one sample to the next may be a jump or motion.
 _UNCLEAR = 0.25
 #: Even times fit rounded ones if none is further off than this share of the coarsest step seen.
@@ -129,13 +63,18 @@ def read_measurement(path: Path, how: Reading | None = None) -> Motion:
 def motion_of(table: Table, source: str, how: Reading) -> Motion:
     """Return the motion in a table. Raises MeasurementError."""
     values, notes = _read(table, MOTION, how)
-    x, u = values["x"], values.get("u", np.zeros(1))
-    stroke = float(np.ptp(u))
-    if stroke > np.ptp(x) > 0.0 and _is_runner(values["t"], u, x):
-        raise MeasurementError(
-            "the position goes back and forth in every cycle while the actuator moves on by "
-            f"{stroke:g} m, as if both columns were swapped; name them: --columns x=NAME,u=NAME"
+    t, x, u = values["t"], values["x"], values.get("u")
+    stroke = 0.0 if u is None else float(np.ptp(u))
+    if u is not None and stroke > np.ptp(x) > 0.0:
+        back_and_forth, other = (
+            len(find_strokes(t, (one - one.min()) / np.ptp(one))) for one in (x, u)
         )
+        if back_and_forth >= _SURE_STROKES and back_and_forth > 2 * other:
+            raise MeasurementError(
+                "the position goes back and forth in every cycle while the actuator moves on by "
+                f"{stroke:g} m, as if both columns were swapped; name them: --columns "
+                "x=NAME,u=NAME"
+            )
     if stroke > _WIDEST_STROKE:
         raise MeasurementError(
             f"the actuator's deflection goes over {stroke:g} m, which no stick-slip drive does; "
@@ -145,15 +84,7 @@ def motion_of(table: Table, source: str, how: Reading) -> Motion:
         x, note = without_fringe_jumps(x, 0.5 * how.wavelength)
         notes = (*notes, note)
     x = x / math.cos(how.angle) if how.angle else x
-    return Motion(source, values["t"], x, values.get("v"), values.get("u"), notes)
-
-
-def _is_runner(t: Array, actuator: Array, position: Array) -> bool:
-    """Return whether a deflection (m) moves on while the position (m) does what actuators do."""
-    strokes, other = (
-        len(find_strokes(t, (one - one.min()) / np.ptp(one))) for one in (position, actuator)
-    )
-    return strokes >= _SURE_STROKES and strokes > 2 * other
+    return Motion(source, t, x, values.get("v"), u, notes, values.get("voltage"))
 
 
 def without_fringe_jumps(x: Array, fringe: float) -> tuple[Array, str]:
@@ -204,21 +135,6 @@ def loop_of(table: Table, how: Reading) -> ActuatorLoop:
     return ActuatorLoop(values["voltage"], values["deflection"], values.get("t"), notes)
 
 
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Turn every error into a MeasurementError that begins with the name of the file."""
-    try:
-        yield
-    except OSError as error:
-        raise MeasurementError(f"cannot read {path}: {error.strerror or error}") from None
-    except ReadError as error:  # it names the file
-        raise MeasurementError(str(error)) from None
-    except MemoryError:
-        raise MeasurementError(f"{path}: it does not fit into memory; cut it") from None
-    except MeasurementError as error:
-        raise MeasurementError(f"{path}: {error}") from None
-
-
 def _read(
     table: Table, quantities: Sequence[Quantity], how: Reading
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
@@ -228,31 +144,32 @@ def _read(
         if key not in known:
             listed = ", ".join(f"{q.key} ({q.what})" for q in quantities)
             raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")
-    chosen = choose(table, quantities, how)
+    chosen, notes = choose(table, quantities, how)
     if how.rate and TIME not in quantities:
         chosen.pop("t", None)
-    clock = _clock(table, chosen, how)
+    position = chosen.get("x") or chosen["deflection"]
+    clock = Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
+    clock = None if "t" in chosen else clock
+    counts = [c for c in table.columns if clock and c.counts and c.length == position.length]
+    chosen |= dict(zip("t", counts, strict=False))
     loaded = table.load(list(chosen.values()))
     values = dict(zip(chosen, loaded.values, strict=True))
-    notes = [*table.notes, *loaded.notes, *contradictions(chosen, how)]
-    if clock is not None and "t" not in values and not how.rate:
+    notes = [*table.notes, *loaded.notes, *notes]
+    if clock is not None and not counts and not how.rate:
         values, clock = _on_one_clock(values, chosen, clock, notes)
-    lengths = {len(one) for one in values.values()}
-    if len(lengths) > 1:
+    if len({len(one) for one in values.values()}) > 1:
+        lengths = ", ".join(f"{chosen[key]} has {len(v)}" for key, v in values.items())
         raise MeasurementError(
-            "the columns are not of one length: "
-            + ", ".join(f"{chosen[key]} has {len(v)}" for key, v in values.items())
-            + "; name others with --columns"
+            f"the columns are not of one length: {lengths}; name others with --columns"
         )
-    places = np.arange(lengths.pop())
+    places = np.arange(len(next(iter(values.values()))))
     if clock is not None:
-        numbers = values["t"] if "t" in values else _numbers(clock, loaded, len(places), how)
+        numbers = values["t"] if counts else _numbers(clock, loaded, places, how)
         values["t"] = clock.start + clock.step * numbers
-    if how.rows is not None:
-        kept = slice(how.rows[0] - 1, how.rows[1])
-        values, places = {key: v[kept] for key, v in values.items()}, places[kept]
+    kept = slice(how.rows[0] - 1, how.rows[1]) if how.rows else slice(None)
+    values, places = {key: v[kept] for key, v in values.items()}, places[kept]
     # Comparisons are false for nan.
-    good = {key: (v < LARGEST) & (v > -LARGEST) for key, v in values.items()}
+    good = {key: (v < _LARGEST) & (v > -_LARGEST) for key, v in values.items()}
     for key in [key for key in values if not (known[key].required or good[key].all())]:
         notes.append(f"the {known[key].what} has gaps and is left out")
         del values[key], good[key]
@@ -260,45 +177,22 @@ def _read(
     if left := int(len(whole) - whole.sum()):
         notes.append(f"{left} of {len(whole)} rows have a gap and are left out")
         values, places = {key: v[whole] for key, v in values.items()}, places[whole]
-    if len(places) < (_FEWEST if TIME in quantities else 1):
-        raise MeasurementError(
-            f"{len(places)} row{'s' * (len(places) != 1)} of numbers; {_FEWEST} or more are needed"
-            if TIME in quantities
-            else "it holds no numbers"
-        )
+    if TIME in quantities and len(places) < _FEWEST:
+        rows = f"{len(places)} row{'s' * (len(places) != 1)} of numbers"
+        raise MeasurementError(f"{rows}; {_FEWEST} or more are needed")
+    if not len(places):
+        raise MeasurementError("it holds no numbers")
+    time = chosen.get("t", Column("of time"))
     if "t" in values:
-        t = values["t"]
-        steps = float(t[-1] - t[0]) / max(len(t) - 1, 1)
-        if t[0] > _DATES and 0.0 <= steps < _GRAINS * float(np.spacing(t[0])):
-            raise MeasurementError(
-                f"times such as {t[0]:.17g} have more digits than a number holds; take the first "
-                "one from all of them, or give the samples per second with --rate"
-            )
-        values["t"] = _in_order(t, places, loaded, chosen, notes)
+        values["t"] = _in_order(values["t"], places, loaded, time, notes)
     for key in values.keys() & chosen.keys():
-        if chosen[key].factor != 1.0:
-            values[key] = chosen[key].factor * values[key]
-    stamped = "t" in chosen and chosen["t"].stamped
-    if "t" in values and (stamped or abs(values["t"][0]) > _DATES):
-        notes.append(f"times count from the first row, {values['t'][0]:.17g} s")
-        values["t"] = values["t"] - values["t"][0]
+        from_zero = values[key] + chosen[key].origin if key != "t" else values[key]
+        values[key] = chosen[key].factor * from_zero
+    if "t" in values and (time.stamped or time.origin or abs(values["t"][0]) > _DATES):
+        begin = float(values["t"][0])
+        notes.append(f"times count from the first row, {time.factor * time.origin + begin:.17g} s")
+        values["t"] = values["t"] - begin
     return values, tuple(notes)
-
-
-def _clock(table: Table, chosen: dict[str, Column], how: Reading) -> Clock | None:
-    """Return the clock that replaces a column of time, None if there is one.
-
-    A column that numbers the samples is chosen in place of it.
-    """
-    if "t" in chosen:
-        return None
-    position = chosen.get("x") or chosen["deflection"]
-    if not how.rate and position.clock is None:
-        return None
-    counter = next((c for c in table.columns if c.counts and c.length == position.length), None)
-    if counter is not None:
-        chosen["t"] = counter
-    return Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
 
 
 def _on_one_clock(
@@ -309,79 +203,88 @@ def _on_one_clock(
     Values in between are interpolated. Where all have one clock and length, nothing changes.
     Raises MeasurementError if they have no time in common.
     """
-    clocks = {key: chosen[key].clock for key in values}
-    own = {key: one for key, one in clocks.items() if one is not None}
+    own = {key: one for key in values if (one := chosen[key].clock) is not None}
     alike = {(one.start, one.step, len(values[key])) for key, one in own.items()}
     if len(alike) == 1 or len(own) < len(values):
         return values, clock
     base = max(own, key=lambda key: (own[key].step, own[key] == clock))
-    clock, other = own[base], "the others"
+    step = own[base].step
     times = {key: own[key].start + own[key].step * np.arange(len(v)) for key, v in values.items()}
     begin, end = max(t[0] for t in times.values()), min(t[-1] for t in times.values())
-    near = 1e-6 * clock.step  # starts are rounded
-    kept = (times[base] >= begin - near) & (times[base] <= end + near)
-    if not kept.any():
-        raise MeasurementError(
-            "its columns were recorded one after the other: "
-            + ", ".join(f"{chosen[key]} from {t[0]:g} s to {t[-1]:g} s" for key, t in times.items())
-        )
-    if len(times) == 2:
-        other = next(str(chosen[key]) for key in times if key != base)
+    near = 1e-6 * step  # starts are rounded
+    at = times[base][(times[base] >= begin - near) & (times[base] <= end + near)]
+    if not len(at):
+        spans = (f"{chosen[key]} from {t[0]:g} s to {t[-1]:g} s" for key, t in times.items())
+        raise MeasurementError(f"its columns were recorded one after the other: {', '.join(spans)}")
+    others = ", ".join(str(chosen[key]) for key in times if key != base)
     notes.append(
-        f"the columns have times of their own: {other} is taken at those of {chosen[base]}, every "
-        f"{clock.step:g} s from {begin:g} s to {end:g} s"
+        f"the columns have times of their own: {others} is taken at those of {chosen[base]}, every "
+        f"{step:g} s from {begin:g} s to {end:g} s"
     )
-    at = times[base][kept]
     values = {key: np.interp(at, times[key], value) for key, value in values.items()}
-    return values, Clock(float(at[0]), clock.step)
+    return values, Clock(float(at[0]), step)
 
 
-def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> Array:
-    """Return the numbers of the samples, from 0, (count,).
+def _numbers(clock: Clock, loaded: Loaded, places: NDArray[np.int64], how: Reading) -> Array:
+    """Return the numbers of the samples, from 0, (samples,).
 
     Raises MeasurementError if lines among the rows are left out: their duration is unknown.
     """
+    count = len(places)
     first, last = how.rows or (1, count)
     for row in loaded.breaks:
         if first - (row == 0) <= row < min(last, count):
-            parts = [f"--rows 1:{row}"] if row else []
-            parts.append(f"--rows {row + 1}:")
             raise MeasurementError(
                 f"before {loaded.place(row)} there is a line that is not a row of numbers, and "
-                f"there is no column of time; read one part: {' or '.join(parts)}"
+                f"there is no column of time; read one part: {_parts(places, row)}"
             )
     if clock.count not in (None, count) and how.rows is None and how.rate is None:
         raise MeasurementError(
             f"the file states {clock.count} samples and has {count}, so it is unclear which are "
             f"missing; if they are at the end, add --rows 1:{count}"
         )
-    return np.arange(count, dtype=np.float64)
+    return places.astype(np.float64)
+
+
+def _parts(places: NDArray[np.int64], row: int) -> str:
+    """Return the options that read the rows before one or from it on, of those that suffice."""
+    parts = [f"--rows {places[0] + 1}:{places[row]}"] if row >= _FEWEST else []
+    parts += [f"--rows {places[row] + 1}:"] if len(places) - row >= _FEWEST else []
+    return " or ".join(parts)
 
 
 def _in_order(
-    t: Array,
-    places: NDArray[np.int64],
-    loaded: Loaded,
-    chosen: Mapping[str, Column],
-    notes: list[str],
+    t: Array, places: NDArray[np.int64], loaded: Loaded, column: Column, notes: list[str]
 ) -> Array:
     """Return times that increase; MeasurementError if they cannot be had without guessing."""
     steps = np.diff(t)
+    if t[0] > _DATES and 0.0 <= np.mean(steps) < _GRAINS * np.spacing(t[0]):
+        raise MeasurementError(
+            f"times such as {t[0]:.17g} have more digits than a number holds; take the first "
+            "one from all of them, or give the samples per second with --rate"
+        )
+    usual = np.median(np.abs(steps)) if column.stamped and column.unit != UTC else _HOUR
+    hours = np.abs(np.abs(steps) - _HOUR) <= 1.5 * usual
+    if usual < _DENSE and hours.any():
+        row = int(np.argmax(hours)) + 1
+        what, when = ("repeats", "ends") if steps[row - 1] < 0.0 else ("is missing", "begins")
+        raise MeasurementError(
+            f"{loaded.place(int(places[row]))}, column {column}: an hour {what} before it, as "
+            f"where daylight saving {when}; write the times with their offset from UTC, such as "
+            f"+02:00, or read one part: {_parts(places, row)}"
+        )
     if (steps > 0.0).all():
         return t
     if (steps >= 0.0).all() and (even := _unrounded(t)) is not None:
         notes.append("the times are rounded so that some are alike; evenly spaced ones are taken")
         return even
     row = int(np.argmin(steps > 0.0)) + 1
-    place = f"{loaded.place(int(places[row]))}, column {chosen.get('t', 'of time')}"
     cure = "sort the rows by time and keep each time once"
-    parts = [f"--rows 1:{int(places[row])}"] if row >= _FEWEST else []
-    parts += [f"--rows {int(places[row]) + 1}:"] if len(t) - row >= _FEWEST else []
-    if t[row] < t[row - 1] and parts:
-        cure += f"; if another measurement begins there, read one part: {' or '.join(parts)}"
+    if t[row] < t[row - 1] and (parts := _parts(places, row)):
+        cure += f"; if another measurement begins there, read one part: {parts}"
     raise MeasurementError(
-        f"{place}: the time {float(t[row])!r} does not come after {float(t[row - 1])!r}; {cure}, "
-        "or give the samples per second with --rate"
+        f"{loaded.place(int(places[row]))}, column {column}: the time {float(t[row])!r} does not "
+        f"come after {float(t[row - 1])!r}; {cure}, or give the samples per second with --rate"
     )
 
 

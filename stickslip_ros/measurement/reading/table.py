@@ -1,16 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The common form of all formats: named columns with units, whose values are read on demand.
-
-Units as instruments write them, and names of columns with units.
-
-A unit is a prefix and a name, such as ``nm``, ``µs``, ``mV``, ``Volt``, ``seconds`` or
-``nanometers``. Letters count as the SI has them, apart from spellings that can mean one thing only
-(``S`` or ``SEC`` for seconds, ``MM`` for mm). What is not known here is asked for, never guessed.
-"""
+"""The common form of all formats: named columns with units, whose values are read on demand."""
 
 from __future__ import annotations
 
-import re
+import contextlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -19,140 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.errors import StickslipError, printable
-from stickslip_ros.physics.parameters.row import PREFIXES
-
-_LONG_PREFIXES = {
-    "": 1.0, "femto": 1e-15, "pico": 1e-12, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3,
-    "centi": 1e-2, "kilo": 1e3, "mega": 1e6, "giga": 1e9,
-}  # fmt: skip
-#: Symbols that take a prefix, by what they measure.
-_SYMBOLS = {
-    "s": "time", "m": "length", "V": "voltage", "A": "current", "Hz": "frequency",
-    "N": "force", "g": "acceleration", "Pa": "pressure", "W": "power", "Ω": "resistance",
-    "rad": "angle", "C": "charge", "B": "data", "T": "field", "K": "temperature",
-    "m/s": "velocity", "m/s^2": "acceleration",
-}  # fmt: skip
-#: Words, each with or without a long prefix and a plural s.
-_WORDS = {
-    "second": "time", "sec": "time", "sekunde": "time", "meter": "length", "metre": "length",
-    "volt": "voltage", "ampere": "current", "amp": "current", "hertz": "frequency",
-    "newton": "force", "gram": "mass", "pascal": "pressure", "watt": "power", "ohm": "resistance",
-    "radian": "angle",
-}  # fmt: skip
-#: Units with a size of their own.
-_OTHERS = {
-    "min": ("time", 60.0), "minute": ("time", 60.0), "minutes": ("time", 60.0),
-    "h": ("time", 3600.0), "hr": ("time", 3600.0), "hour": ("time", 3600.0),
-    "hours": ("time", 3600.0), "secs": ("time", 1.0), "usec": ("time", 1e-6),
-    "msec": ("time", 1e-3), "nsec": ("time", 1e-9),
-    "cm": ("length", 1e-2), "dm": ("length", 1e-1), "micron": ("length", 1e-6),
-    "microns": ("length", 1e-6), "Å": ("length", 1e-10), "angstrom": ("length", 1e-10),
-    "inch": ("length", 25.4e-3), "deg": ("angle", 0.017453292519943295),
-    "°": ("angle", 0.017453292519943295), "degree": ("angle", 0.017453292519943295),
-    "°C": ("temperature", 1.0), "degC": ("temperature", 1.0), "Vpp": ("voltage", 1.0),
-    "mVolt": ("voltage", 1e-3), "mVolts": ("voltage", 1e-3), "%": ("share", 0.01),
-    "dB": ("level", 1.0), "dBm": ("level", 1.0),
-}  # fmt: skip
-#: Capitals that cannot mean anything else.
-_CAPITALS = {"S": "s", "MS": "ms", "US": "us", "NS": "ns", "SEC": "sec", "MM": "mm", "UM": "um",
-             "v": "V", "mv": "mV", "uv": "uV", "kv": "kV"}  # fmt: skip
-#: Units of columns that number the samples.
-_INDEX_UNITS = {"sequence", "index", "sample", "samples", "point", "points", "no.", "#"}
-#: Texts in a line of units that are not units.
-_NO_UNITS = {"", "-", "--", "a.u.", "au", "n/a", "none", "1", "count", "counts", "lsb", "digits"}
-
-
-@dataclass(frozen=True)
-class Unit:
-    """The quantity of a number, and the factor to its SI unit."""
-
-    dimension: str
-    factor: float
-
-    @classmethod
-    def of(cls, text: str | None) -> Unit | None:
-        """Return the unit that a text means, None if it means none that is known."""
-        if text is None:
-            return None
-        plain = text.strip().strip("()[]{}").strip()
-        for spelling, letter in _SPELLINGS:
-            plain = plain.replace(spelling, letter)
-        plain = _CAPITALS.get(plain, plain)
-        return _UNITS.get(plain) or _WORD_UNITS.get(plain.lower())
-
-
-#: Other spellings of a part of a unit; two are UTF-8 that was read as Latin-1.
-_SPELLINGS = (("Âµ", "u"), ("Î¼", "u"), ("µ", "u"), ("μ", "u"), ("²", "^2"), ("s2", "s^2"),
-              ("**", "^"))  # fmt: skip
-_UNITS = {
-    **{prefix + symbol: Unit(dimension, factor) for symbol, dimension in _SYMBOLS.items()
-       for prefix, factor in PREFIXES.items()},
-    **{name: Unit(*what) for name, what in _OTHERS.items()},
-}  # fmt: skip
-#: Words mean the same in capitals and small letters.
-_WORD_UNITS = {
-    **{prefix + word + plural: Unit(dimension, factor) for word, dimension in _WORDS.items()
-       for prefix, factor in _LONG_PREFIXES.items() for plural in ("", "s")},
-    **{name: Unit(*what) for name, what in _OTHERS.items()},
-}  # fmt: skip
-
-
-def is_index(text: str | None) -> bool:
-    """Return whether a unit says that a column numbers its samples."""
-    return text is not None and text.strip().strip("()[]").lower() in _INDEX_UNITS
-
-
-def is_unit_cell(text: str) -> bool:
-    """Return whether a text can be a cell in a line of units."""
-    plain = text.strip().strip("()[]").strip()
-    return plain.lower() in _NO_UNITS or Unit.of(plain) is not None or is_index(plain)
-
-
-_BRACKETS = re.compile(r"(?P<name>.*?)[\s_]*(?:\((?P<a>[^()]*)\)|\[(?P<b>[^\[\]]*)\]|"
-                       r"\{(?P<c>[^{}]*)\})\s*\.?")  # fmt: skip
-_IN = re.compile(
-    r"(?P<name>.*?)\s*(?:\bin|/)\s+(?P<unit>\S+)|(?P<slashed>[^/]*?)\s*/(?P<after>\w+)"
-)
-_TAIL = re.compile(r"(?P<name>.+?)(?:[_\s:,]\s*)(?P<unit>[A-Za-zµμÅ/^0-9°%]+)")
-_CHANNEL_WITH_UNIT = re.compile(r"(?P<name>(?:CH|CHAN|C|MATH)\d*)\s*(?P<unit>V|mV|A)")
-#: Tails of a name that are one letter may be a word of it: only these end in their unit.
-_WITH_LETTER = {
-    "s": {"t", "time", "timestamp", "elapsed", "elapsed_time", "zeit", "seconds"},
-    "m": {
-        "x", "position", "pos", "runner", "slider", "displacement", "distance", "weg", "path",
-        "deflection", "elongation", "stroke", "actuator", "piezo", "u",
-    },
-    "V": {"voltage", "volt", "drive", "piezo", "command", "u"},
-}  # fmt: skip
-
-
-def name_and_unit(text: str) -> tuple[str, str | None]:
-    """Return a column's name and its unit as the header has them.
-
-    Understood are ``x (nm)``, ``x [nm]``, ``x / nm``, ``x in nm``, ``x_nm``, ``CH1V``.
-    """
-    text = " ".join(text.split())
-    if found := _BRACKETS.fullmatch(text):
-        return found["name"].strip(), (found["a"] or found["b"] or found["c"] or "").strip() or None
-    if found := _IN.fullmatch(text):
-        name, unit = found["name"] or found["slashed"] or "", found["unit"] or found["after"]
-        if Unit.of(unit) and not text.startswith("/"):
-            return name.strip(), unit
-    if found := _CHANNEL_WITH_UNIT.fullmatch(text):
-        return found["name"], found["unit"]
-    if (found := _TAIL.fullmatch(text)) and Unit.of(found["unit"]):
-        name, unit = found["name"].strip(), found["unit"]
-        if len(unit) > 1 and unit[:1] != "/":
-            return name, unit
-        if re.split(r"[./_ ]", name.lower())[-1] in _WITH_LETTER.get(unit, ()):
-            return name, unit
-    return text, None
-
+from stickslip_ros.measurement.reading.units import Unit, is_index, name_and_unit
 
 #: Characters of a name in a message.
 LONGEST_NAME = 60
 #: Decimal logarithms of the largest number that is one, and of the farthest way to the next.
 _LARGEST, _LEAP = 40.0, 60.0
+#: Whole numbers from here on are not all held by a float.
+WHOLE = 2**53
+#: Unit of a column of dates or times of the day that have their offset from UTC.
+UTC = "UTC"
 #: Names of columns that number the samples.
 _INDICES = ("sample", "samples", "index", "no", "no.", "nr", "nr.", "n", "#", "row", "sequence",
             "sample number", "point", "field.header.seq")  # fmt: skip
@@ -186,6 +55,8 @@ class Column:
     stamped: bool = False  #: holds dates or times of the day, read as seconds
     alone: bool = False  #: its clock is not that of a column of times beside it
     factor: float = 1.0  #: to the SI unit, of a column that is chosen for a quantity
+    origin: int = 0  #: what its values count from, where a float would round them
+    joined: bool = False  #: whole seconds; the column behind it holds nanoseconds to add
 
     def __str__(self) -> str:
         name = f" {_short(self.name)}" if self.name else ""
@@ -199,6 +70,11 @@ class Column:
         return unit.dimension if unit else None
 
     @property
+    def is_foreign(self) -> bool:
+        """Whether it holds other things than numbers, or complex ones: taken if it is named."""
+        return self.values is not None and self.values.dtype.kind not in "fiub"
+
+    @property
     def counts(self) -> bool:
         """Whether it numbers the samples."""
         return is_index(self.unit) or (self.unit is None and self.name.lower() in _INDICES)
@@ -208,7 +84,7 @@ class Column:
 class Loaded:
     """Values of some columns, row by row, and the notes on them."""
 
-    values: list[NDArray[np.float64]]  #: of each column; nan where a row has none
+    values: list[NDArray[np.float64]]  #: of each, from its origin on; nan where a row has none
     place: Callable[[int], str] = lambda row: f"row {row + 1}"  #: of a row, for people
     notes: tuple[str, ...] = ()
     breaks: tuple[int, ...] = ()  #: rows before which something was left out
@@ -229,24 +105,27 @@ class Table:
     ) -> Table:
         """Return a table of columns in memory, whose names may end in units.
 
-        clock is that of columns without one. Raises MeasurementError if there are no columns.
+        Dates and durations count in seconds from the first one. clock is that of columns without
+        one. Raises MeasurementError if there are no columns.
         """
         held = []
         for number, one in enumerate(columns, 1):
             name, unit = name_and_unit(one.name) if one.unit is None else (one.name, one.unit)
-            length = None if one.values is None else len(one.values)
-            held.append(replace(one, number=number, name=name, unit=unit, length=length,
-                                clock=one.clock or clock))  # fmt: skip
+            values, origin = np.asarray(one.values), 0
+            with contextlib.suppress(TypeError, ValueError):  # where they are numbers
+                values = values.astype(np.float64) if values.dtype == object else values
+            if values.dtype.kind in "mM":
+                values, unit = (values - values[:1]) / np.timedelta64(1, "s"), "s"
+            elif values.dtype.kind in "iu" and values.size and abs(int(values[0])) > WHOLE:
+                origin = int(values[0])  # the difference of unsigned ones may be below 0
+                values = (values - values[0]).astype(np.int64)
+            one = replace(one, name=name, unit=unit, number=number, clock=one.clock or clock)
+            held.append(replace(one, values=values, length=len(values), origin=origin))
         if not held:
-            raise MeasurementError("it holds no columns of numbers over time")
-
-        def load(wanted: Sequence[Column]) -> Loaded:
-            chosen = [np.asarray(column.values, np.float64) for column in wanted]
-            for column, values in zip(wanted, chosen, strict=True):
-                _check(column, values)
-            return Loaded(chosen)
-
-        return cls(held, load, notes=notes)
+            raise MeasurementError(
+                f"it holds no columns of numbers over time{''.join(f'; {one}' for one in notes)}"
+            )
+        return cls(held, lambda wanted: Loaded([_numbers(one) for one in wanted]), notes=notes)
 
     def described(self, most: int = 12) -> str:
         """Return a line for each of the first columns: number, name, unit, samples, step."""
@@ -265,11 +144,22 @@ def _short(text: str) -> str:
     return printable(text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}...")
 
 
-def _check(column: Column, values: NDArray[np.float64]) -> None:
-    """Refuse binary numbers that are read from a wrong byte on: their sizes leap wildly.
+def _numbers(column: Column) -> NDArray[np.float64]:
+    """Return the values of a column in memory. Raises MeasurementError.
 
-    Instruments send up to 9.9e37 for what they could not measure.
+    Binary numbers that are read from a wrong byte on leap wildly in size. Instruments send up to
+    9.9e37 for what they could not measure.
     """
+    values = np.asarray(column.values)
+    try:
+        if values.dtype.kind == "c":
+            raise TypeError
+        values = values.astype(np.float64)
+    except (TypeError, ValueError):
+        what = {"c": "complex numbers", "O": "objects"}.get(values.dtype.kind, "no numbers")
+        raise MeasurementError(
+            f"column {column} holds {what}; expected is one real number for each sample"
+        ) from None
     sizes = np.abs(values[np.isfinite(values) & (values != 0.0)])
     decades = np.log10(sizes)
     leaps = np.abs(np.diff(decades))
@@ -278,3 +168,4 @@ def _check(column: Column, values: NDArray[np.float64]) -> None:
             f"column {column} holds numbers from {sizes.min():.1g} to {sizes.max():.1g} in size: "
             "it is damaged; write it anew"
         )
+    return values

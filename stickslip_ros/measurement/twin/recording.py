@@ -21,7 +21,7 @@ from stickslip_ros.base.opening import open_regular
 from stickslip_ros.measurement.bags.load_motion import is_bag, load_motion
 from stickslip_ros.measurement.reading import Reading
 from stickslip_ros.measurement.reading.choice import POSITION, TIME, Quantity, choose
-from stickslip_ros.measurement.reading.motion import naming, open_table
+from stickslip_ros.measurement.reading.formats import naming, open_table
 from stickslip_ros.measurement.twin.own_sensor import OwnSensor
 from stickslip_ros.measurement.twin.settings import TwinError
 from stickslip_ros.measurement.twin.timeline import TwinCommand
@@ -107,9 +107,9 @@ def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:
     with naming(path):
         table, plain = open_table(path, how.decimal), {one.key: "Hz" for one in _COLUMNS}
         plainly = replace(how, units={**plain, **how.units})  # V and Hz, whatever the unit says
-        chosen = choose(table, (TIME, POSITION, *_COLUMNS), plainly)
+        chosen, _ = choose(table, (TIME, POSITION, *_COLUMNS), plainly)
         loaded = zip(chosen.items(), table.load(list(chosen.values())).values, strict=True)
-        values = {name: column.factor * one for (name, column), one in loaded}
+        values = {name: column.factor * (one + column.origin) for (name, column), one in loaded}
     x = values["x"] / math.cos(how.angle)
     t = values["t"] if "t" in values else np.arange(len(x)) / (how.rate or 1.0)
     if drive is not None:

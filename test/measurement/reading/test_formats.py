@@ -5,6 +5,9 @@ import bz2
 import gzip
 import json
 import lzma
+import struct
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -60,6 +63,24 @@ def write_mat_of_a_picoscope(path: Path) -> None:
 
 def write_mat_of_structs(path: Path) -> None:
     scipy.io.savemat(path, {"run": {"time_s": T, "position_um": 1e6 * X}})
+
+
+def write_mat_with_an_object(path: Path) -> None:
+    """As MATLAB saves a `table` beside vectors, with the workspace of its class at the end."""
+
+    def element(kind: int, data: bytes) -> bytes:
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    def matrix(kind: int, shape: tuple[int, int], numbers: bytes) -> bytes:
+        head = element(6, struct.pack("<II", kind, 0)) + element(5, struct.pack("<ii", *shape))
+        return element(14, head + element(1, b"") + numbers)
+
+    names = b"".join(element(1, name) for name in (b"events", b"MCOS", b"table"))
+    content = matrix(13, (6, 1), element(6, struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1)))
+    scipy.io.savemat(path, {"time_s": T, "position_nm": 1e9 * X})
+    with path.open("ab") as file:
+        file.write(element(14, element(6, struct.pack("<II", 17, 0)) + names + content))
+        file.write(matrix(9, (1, 8), element(2, bytes(8))))
 
 
 def write_mat_73(path: Path) -> None:
@@ -154,6 +175,7 @@ FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = 
     (".npz", write_npz, Reading({"x": "position"}, {"t": "ms", "x": "nm"}), 0.0, 0.0),
     (".mat", write_mat_of_a_picoscope, Reading(scale={"x": "50nm/V"}), -1e-3, 0.0),
     (".mat", write_mat_of_structs, None, 0.0, 0.0),
+    (".mat", write_mat_with_an_object, None, 0.0, 0.0),
     (".mat", write_mat_73, None, 0.0, 0.0),
     (".h5", write_hdf5, None, 0.0, 0.0),
     (".h5", write_hdf5_of_a_keysight, IN_VOLTS, -1e-3, 0.0),
@@ -302,6 +324,58 @@ def test_what_is_not_read_is_refused_with_the_cure(
     path.write_bytes(content)
     with pytest.raises(MeasurementError, match=cure):
         read_measurement(path)
+
+
+def test_a_file_that_is_being_written_says_so(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "axis.h5", "w", libver="latest") as file:
+        file["time_s"], file["x_nm"] = T, 1e9 * X
+        file.swmr_mode = True
+        reading = "import stickslip_ros as ss; ss.read_measurement('axis.h5')"
+        said = subprocess.run(
+            [sys.executable, "-c", reading], cwd=tmp_path, capture_output=True, text=True
+        ).stderr
+    assert "axis.h5: it is still open for writing; close the writer" in said
+
+
+def test_what_is_no_vector_of_numbers_is_left_out_or_refused(tmp_path: Path) -> None:
+    path = tmp_path / "axis.npz"
+    np.savez(path, time_s=T, x_nm=1e9 * X, about=np.array({"who": "me"}), z=1j * X)
+    found = read_measurement(path)
+    assert found.x == pytest.approx(X)
+    assert found.notes == ("about: objects of Python, not numbers, left out; save float64 arrays",)
+    with pytest.raises(MeasurementError, match="3 z holds complex numbers; expected is one real"):
+        read_measurement(path, Reading(columns={"x": "z"}))
+    np.save(tmp_path / "axis.npy", np.array([None, {}]))
+    with pytest.raises(MeasurementError, match=r"no columns of numbers .* its array: objects of"):
+        read_measurement(tmp_path / "axis.npy")
+
+
+@pytest.mark.parametrize("kind", ["u1", "<i2", ">i2"])
+def test_a_binary_file_puts_none_of_its_bytes_into_a_message(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "axis.dat"
+    for head in (b"", b"time (s),x (nm)\n" + b"0,1\n1,2\n2,3\n" * 3000):
+        samples = 180 + 70 * np.sin(0.1 * np.arange(4000))
+        path.write_bytes(head + samples.astype(kind).tobytes().replace(b"\n", b""))
+        with pytest.raises(MeasurementError) as refused:
+            read_measurement(path)
+        text = str(refused.value).replace(str(path), "")
+        assert text.isascii(), text
+        assert not any(name in text for name in ("\\x", "\\u")), text
+
+
+@pytest.mark.parametrize("unit", ["V", "furlong"])
+def test_a_voltage_of_the_actuator_needs_no_scale(unit: str, tmp_path: Path) -> None:
+    path = tmp_path / "axis.csv"
+    rows = [f"{k},{2 * k},{k % 10}" for k in range(40)]
+    path.write_text("\n".join([f"t (ms),x (nm),drive ({unit})", *rows]))
+    assert read_measurement(path).voltage is None
+    found = read_measurement(path, Reading(columns={"voltage": "drive"}))
+    assert found.u is None
+    assert found.x[1] == pytest.approx(2e-9)
+    part = found.between(0.0105, 0.0125)
+    assert part.voltage is not None
+    assert part.voltage.tolist() == [1.0, 2.0]
 
 
 @pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])

@@ -41,6 +41,12 @@ def test_every_form_is_the_motion_of_the_file(motion: ss.Motion, form: str) -> N
     np.testing.assert_allclose(read.x, motion.x, rtol=0.0, atol=1e-15)
 
 
+def test_a_motion_is_read_already(motion: ss.Motion) -> None:
+    assert ss.read_measurement(motion) is motion
+    with pytest.raises(ss.MeasurementError, match="is a Motion, which is read already; give it al"):
+        ss.read_measurement(motion, units="x=nm")
+
+
 def test_a_loop_in_a_table_is_identified() -> None:
     volts = 240.0 * np.abs(np.linspace(-1.0, 1.0, 401))
     table = pd.DataFrame({"voltage (V)": volts, "deflection (nm)": 0.9 * volts})
@@ -56,6 +62,8 @@ def test_a_loop_in_a_table_is_identified() -> None:
         ((5,), "int 5 is no measurement; expected is a file"),
         ((np.arange(40.0),), "is no measurement; expected is"),
         ((np.arange(40.0), "x"), "position is str 'x', no numbers"),
+        ((np.arange(40.0), 1j * np.arange(40.0)), "holds complex numbers; expected is one real"),
+        ((pd.DataFrame({"t (s)": range(40), "x (m)": 40 * ["a"]}),), "x .m. holds objects; expec"),
         ((np.arange(40.0), np.arange(39.0)), "position has 39 samples and time has 40"),
         ((np.arange(40.0), np.zeros((40, 2))), r"position has shape \(40, 2\)"),
         ((pd.DataFrame({"a": np.arange(40.0), "b": np.arange(40.0)}),), "states no unit"),
