@@ -19,6 +19,7 @@ import io
 import lzma
 import re
 import zlib
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -45,22 +46,15 @@ _PROGRESS: dict[str, Any] = {"unit": "B", "unit_scale": True, "delay": 0.5, "dis
 _GROWS, _ROW = 5, 300
 #: Lines longer than this are of no table.
 _LONGEST = 100_000
-_PACKED: dict[bytes, Callable[..., Any]] = {
-    b"\x1f\x8b": gzip.open,
-    b"BZh": bz2.open,
-    b"\xfd7zXZ": lzma.open,
-}
+_PACKED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 _MARKS = {
     b"\xff\xfe\0\0": "utf-32", b"\0\0\xfe\xff": "utf-32", b"\xff\xfe": "utf-16",
     b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig",
 }  # fmt: skip
-#: Characters that texts hardly have, and the share of them that is none any more; share of ASCII
-#: in the numbers of an instrument that writes µ in one byte.
-_NO_TEXT, _MOST_ODD, _LEAST_PLAIN = (
-    re.compile(r"[\0-\x08\x0e-\x1a\x1c-\x1f\x7f-\x9f\ufffd]"),
-    0.02,
-    0.7,
-)
+#: Characters that texts hardly have.
+_NO_TEXT = re.compile(r"[\0-\x08\x0e-\x1a\x1c-\x1f\x7f-\x9f\ufffd]")
+#: Share of them that is no text any more; share of ASCII where µ is one byte, or all are two.
+_MOST_ODD, _LEAST_PLAIN = 0.02, 0.7
 #: Share of rows that may be words before the table is taken for something else; so many lines of
 #: words are read before that is judged.
 _MOST_WORDS, _FEW_WORDS = 0.1, 20_000
@@ -90,58 +84,37 @@ def encoding_of(start: bytes) -> str | None:
     return None
 
 
-class _Unpacked(io.RawIOBase):
-    """Bytes of a packed file, as many as it is allowed to unpack to."""
-
-    def __init__(self, inner: Any, allowance: Allowance) -> None:
-        self._inner, self._allowance = inner, allowance
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        found = self._inner.read(len(buffer))
-        # A row of single digits takes 8 bytes a number where it took 2.
-        self._allowance.spend(_GROWS * len(found) + _ROW * found.count(b"\n"))
-        buffer[: len(found)] = found
-        return len(found)
-
-
 @contextmanager
 def _open(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Open the file and its unpacked form.
-
-    Raises ReadError if it unpacks to too much, MeasurementError if it cannot be unpacked.
-    """
+    """Open the file and its unpacked form. Raises MeasurementError if it cannot be unpacked."""
     with open_regular(path) as file:
         start = file.read(6)
         file.seek(0)
         unpack = next((one for mark, one in _PACKED.items() if start.startswith(mark)), None)
-        if unpack is None:
-            yield file, file
-            return
         try:
-            with unpack(file) as inner:
-                yield file, io.BufferedReader(_Unpacked(inner, Allowance(path)))
+            yield file, unpack(file) if unpack else file
         except (EOFError, zlib.error, lzma.LZMAError) as error:
             raise MeasurementError(f"it cannot be unpacked: {error}") from None
 
 
 def _blocks_of(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
-    """Yield lists of lines, and whether they are the last; show the progress on a terminal."""
-    size, about = path.stat().st_size, f"reading {path.name}"
+    """Yield lists of lines, and whether they are the last; show the progress on a terminal.
+
+    Raises MeasurementError for lines of no table, ReadError if it unpacks to too much.
+    """
+    size, about, allowance = path.stat().st_size, f"reading {path.name}", Allowance(path)
     with _open(path) as (file, inner), tqdm(total=size, desc=about, **_PROGRESS) as bar:
         text = io.TextIOWrapper(inner, encoding, errors="replace", newline=None)
         rest, block = "", text.read(_BLOCK)
         while block:
             following = text.read(_BLOCK)
+            # A row of single digits takes 8 bytes a number where it took 2.
+            allowance.spend(_GROWS * len(block) + _ROW * block.count("\n"))
             lines = (rest + block).split("\n")
             rest = lines.pop() if following else ""
             if max(map(len, (rest, *lines))) > _LONGEST:
-                raise MeasurementError(
-                    f"a line has more than {_LONGEST} characters; write each sample on a line of "
-                    "its own"
-                )
+                cure = "write each sample on a line of its own"
+                raise MeasurementError(f"a line has more than {_LONGEST} characters; {cure}")
             yield lines, not following
             bar.update(max(0, file.tell() - bar.n))
             block = following
@@ -351,23 +324,24 @@ def _description(path: Path, layout: Layout) -> list[str]:
             text = file.read().decode("utf-8", "replace")
     except (OSError, ReadError):
         return []
-    pairs = (line.partition(":")[::2] for line in text.splitlines())
-    facts = {key: value.rstrip(":").split(":") for key, value in pairs}
-    if "XStart" not in facts or "SignalResolution" not in facts:
+    facts = defaultdict[str, list[str]](lambda: [""])
+    for line in text.splitlines():
+        key, _, value = line.partition(":")
+        facts[key] = value.rstrip(":").split(":")
+    if facts["XStart"] == [""] or facts["SignalResolution"] == [""]:
         return []
-    names = [f"{facts.get('Source', [''])[0]} ({facts.get('BaseUnit', [''])[0]})"]
-    if facts.get("MultiChannelExport", ["Off"])[0] == "On":
-        rows = (facts.get(f"MultiChannel{key}", [])[1:]
-                for key in ("ExportState", "Source", "ViewUnit"))  # fmt: skip
-        names = [f"{name} ({unit})" for state, name, unit in zip_longest(*rows, fillvalue="")
-                 if state == "On" and name]  # fmt: skip
+    names = [f"{facts['Source'][0]} ({facts['BaseUnit'][0]})"]
+    if facts["MultiChannelExport"][0] == "On":
+        about = ("MultiChannelExportState", "MultiChannelSource", "MultiChannelViewUnit")
+        channels = zip_longest(*(facts[key][1:] for key in about), fillvalue="")
+        names = [f"{name} ({unit})" for state, name, unit in channels if state == "On" and name]
     clock = []
     if len(layout.kinds) == len(names) + 1:
         names = ["time (s)", *names]
     # Of several acquisitions one after the other, nothing says when they were.
-    elif facts.get("NumberOfAcquisitions", ["1"])[0] == "1":
+    elif facts["NumberOfAcquisitions"][0] in ("", "1"):
         keys = {"start": "XStart", "increment": "SignalResolution", "points": "SignalRecordLength"}
-        clock = [f"{key}: {facts.get(name, ['0'])[0]}" for key, name in keys.items()]
+        clock = [f"{key}: {facts[name][0]}" for key, name in keys.items()]
     return [*clock, (layout.delimiter or "").join(names)] if len(names) == len(layout.kinds) else []
 
 
