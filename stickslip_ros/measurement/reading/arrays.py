@@ -33,7 +33,10 @@ _UNITS = ("units", "unit", "Units", "Unit", "unit_string", "YUnits")
 _STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
 _STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
 #: What h5py says of a file that another program writes, or was writing when it crashed.
-_BEING_WRITTEN = ("unable to lock file", "already open for write")
+_BEING_WRITTEN = dict.fromkeys(
+    ("unable to lock file", "already open for write"),
+    "it is still open for writing; close the writer (after a crash, h5clear -s makes it readable)",
+)
 #: A MATLAB file is broken if it takes longer: seconds, and those for each byte of its arrays.
 _PATIENCE, _PATIENCE_A_BYTE = 8.0, 1e-8
 #: Memory (bytes) of the interpreter and its libraries; copies of the arrays beside it.
@@ -154,19 +157,8 @@ def read_hdf5(path: Path) -> Table:
         unit = next((str(facts[key]) for key in _UNITS if key in facts), None)
         found.extend(columns_in(name, item[()], unit, _clock(facts)))
 
-    open_regular(path).close()
-    with asking("HDF5"):
-        try:
-            file = h5py.File(path, "r")
-        except OSError as error:
-            if any(words in str(error) for words in _BEING_WRITTEN):
-                raise MeasurementError(
-                    "it is still open for writing; close the writer (after a crash, h5clear -s "
-                    "makes it readable)"
-                ) from None
-            raise
-        with file:
-            file.visititems(take)
+    with asking("HDF5", _BEING_WRITTEN), h5py.File(path, "r") as file:
+        file.visititems(take)
     return Table.of(found)
 
 
@@ -206,9 +198,6 @@ def _clock(facts: Mapping[str, Any]) -> Clock | None:
 
 def read_mat(path: Path) -> Table:
     """Return the variables of a MATLAB file. Raises MeasurementError and OSError."""
-    with open_regular(path) as file:
-        if b"MATLAB 7.3" in file.read(32):
-            return read_hdf5(path)
     with tempfile.TemporaryDirectory(prefix="stickslip-") as folder:
         out, allowance = Path(folder, "variables"), Allowance(path)
         patience = _PATIENCE + _PATIENCE_A_BYTE * allowance.left

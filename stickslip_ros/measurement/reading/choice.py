@@ -191,18 +191,16 @@ def _named(table: Table, wanted: str) -> Column:
     """Return the column with a name or a number. Raises MeasurementError."""
     plain = wanted.strip().lower()
     name, unit = name_and_unit(wanted)
-    for match in (
-        [c for c in table.columns if c.name.lower() == plain],
-        [c for c in table.columns if unit and (c.name.lower(), c.unit) == (name.lower(), unit)],
-        [c for c in table.columns if str(c.number) == plain],
-    ):
-        if len(match) > 1:
-            numbers = ", ".join(str(column.number) for column in match)
-            raise MeasurementError(
-                f"{len(match)} columns are named {wanted!r}; name one by its number: {numbers}"
-            )
-        if match:
-            return match[0]
+    match = [c for c in table.columns if c.name.lower() == plain]
+    match = match or [c for c in table.columns if unit and (c.name, c.unit) == (name, unit)]
+    match = match or [c for c in table.columns if str(c.number) == plain]
+    if len(match) == 1:
+        return match[0]
+    if match:
+        numbers = ", ".join(str(column.number) for column in match)
+        raise MeasurementError(
+            f"{len(match)} columns are named {wanted!r}; name one by its number: {numbers}"
+        )
     listed = ", ".join(map(str, table.columns[:20]))
     raise MeasurementError(f"there is no column {wanted!r}; the columns are: {listed}")
 

@@ -22,7 +22,8 @@ Reader = Callable[[Path], Table]
 _BY_START: tuple[tuple[bytes, Reader], ...] = (
     (rb"\x93NUMPY", arrays.read_npy),
     (rb"\x89HDF\r\n\x1a\n", arrays.read_hdf5),
-    (rb"MATLAB (5\.0|7\.3) MAT-file", arrays.read_mat),
+    (rb"MATLAB 5\.0 MAT-file", arrays.read_mat),
+    (rb"MATLAB 7\.3 MAT-file", arrays.read_hdf5),
     (rb"TDSm", instruments.read_tdms),
 )
 _BY_SUFFIX: dict[str, Reader] = {

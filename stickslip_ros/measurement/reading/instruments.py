@@ -15,7 +15,7 @@ import importlib
 import io
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -54,24 +54,23 @@ def library(module: str, what: str, package: str = "") -> Any:
 
 
 @contextlib.contextmanager
-def asking(kind: str) -> Iterator[None]:
-    """Turn errors of a library about a broken file into a MeasurementError; hide its output."""
-    said = io.StringIO()
-    with (
-        warnings.catch_warnings(),
-        contextlib.redirect_stdout(said),
-        contextlib.redirect_stderr(said),
-    ):
+def asking(kind: str, known: Mapping[str, str] = {}) -> Iterator[None]:
+    """Turn errors of a library about a broken file into a MeasurementError; hide its output.
+
+    known are sentences for errors that contain some words.
+    """
+    redirect, said = contextlib.redirect_stdout, io.StringIO()
+    with warnings.catch_warnings(), redirect(said), contextlib.redirect_stderr(said):
         warnings.simplefilter("ignore")
         try:
             yield
-        except (MeasurementError, ReadError, KeyboardInterrupt):
+        except (MeasurementError, ReadError):
             raise
         except Exception as error:  # the libraries raise of every kind
-            text = " ".join(str(error).split())[:_LONGEST]
-            raise MeasurementError(
-                f"its {kind} cannot be read: {text or type(error).__name__}; export it as text"
-            ) from None
+            text = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
+            cannot = f"its {kind} cannot be read: {text}; export it as text"
+            said_of = (sentence for words, sentence in known.items() if words in str(error))
+            raise MeasurementError(next(said_of, cannot)) from None
 
 
 def _even_clock(times: Any, stated: float = 0.0) -> Clock:

@@ -156,12 +156,12 @@ def _tries(
 
 def _commonest(rows: dict[int, str]) -> tuple[bool, int, str]:
     """Return whether the commonest row is free of words, how many lines have it, its kinds."""
-    counts = Counter(len(kinds) for kinds in rows.values() if "w" not in kinds)
-    width, lines = max(counts.items(), key=lambda one: (one[1], one[0]), default=(0, 0))
+    free = [kinds for kinds in rows.values() if "w" not in kinds]
+    lines, width = max((n, width) for width, n in [*Counter(map(len, free)).items(), (0, 0)])
     if lines >= _FEWEST:
-        whole = [kinds for kinds in rows.values() if len(kinds) == width and "w" not in kinds]
-        columns = (Counter("".join(column).replace("e", "")) for column in zip(*whole, strict=True))
-        return True, lines, "".join(max(one, key=one.__getitem__, default="e") for one in columns)
+        columns = zip(*(kinds for kinds in free if len(kinds) == width), strict=True)
+        usual = (Counter(column).most_common() for column in columns)
+        return True, lines, "".join(next((k for k, _ in one if k != "e"), "e") for one in usual)
     forms = Counter(kinds.replace("e", "n") for kinds in rows.values())
     form, lines = max(forms.items(), key=lambda one: (one[1], _numbers(one[0])), default=("", 0))
     return False, lines, form
@@ -184,16 +184,15 @@ def _first(lines: Sequence[str], found: Layout, rows: dict[int, str]) -> int:
         here = {kinds[k] for k in wanted}
         return "w" not in here and bool(here & {"n", "s"})
 
+    def goes_on(index: int) -> bool:
+        following = range(index, min(index + _FOLLOWING, len(lines)))
+        fitting = [fits(k) for k in following if lines[k].strip()]
+        return sum(fitting) >= _MOST * len(fitting)
+
     like = sorted(k for k, kinds in rows.items() if len(kinds) == width)
     fitting = [k for k in like if fits(k)]
-    first = (fitting or like)[0]
     # Numbers in a preamble are rows only if the lines after them are rows, too.
-    for start in fitting:
-        end = min(start + _FOLLOWING, len(lines))
-        following = [k for k in range(start, end) if lines[k].strip()]
-        if sum(fits(k) for k in following) >= _MOST * len(following):
-            first = start
-            break
+    first = next(filter(goes_on, fitting), (fitting or like)[0])
     while first > 0 and fits(first - 1) and not lines[first - 1].strip().startswith(COMMENTS):
         first -= 1
     return first
