@@ -60,7 +60,7 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
 def reading_of(args: argparse.Namespace) -> Reading:
     """Return how the options say that a file is read. Raises UsageError, MeasurementError."""
     from stickslip_ros.measurement.reading import Reading
-    from stickslip_ros.measurement.reading.options import pairs
+    from stickslip_ros.measurement.reading.choice import pairs
 
     angle = getattr(args, "sensor_angle", 0.0)
     if not -85.0 <= angle <= 85.0:

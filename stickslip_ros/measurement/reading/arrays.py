@@ -8,6 +8,7 @@ MATLAB's files are read in a process of their own: a broken one can crash SciPy'
 
 from __future__ import annotations
 
+import importlib
 import math
 import os
 import pickle
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.opening import Allowance, open_regular
-from stickslip_ros.measurement.reading.instruments import asking, library
+from stickslip_ros.measurement.reading.instruments import LONGEST_MESSAGE, asking
 from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementError, Table
 
 #: Matrices with more columns are no tables.
@@ -41,31 +42,26 @@ _BEING_WRITTEN = dict.fromkeys(
 _PATIENCE, _PATIENCE_A_BYTE = 8.0, 1e-8
 #: Memory (bytes) of the interpreter and its libraries; copies of the arrays beside it.
 _INTERPRETER, _COPIES = 600_000_000, 3
-#: Reads the file named first and leaves its arrays, or what is wrong, in the one named second. The
-#: others limit memory (bytes) and time (s), where the system can. Objects, texts and lists of cells
-#: are no columns.
+#: Reads the file named first and leaves its arrays in the one named second. The others limit memory
+#: (bytes) and time (s), where the system can. Objects, texts and lists of cells are no columns.
 _CHILD = """
 import sys
 sys.path[:1] = []  # the folder that we happen to be in
 import pickle, warnings
+import numpy, scipy.io
 warnings.simplefilter("ignore")
 try:
-    import numpy, scipy.io
-    try:
-        import resource
-        resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
-        resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[4]),) * 2)
-    except ImportError:
-        pass
-    held = {
-        name: value
-        for name, value in scipy.io.loadmat(sys.argv[1]).items()
-        if type(value) is numpy.ndarray and (value.dtype.kind in "cfiu" or value.size == 1)
-        and not name.startswith("__")
-    }
-except BaseException as error:
-    held = " ".join(str(error).split())[:160] or type(error).__name__
-    held = None if isinstance(error, MemoryError) else held
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
+    resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[4]),) * 2)
+except ImportError:
+    pass
+held = {
+    name: value
+    for name, value in scipy.io.loadmat(sys.argv[1]).items()
+    if type(value) is numpy.ndarray and (value.dtype.kind in "cfiu" or value.size == 1)
+    and not name.startswith("__")
+}
 with open(sys.argv[2], "wb") as file:
     pickle.dump(held, file, 5)
 """
@@ -127,26 +123,22 @@ def _array(file: IO[bytes], size: int) -> NDArray[Any] | None:
         return None
     missing = file.tell() + math.prod(shape) * dtype.itemsize - size
     if missing:
-        what = "shorter" if missing > 0 else "longer"
-        raise MeasurementError(
-            f"its array cannot be read: it is {what} than its shape; write it anew"
-        )
+        what = f"it is {'shorter' if missing > 0 else 'longer'} than its shape"
+        raise MeasurementError(f"its array cannot be read: {what}; write it anew")
     file.seek(0)
     return np.asarray(form.read_array(file, allow_pickle=False))
 
 
 def read_hdf5(path: Path) -> Table:
     """Return the datasets of an HDF5 file. Raises MeasurementError and OSError."""
-    h5py = library("h5py", "HDF5 and MATLAB 7.3")
     found: list[Column] = []
     allowance = Allowance(path)
 
     def take(name: str, item: Any) -> None:
-        if not isinstance(item, h5py.Dataset) or name.startswith("#refs#"):
+        kind = getattr(item, "dtype", None)
+        if kind is None or kind.hasobject or kind.kind not in "cfiuV" or name.startswith("#refs#"):
             return
-        if item.dtype.kind not in "cfiuV" or item.dtype.hasobject or item.ndim > 3:
-            return
-        if item.shape is None or item.size < 2:
+        if item.shape is None or item.size < 2 or item.ndim > 3:
             return
         if item.external or item.is_virtual:
             raise MeasurementError(f"its {name} is kept in other files; copy it into this one")
@@ -157,7 +149,7 @@ def read_hdf5(path: Path) -> Table:
         unit = next((str(facts[key]) for key in _UNITS if key in facts), None)
         found.extend(columns_in(name, item[()], unit, _clock(facts)))
 
-    with asking("HDF5", _BEING_WRITTEN), h5py.File(path, "r") as file:
+    with asking("HDF5", _BEING_WRITTEN), importlib.import_module("h5py").File(path) as file:
         file.visititems(take)
     return Table.of(found)
 
@@ -204,19 +196,15 @@ def read_mat(path: Path) -> Table:
         limits = map(int, (_INTERPRETER + _COPIES * allowance.left, patience))
         command = [sys.executable, "-c", _CHILD, os.path.abspath(path), str(out), *map(str, limits)]
         one_thread = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}  # each reserves memory
-        try:
-            child = subprocess.run(
-                command, capture_output=True, check=False, env=one_thread,
-                timeout=10.0 * patience,  # of the clock: other work takes its time, too
-            )  # fmt: skip
+        try:  # the clock goes on while other programs work
+            child = subprocess.run(command, capture_output=True, env=one_thread, text=True,
+                                   errors="replace", timeout=10.0 * patience)  # fmt: skip
         except subprocess.TimeoutExpired:
             raise MeasurementError("its MATLAB variables take too long to read") from None
+        if "MemoryError" in child.stderr:
+            allowance.spend(allowance.left + 1)
         if child.returncode != 0 or not out.exists():
-            raise MeasurementError("its MATLAB variables are broken; export it anew")
+            said = " ".join(child.stderr.splitlines()[-1:])[:LONGEST_MESSAGE] or "they are broken"
+            raise MeasurementError(f"its MATLAB variables cannot be read: {said}; export it anew")
         allowance.spend(out.stat().st_size)
-        held = pickle.loads(out.read_bytes())  # written by our own program
-    if held is None:
-        allowance.spend(allowance.left + 1)
-    if isinstance(held, str):
-        raise MeasurementError(f"its MATLAB variables cannot be read: {held}; export it anew")
-    return _of_mapping(held)
+        return _of_mapping(pickle.loads(out.read_bytes()))  # written by our own program

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The quantities of a measurement, their columns, and the factors of these to SI units.
+"""What its user says of a measurement, its quantities, their columns, and factors to SI units.
 
 A quantity is found by the column given for it, by its usual names, or by a unit that no other
 column has. A question shows the first lines and the option that answers it.
@@ -7,20 +7,96 @@ column has. A question shows the first lines and the option that answers it.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
-from stickslip_ros.measurement.reading.options import Reading
 from stickslip_ros.measurement.reading.table import LONGEST_NAME, Column, MeasurementError, Table
 from stickslip_ros.measurement.reading.units import Unit, is_index, name_and_unit
-from stickslip_ros.physics.parameters.row import NUMBER
+from stickslip_ros.physics.parameters.row import NUMBER, read_quantity
 
 _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
 #: What a scale is per where the column has plain numbers.
 _COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample", "samples", "1"}
+#: Wavelengths (m) of light that interferometers use, ultraviolet to infrared.
+_LIGHT = (1e-7, 2e-5)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a measurement is read, where the file does not say it.
+
+    Each field takes what the option of its name takes, as text: ``Reading(units="x=nm")``.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)  #: name or number, from 1
+    units: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "nm"}
+    scale: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "-50nm/V"}
+    rate: float | None = None  #: Hz, in place of a column of time
+    angle: float = 0.0  #: between the sensor's axis and the motion, rad
+    #: of an interferometer, m: jumps by whole halves of it are taken out
+    wavelength: float | None = None
+    rows: tuple[int, int] | None = None  #: first and last row, from 1
+    decimal: str | None = None  #: sign of the table
+
+    def __post_init__(self) -> None:
+        """Turn texts into values, and hold these against their bounds; MeasurementError."""
+        for name in ("columns", "units", "scale"):
+            given = getattr(self, name)
+            if isinstance(given, str):
+                object.__setattr__(self, name, pairs(name, given))
+            elif not isinstance(given, Mapping):
+                raise MeasurementError(
+                    f'{name} is {given!r}; give a value for each key, such as {{"x": ...}}'
+                )
+        for name, read in _TEXTS.items():
+            try:
+                if isinstance(given := getattr(self, name), str):
+                    object.__setattr__(self, name, read(given))
+            except ValueError as error:
+                raise MeasurementError(f"{name}: {error}") from None
+        if self.rate is not None and not 0.0 < self.rate < math.inf:
+            raise MeasurementError(f"rate is {self.rate:g} Hz; it has to be above 0")
+        shortest, longest = _LIGHT
+        if self.wavelength is not None and not shortest <= self.wavelength <= longest:
+            raise MeasurementError(
+                f"the wavelength is {self.wavelength:g} m; that of an interferometer lies between "
+                f"{shortest:g} and {longest:g} m, such as 633nm"
+            )
+
+
+def pairs(name: str, *texts: str) -> dict[str, str]:
+    """Return the values by key of texts of an option, ``t=NAME,x=NAME``. MeasurementError."""
+    found = {}
+    for text in filter(None, texts):
+        for part in re.split(r",(?=\s*\w+=)", text):
+            key, sign, value = (piece.strip() for piece in part.partition("="))
+            if not sign or not value or not key:
+                raise MeasurementError(f"{name}: {text!r} is not of the form t=...,x=...")
+            found[key] = value
+    return found
+
+
+def _rows(text: str) -> tuple[int, int]:
+    """Return the first and the last row of a text such as ``1:5000`` or ``5001:``. ValueError."""
+    first, sign, last = text.partition(":")
+    if not sign or not all(part.strip().isdecimal() or not part for part in (first, last)):
+        raise ValueError(f"{text!r} is no range; write it as 1:5000 or 5001:")
+    rows = int(first or 1), int(last or sys.maxsize)
+    if not 1 <= rows[0] <= rows[1]:
+        raise ValueError(f"{text!r}: rows count from 1, and the last must not be before the first")
+    return rows
+
+
+_TEXTS: dict[str, Callable[[str], Any]] = {
+    "rows": _rows,
+    "rate": lambda text: read_quantity(text, "Hz"),
+    "wavelength": lambda text: read_quantity(text, "m"),
+}
 
 
 class Question(NamedTuple):

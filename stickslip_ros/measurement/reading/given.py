@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.measurement.reading.choice import Reading
 from stickslip_ros.measurement.reading.motion import ActuatorLoop, loop_of, motion_of
-from stickslip_ros.measurement.reading.options import Reading
 from stickslip_ros.measurement.reading.table import Column, MeasurementError, Table
 from stickslip_ros.simulation.motion import Motion
 

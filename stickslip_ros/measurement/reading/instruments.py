@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files read by external libraries: LabVIEW's TDMS, universal files, waveforms of oscilloscopes.
 
-A library is loaded when a file needs it; its errors become a MeasurementError.
+A library is loaded when a file needs it; its errors, or that it is not installed, become a
+MeasurementError.
 
 Oscilloscopes' own files (Rigol, Tektronix, LeCroy, Keysight, Siglent, ...) are read by RigolWFM,
 which takes every trace for volts over seconds. But a trace may also be a spectrum, a current or a
@@ -25,7 +26,7 @@ from stickslip_ros.base.opening import Allowance, ReadError, open_regular
 from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementError, Table
 
 #: Characters of a library's message that are shown.
-_LONGEST = 160
+LONGEST_MESSAGE = 160
 #: Steps of a waveform that differ by less than this share are one.
 _EVEN = 1e-3
 #: Quantities of a data set of universal file format 58, by its numbers.
@@ -36,21 +37,6 @@ _NO_TEXT = ("", "NONE")
 _HEAD = 65536
 #: Keysight's numbers of units.
 _KEYSIGHT = {1: "V", 2: "s", 4: "A", 5: "dB", 6: "Hz"}
-
-
-def library(module: str, what: str, package: str = "") -> Any:
-    """Import the library that reads what; package: its name for pip, if different.
-
-    The packages come with ``pip install stickslip_ros[formats]``. Raises MeasurementError.
-    """
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        package = package or module
-        raise MeasurementError(
-            f"{what} are read by {package}, which is not installed; install it with "
-            f"pip install {package}, or export the measurement as text"
-        ) from None
 
 
 @contextlib.contextmanager
@@ -66,8 +52,14 @@ def asking(kind: str, known: Mapping[str, str] = {}) -> Iterator[None]:
             yield
         except (MeasurementError, ReadError):
             raise
+        except ModuleNotFoundError as error:  # they come with pip install stickslip_ros[formats]
+            package = str(error.name).partition(".")[0]
+            raise MeasurementError(
+                f"{kind} is read by {package}, which is not installed; install it with pip install "
+                f"{package}, or export the measurement as text"
+            ) from None
         except Exception as error:  # the libraries raise of every kind
-            text = " ".join(str(error).split())[:_LONGEST] or type(error).__name__
+            text = " ".join(str(error).split())[:LONGEST_MESSAGE] or type(error).__name__
             cannot = f"its {kind} cannot be read: {text}; export it as text"
             said_of = (sentence for words, sentence in known.items() if words in str(error))
             raise MeasurementError(next(said_of, cannot)) from None
@@ -96,16 +88,17 @@ def _even_clock(times: Any, stated: float = 0.0) -> Clock:
 
 def read_tdms(path: Path) -> Table:
     """Return the channels of a LabVIEW TDMS file. Raises MeasurementError and OSError."""
-    nptdms = library("nptdms", "TDMS")
-    console, said = nptdms.log.log_manager.console_handler, io.StringIO()
-    before = console.setStream(said)
-    try:
-        with asking("TDMS"), nptdms.TdmsFile.open(path) as file:
-            found = list(_channels(file, Allowance(path)))
-    finally:
-        console.setStream(before)
+    said = io.StringIO()
+    with asking("TDMS"):
+        nptdms = importlib.import_module("nptdms")
+        before = nptdms.log.log_manager.console_handler.setStream(said)
+        try:
+            with nptdms.TdmsFile.open(path) as file:
+                found = list(_channels(file, Allowance(path)))
+        finally:
+            nptdms.log.log_manager.console_handler.setStream(before)
     faults = said.getvalue().splitlines()[:1]
-    notes = tuple(f"its TDMS is damaged: {text[:_LONGEST]}" for text in faults)
+    notes = tuple(f"its TDMS is damaged: {text[:LONGEST_MESSAGE]}" for text in faults)
     return Table.of(found, notes=notes)
 
 
@@ -129,10 +122,9 @@ def _channels(file: Any, allowance: Allowance) -> Iterator[Column]:
 
 def read_uff(path: Path) -> Table:
     """Return the functions of time in a universal file. Raises MeasurementError and OSError."""
-    pyuff = library("pyuff", "universal files")
     found: list[Column] = []
     with asking("universal file"):
-        file = pyuff.UFF(str(path))
+        file = importlib.import_module("pyuff").UFF(str(path))
         kinds = np.atleast_1d(file.get_set_types())
         for k in np.flatnonzero(kinds == 58).tolist():
             found += _function(file.read_sets(k))
@@ -171,11 +163,11 @@ def _function(data: Any) -> Iterator[Column]:
 
 def read_waveform(path: Path) -> Table:
     """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError."""
-    wfm = library("RigolWFM.wfm", "waveforms of oscilloscopes", "RigolWFM")
     with open_regular(path) as file:
         head = file.read(_HEAD)
     found: list[Column] = []
     with asking("waveform"):
+        wfm = importlib.import_module("RigolWFM.wfm")
         along, value, segments = _axes(path, head)
         if along is not None and along.lower() not in ("", "s", "sec", "second"):
             raise MeasurementError(f"its waveform is over {along}, not over time")

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import format_si
-from stickslip_ros.measurement.reading.choice import LOOP, MOTION, TIME, Quantity, choose
+from stickslip_ros.measurement.reading.choice import LOOP, MOTION, TIME, Quantity, Reading, choose
 from stickslip_ros.measurement.reading.formats import naming, open_table
-from stickslip_ros.measurement.reading.options import Reading
 from stickslip_ros.measurement.reading.table import (
     UTC,
     Clock,
