@@ -35,7 +35,7 @@ _STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
 _STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
 #: What h5py says of a file that another program writes, or was writing when it crashed.
 _BEING_WRITTEN = dict.fromkeys(
-    ("unable to lock file", "already open for write"),
+    ("temporarily unavailable", "GetLastError() = 33", "already open for write"),
     "it is still open for writing; close the writer (after a crash, h5clear -s makes it readable)",
 )
 #: A MATLAB file is broken if it takes longer: seconds, and those for each byte of its arrays.

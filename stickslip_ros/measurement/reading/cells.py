@@ -22,6 +22,8 @@ _STAMP = re.compile(
     r"(?P<half>[AaPp][Mm])?\s*(?P<zone>Z|UTC|(?P<sign>[+-])(?P<off>\d{2}):?(?P<by>\d{2}))?"
 )
 _DAY = 86400.0  #: s
+#: Unit of a column of dates or times of the day that have their offset from UTC.
+UTC = "UTC"
 
 
 def number_text(cell: str, decimal: str, grouped: bool = False) -> str | None:

@@ -256,11 +256,9 @@ def choose(
     for one in questions:
         options.setdefault(one.option, []).append(f"{one.key}={one.value}".lstrip("="))
     added = " ".join(f"--{option} {','.join(values)}" for option, values in options.items())
-    texts = "; ".join(one.text for one in questions)
-    preview = f"it begins:\n{table.preview}\n" if table.preview else ""
-    raise MeasurementError(
-        f"{texts}; add, for example: {added}\n{preview}columns:\n{table.described()}"
-    )
+    text = "; ".join(one.text for one in questions) + f"; add, for example: {added}\n"
+    text += f"it begins:\n{table.preview}\n" if table.preview else ""
+    raise MeasurementError(f"{text}columns:\n{table.described()}")
 
 
 def _named(table: Table, wanted: str) -> Column:
@@ -378,13 +376,9 @@ def _is_time(column: Column) -> bool:
 
 def _is_abscissa(column: Column, table: Table) -> bool:
     """Return whether x is an abscissa, as in ``x,y``, and not a position."""
-    others = [other for other in table.columns if other is not column]
-    return (
-        column.name.lower() == "x"
-        and column.number == 1
-        and column.dimension is None
-        and not any(_is_time(other) or other.clock for other in others)
-    )
+    first = column.name.lower() == "x" and column.number == 1 and column.dimension is None
+    others = (other for other in table.columns if other is not column)
+    return first and not any(_is_time(other) or other.clock for other in others)
 
 
 def _folder(column: Column) -> str:

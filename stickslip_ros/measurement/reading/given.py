@@ -25,22 +25,13 @@ _EXPECTED = (
 
 
 def given_motion(source: Any, *more: Any, how: Reading | None = None) -> Motion:
-    """Return the motion in arrays, a DataFrame or an xarray object.
+    """Return the motion in arrays, a DataFrame or an xarray object; a Motion is one already.
 
-    Parameters
-    ----------
-    source : Motion, array_like, DataFrame, Dataset or DataArray
-        Times in s, with the others in more; or one object with times and positions as its columns,
-        index or coordinates. Units stand in the names (``x (nm)``) or the attribute ``units``.
-    *more : array_like
-        Positions in m and, where it was measured, the actuator's deflection in m, (samples,).
-    how : Reading, optional
-        What the object does not say, as of a file.
-
-    Raises
-    ------
-    MeasurementError
-        There is no motion in them; the message says what was expected.
+    source: times in s, (samples,), with positions and, where it was measured, the deflection of the
+    actuator in m in more; or one object with times and positions as its columns, index or
+    coordinates. Units stand in the names (``x (nm)``) or the attribute ``units``.
+    how: what the object does not say, as of a file.
+    Raises MeasurementError: there is no motion in them; the message says what was expected.
     """
     how = how or Reading()
     if isinstance(source, Motion):

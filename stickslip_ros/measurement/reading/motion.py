@@ -13,16 +13,10 @@ from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import format_si
+from stickslip_ros.measurement.reading.cells import UTC
 from stickslip_ros.measurement.reading.choice import LOOP, MOTION, TIME, Quantity, Reading, choose
 from stickslip_ros.measurement.reading.formats import naming, open_table
-from stickslip_ros.measurement.reading.table import (
-    UTC,
-    Clock,
-    Column,
-    Loaded,
-    MeasurementError,
-    Table,
-)
+from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
 from stickslip_ros.measurement.steps.actuator_cycles import find_strokes
 from stickslip_ros.simulation.motion import Motion
 

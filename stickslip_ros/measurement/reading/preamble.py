@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from stickslip_ros.measurement.reading.cells import has_offset, is_stamp
+from stickslip_ros.measurement.reading.cells import UTC, has_offset, is_stamp
 from stickslip_ros.measurement.reading.layout import Layout
-from stickslip_ros.measurement.reading.table import UTC, Clock, Column
+from stickslip_ros.measurement.reading.table import Clock, Column
 from stickslip_ros.measurement.reading.units import Unit, is_index, is_unit_cell, name_and_unit
 from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
 from stickslip_ros.physics.parameters.row import NUMBER
@@ -113,7 +113,7 @@ def _are_stamps(rows: list[list[str]]) -> bool:
         return False
     pairs = [(int(seconds), int(nanoseconds)) for seconds, nanoseconds in rows]
     steps = [after[0] - before[0] for before, after in pairwise(pairs)]
-    fine = 10**6 <= max(nanoseconds for _, nanoseconds in pairs) < 10**9
+    fine = 10**5 <= max(nanoseconds for _, nanoseconds in pairs) < 10**9
     return fine and pairs == sorted(pairs) and 2 * steps.count(0) >= len(steps)
 
 

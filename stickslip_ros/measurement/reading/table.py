@@ -20,8 +20,6 @@ LONGEST_NAME = 60
 _LARGEST, _LEAP = 40.0, 60.0
 #: Whole numbers from here on are not all held by a float.
 WHOLE = 2**53
-#: Unit of a column of dates or times of the day that have their offset from UTC.
-UTC = "UTC"
 #: Names of columns that number the samples.
 _INDICES = ("sample", "samples", "index", "no", "no.", "nr", "nr.", "n", "#", "row", "sequence",
             "sample number", "point", "field.header.seq")  # fmt: skip

@@ -172,6 +172,7 @@ class _Rows:
                 self._special[place] = reader
         self._parts = [np.empty((0, len(self._readers)))]
         self._count = self._seen = 0  # rows, lines
+        self._usual = 0  # characters of the shortest of the last lines
         self._first_word = ""
         self._breaks: list[int] = []  # rows before which a line of words is left out
         self._no_rows: list[int] = []  # lines from the first row on that are none
@@ -196,11 +197,11 @@ class _Rows:
         skip = max(0, self._layout.first - self._seen)
         first, self._seen = self._seen + skip, self._seen + len(lines)
         lines, rest = lines[skip:], lines[-1]
-        usual = min((len(line) for line in lines[-200:-1] if line), default=0)
-        if last and len(rest) < usual:
+        self._usual = min((len(line) for line in lines[-200:-1] if line), default=self._usual)
+        if last and len(rest) < self._usual:
             lines.pop()
         self._take(lines, first)
-        if last and 0 < len(rest) < usual:
+        if last and 0 < len(rest) < self._usual:
             self._leave_out(rest, self._seen - 1)
 
     def loaded(self) -> Loaded:
