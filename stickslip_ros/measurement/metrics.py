@@ -125,7 +125,12 @@ def pair_runs(
             found.append(RunPair.without_run(one, f"the run has no such steps: {why}"))
             continue
         whole = nearest_run(own, one.direction, begin, end) or partner
-        metrics = step_metrics(partner, one, motions.spacing, alignment.gain, limit, period)
+        others = [whole] if driven and whole.determined and whole.steps == partner.steps else []
+        compared = partner, one, motions.spacing, alignment.gain, limit, period
+        metrics = step_metrics(*compared, others)
+        if others and any(metric.differs for metric in metrics):
+            others += _with_noise(seen, noise_of(motions.measurement.x), partner)
+            metrics = step_metrics(*compared, others)
         count = metrics[-1]
         if not count.why_missing:
             part = _part_of_a_step(pairs, partner, one, begin, end)
@@ -176,6 +181,14 @@ def _driven_run(motions: MotionPair, seen: Motion, part: Motion, measured: Run) 
     return analyse_cycles(seen.t, seen.x, None, cycles, noise_of(motions.measurement.x))
 
 
+def _with_noise(seen: Motion, noise: float, run: Run) -> list[Run]:
+    """Return a run of steps as it is found in the motion seen with noise (m), if it is."""
+    x = seen.x + np.random.default_rng(1).normal(0.0, noise, len(seen.x))
+    found = runs_in(replace(seen, x=x), run.frequency)
+    one = nearest_run(found, run.direction, run.start, run.end)
+    return [one] if one and one.steps == run.steps else []
+
+
 def nearest_run(runs: Sequence[Run], direction: int, begin: float, end: float) -> Run | None:
     """Return the run with most time between begin and end (s), None if there is none."""
     shared = [
@@ -220,14 +233,23 @@ def _estimates(steps: Run, spacing: float) -> dict[str, MeasuredValue]:
 
 
 def step_metrics(
-    run: Run, measured: Run, spacing: float, gain: float, limit: float, period: float | None = None
+    run: Run,
+    measured: Run,
+    spacing: float,
+    gain: float,
+    limit: float,
+    period: float | None = None,
+    others: Sequence[Run] = (),
 ) -> list[ComparisonMetric]:
     """Return the metrics of one run of steps, and the number of its steps.
 
     spacing (s) is that of the samples, gain that of lengths of the measurement over those of the
     run, limit in standard errors; period (s) is that of the parameters that the run was made of.
+    others are the run of steps as all of its samples show it, or samples with noise: by as much as
+    these are apart, samples and noise of the measurement may be to blame.
     """
     of_run, of_measured = _estimates(run, spacing), _estimates(measured, spacing)
+    read_otherwise = [_estimates(one, spacing) for one in others]
     if period is not None:
         of_run["period"] = MeasuredValue(period, 0.0)
     doubts = dict.fromkeys((*run.doubts, *measured.doubts))
@@ -248,12 +270,14 @@ def step_metrics(
         elif not doubts.keys() <= {NO_REST}:  # two that are the same may be read as other cycles
             why = "not compared: the cycles are not sure, see steps"
         floor = row.floor * (1.0 if is_length else abs(first.value))
+        apart = [abs(first.value - one[row.name].value) for one in read_otherwise]
+        blurred = max(filter(math.isfinite, apart), default=0.0) if row.name != "period" else 0.0
         metrics.append(
             replace(
                 row,
                 run=first.value,
                 measured=scale * second.value,
-                tolerance=math.inf if why else max(limit * error, floor),
+                tolerance=math.inf if why else max(limit * error, floor) + blurred,
                 why_missing=why,
                 step=abs(run.step_size) if is_length else 0.0,
             )

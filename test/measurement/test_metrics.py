@@ -99,6 +99,16 @@ def test_a_length_by_a_wrong_gain_is_scaled_and_so_is_its_error() -> None:
     assert (step.measured, step.tolerance) == pytest.approx((1e-7, 3.0 * 0.5e-9))
 
 
+def test_a_tolerance_holds_what_the_samples_do_to_the_run() -> None:
+    """Of 57.6 nm that few samples show of a backstep of 87.1 nm, 89.0 nm measured differed."""
+    run, sensor = (_steps(mean_backstep=MeasuredValue(x, 2e-9)) for x in (57.6e-9, 89e-9))
+    whole = _steps(mean_backstep=MeasuredValue(87.1e-9, 0.0))
+    blurred = step_metrics(run, sensor, 1e-4, 1.0, 3.0, None, [whole])
+    for others, found in ((True, None), (False, True)):
+        metrics = blurred if others else step_metrics(run, sensor, 1e-4, 1.0, 3.0)
+        assert next(one.differs for one in metrics if one.name == "backstep") is found
+
+
 def test_of_two_runs_the_one_that_differs_more_is_shown() -> None:
     near, far = (ComparisonMetric("step size", "m", 1e-7, x, 1e-9) for x in (1.02e-7, 0.9e-7))
     for runs in ([[near], [far]], [[far], [near]]):
