@@ -26,7 +26,7 @@ from stickslip_ros.measurement.motion_pair import Alignment, MotionPair, Pairs
 from stickslip_ros.measurement.steps.actuator_cycles import cycles_of_actuator
 from stickslip_ros.measurement.steps.doubts import NO_REST
 from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
-from stickslip_ros.measurement.steps.measured_value import COVERAGE, MeasuredValue
+from stickslip_ros.measurement.steps.measured_value import COVERAGE
 from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, runs_of
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import TraceError
@@ -209,27 +209,25 @@ def significant(comparisons: int) -> float:
     return float(-scipy.special.ndtri(-0.5 * math.expm1(math.log1p(-chance) / comparisons)))
 
 
-def _estimates(steps: Run, spacing: float) -> dict[str, MeasuredValue]:
-    """Return each of `METRICS` of a run of steps; spacing (s) is that of its samples."""
-    damping_error = ringing_error = math.nan
-    if steps.ringing is not None:
-        ringing_error, damping_error = (
-            steps.ringing.frequency_error, steps.ringing.damping_ratio_error,
-        )  # fmt: skip
-        if not math.isfinite(ringing_error):  # of swings that are not known the decay is not, too
-            damping_error = math.nan
-        elif math.isinf(damping_error):
-            # It is that of the method, the same for both. Chance moves frequency and decay alike
-            # (the Cramer-Rao bounds of a damped oscillation).
-            damping_error = ringing_error / steps.ringing_frequency
-    # The first and the last slip give the period, each to about two samples.
-    return {
-        "period": MeasuredValue(steps.period, 2.0 * spacing / max(1, steps.steps - 1)),
-        "step size": MeasuredValue(steps.step_size, steps.step_size_error),
-        "backstep": MeasuredValue(steps.backstep, steps.backstep_error),
-        "ringing frequency": MeasuredValue(steps.ringing_frequency, ringing_error),
-        "damping ratio": MeasuredValue(steps.damping_ratio, damping_error),
-    }
+def _value(run: Run, row: ComparisonMetric) -> float:
+    """Return a metric of a run of steps, by the name that the run has for it."""
+    return float(getattr(run, row.name.replace(" ", "_")))
+
+
+def _error(run: Run, row: ComparisonMetric, spacing: float) -> float:
+    """Return its standard error, nan where that is unknown; spacing (s) is that of the samples."""
+    if row.name == "period":  # the first and the last slip give it, each to about two samples
+        return 2.0 * spacing / max(1, run.steps - 1)
+    if row.unit == "m":
+        return float(getattr(run, f"{row.name.replace(' ', '_')}_error"))
+    if run.ringing is None:
+        return math.nan
+    of_frequency, of_damping = run.ringing.frequency_error, run.ringing.damping_ratio_error
+    if row.unit == "Hz" or not math.isfinite(of_frequency):
+        return of_frequency  # of swings that are not known the decay is not, too
+    # An infinite one is that of the method, the same for both. Chance moves frequency and decay
+    # alike (the Cramer-Rao bounds of a damped oscillation).
+    return of_frequency / run.ringing_frequency if math.isinf(of_damping) else of_damping
 
 
 def step_metrics(
@@ -248,20 +246,18 @@ def step_metrics(
     others are the run of steps as all of its samples show it, or samples with noise: by as much as
     these are apart, samples and noise of the measurement may be to blame.
     """
-    of_run, of_measured = _estimates(run, spacing), _estimates(measured, spacing)
-    read_otherwise = [_estimates(one, spacing) for one in others]
-    if period is not None:
-        of_run["period"] = MeasuredValue(period, 0.0)
     doubts = dict.fromkeys((*run.doubts, *measured.doubts))
     swings = [one for one in (run.ringing_frequency, measured.ringing_frequency) if one > 0.0]
     folded = max(swings, default=0.0) * spacing > 0.5  # then samples show a slower swing
     metrics = []
     for row in METRICS:
-        first, second = of_run[row.name], of_measured[row.name]
-        scale = 1.0 / gain if row.scaled else 1.0
-        error = math.hypot(first.error, scale * second.error)
-        is_length, why = row.unit == "m", ""
-        if not math.isfinite(first.value + second.value):
+        scale, is_length, why = 1.0 / gain if row.scaled else 1.0, row.unit == "m", ""
+        first, second = _value(run, row), scale * _value(measured, row)
+        blurred = [abs(first - _value(one, row)) for one in others]
+        error = math.hypot(_error(run, row, spacing), scale * _error(measured, row, spacing))
+        if row.name == "period" and period is not None:
+            first, blurred, error = period, [], _error(measured, row, spacing)
+        if not math.isfinite(first + second):
             why = row.unseen
         elif folded and row.name in ("ringing frequency", "damping ratio"):
             why = "the samples are too far apart for the ringing: sample faster"
@@ -269,15 +265,14 @@ def step_metrics(
             why = "the record does not tell its uncertainty"
         elif not doubts.keys() <= {NO_REST}:  # two that are the same may be read as other cycles
             why = "not compared: the cycles are not sure, see steps"
-        floor = row.floor * (1.0 if is_length else abs(first.value))
-        apart = [abs(first.value - one[row.name].value) for one in read_otherwise]
-        blurred = max(filter(math.isfinite, apart), default=0.0) if row.name != "period" else 0.0
+        tolerance = max(limit * error, row.floor * (1.0 if is_length else abs(first)))
+        tolerance += max(filter(math.isfinite, blurred), default=0.0)
         metrics.append(
             replace(
                 row,
-                run=first.value,
-                measured=scale * second.value,
-                tolerance=math.inf if why else max(limit * error, floor) + blurred,
+                run=first,
+                measured=second,
+                tolerance=math.inf if why else tolerance,
                 why_missing=why,
                 step=abs(run.step_size) if is_length else 0.0,
             )

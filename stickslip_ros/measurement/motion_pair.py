@@ -109,18 +109,27 @@ class MotionPair:
 
         The finer motion is interpolated.
         """
+        t, x, finer, place = self._laid(alignment, every, 0.0)
+        other = finer.position_at(place)
+        both = (other, x) if self.on_measurement else (x, other)
+        return Pairs(t, *both, self.run.velocity_at(t))
+
+    def _laid(
+        self, alignment: Alignment, every: int, margin: float
+    ) -> tuple[Array, Array, Motion, Array]:
+        """Return the coarser motion by the clock of the run, the finer one, and the places in it.
+
+        Places (s) lie a margin (s) inside it.
+        """
         run, measurement = self.run, self.measurement
         if self.on_measurement:
-            t = alignment.run_time(measurement.t[::every])
-            inside = (t >= run.t[0]) & (t <= run.t[-1])
-            t = t[inside]
-            measured = measurement.x[::every][inside]
-            return Pairs(t, run.position_at(t), measured, run.velocity_at(t))
-        clock = alignment.measurement_time(run.t[::every])
-        inside = (clock >= measurement.t[0]) & (clock <= measurement.t[-1])
-        t = run.t[::every][inside]
-        measured = measurement.position_at(clock[inside])
-        return Pairs(t, run.x[::every][inside], measured, run.velocity_at(t))
+            t, x, finer = alignment.run_time(measurement.t[::every]), measurement.x[::every], run
+            place = t
+        else:
+            t, x, finer = run.t[::every], run.x[::every], measurement
+            place = alignment.measurement_time(t)
+        kept = (place >= finer.t[0] + margin) & (place <= finer.t[-1] - margin)
+        return t[kept], x[kept], finer, place[kept]
 
     @property
     def judges(self) -> int:
@@ -157,24 +166,16 @@ class MotionPair:
 
     def best_near(self, found: Alignment, reach: float, places: int, steps: Run) -> Alignment:
         """Return the best of some places within a reach (s) of an offset, by cycles of the run."""
-        run, every, shifts = self.run, self.judges, np.linspace(-reach, reach, places)
-        if self.on_measurement:
-            t, x, at = found.run_time(self.measurement.t[::every]), self.measurement.x, run
-            kept = (t >= run.t[0] + reach) & (t <= run.t[-1] - reach)
-            place, x, moves = t[kept], x[::every][kept], shifts
-            shown = place
-        else:
-            t, at = found.measurement_time(run.t[::every]), self.measurement
-            kept = (t >= at.t[0] + reach) & (t <= at.t[-1] - reach)
-            place, x, moves = t[kept], run.x[::every][kept], -shifts
-            shown = run.t[::every][kept]
-        if len(place) < _FEWEST:
+        t, x, finer, place = self._laid(found, self.judges, reach)
+        if len(t) < _FEWEST:
             return found
 
         def clean(columns: Array) -> Array:
-            return np.stack(without_slopes(shown, list(columns.T), steps), axis=1)
+            return np.stack(without_slopes(t, list(columns.T), steps), axis=1)
 
-        left = lay_over(place, x, at.position_at, moves, clean)
+        shifts = np.linspace(-reach, reach, places)
+        moves = shifts if self.on_measurement else -shifts
+        left = lay_over(place, x, finer.position_at, moves, clean)
         return replace(found, offset=found.offset + float(shifts[np.argmin(left)]))
 
 
