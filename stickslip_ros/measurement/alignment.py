@@ -71,9 +71,9 @@ def align(pair: MotionPair, fits: Fits, own: Sequence[Run], measured: Sequence[R
     main = max(measured, key=lambda one: one.steps, default=None)
     alike = [one for one in own if main is not None and one.direction == main.direction]
     if not fits.offset:
-        found = search.check_overlap(pair.unaligned)
+        found = pair.unaligned
     elif main is None or not alike:
-        found = search.fit_velocity(search.check_overlap(search.correlate()), None)
+        found = search.fit_velocity(search.correlate(), None)
     else:
         found = search.fit_steps(alike, main)
     return search.fit_sensor(found)
@@ -92,9 +92,12 @@ class ClockSearch:
         apart = pair.overlap(found) < SETTINGS.overlap * pair.shorter
         if apart or len(pair.at(found).t) < SETTINGS.samples:
             run, measured = pair.run.t, pair.measurement.t
+            cure = "let the clock offset be fitted"
+            if self.fits.offset:
+                cure = "check that both show the same motion, in the same direction"
             raise ComparisonError(
                 f"run ({run[0]:g} s to {run[-1]:g} s) and measurement ({measured[0]:g} s to "
-                f"{measured[-1]:g} s) hardly overlap; let the clock offset be fitted"
+                f"{measured[-1]:g} s) hardly overlap; {cure}"
             )
         return found
 
@@ -241,7 +244,7 @@ class ClockSearch:
 
     def fit_sensor(self, found: Alignment) -> Alignment:
         """Return the alignment with level and gain over the whole run. Raises ComparisonError."""
-        pairs, fits, gain = self.pair.at(found), self.fits, 1.0
+        pairs, fits, gain = self.pair.at(self.check_overlap(found)), self.fits, 1.0
         weight = pairs.weights
         mean_run, mean_measured = float(weight @ pairs.run), float(weight @ pairs.measured)
         if fits.gain:

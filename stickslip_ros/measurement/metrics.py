@@ -137,7 +137,7 @@ def pair_runs(
             if whole.steps == one.steps and part:
                 count = replace(COUNT, why_missing=part)
             else:
-                count = replace(count, run=float(whole.steps))
+                count = replace(count, run=whole.steps)
         found.append(RunPair(partner, one, [*metrics[:-1], count]))
     return found
 

@@ -169,6 +169,8 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
     assert rigid.drift == 0.0
     assert rigid.offset == pytest.approx(2e-4, abs=2e-5)
     assert 0.0 < found.offset_error < rigid.offset_error
+    with pytest.raises(ComparisonError, match="hardly overlap; check that both show the same"):
+        search(run, sensor).fit_velocity(replace(start, offset=1.0), None)  # nothing in common
     with pytest.raises(ComparisonError, match="no clock to fit"):
         search(Motion("run", T, np.zeros_like(T)), sensor).fit_velocity(start, None)
 
