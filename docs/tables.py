@@ -22,7 +22,7 @@ from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.client import AxisClient
 from stickslip_ros.emulator import CONTROLLERS, commands_of
-from stickslip_ros.measurement.metric_rows import METRICS
+from stickslip_ros.measurement.metric import METRICS
 from stickslip_ros.measurement.twin.recording import KNOWN, UNKNOWN
 from stickslip_ros.physics.parameters import PARAMETERS, NodeParameters
 from stickslip_ros.ros.nodes.own_parameters import OF_PROCESS

@@ -22,11 +22,11 @@ from stickslip_ros.cli.measurement_options import (
 )
 from stickslip_ros.cli.options import add_assignments, option, parameters_from, quantity
 from stickslip_ros.cli.outputs import add_outputs, check_outputs, put_out
-from stickslip_ros.measurement.verdict import LIMITS
+from stickslip_ros.measurement.metric import LIMITS
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
-    from stickslip_ros.measurement import Comparison, Judgement
+    from stickslip_ros.measurement import Comparison, ComparisonMetric
     from stickslip_ros.measurement.bags.load_motion import LoadedMotion
     from stickslip_ros.measurement.steps.run import Run
     from stickslip_ros.simulation.motion import Motion
@@ -63,7 +63,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.cli.pages.compared import comparison_page
-    from stickslip_ros.measurement import Fits, judge
+    from stickslip_ros.measurement import Fits
     from stickslip_ros.measurement.comparison import compare
 
     given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
     found = compare(simulation.motion, measurement, fits, args.filter, runs, period)
     say_doubts(measurement.source, runs or [])
-    judgements = judge(found, allowed)
+    judgements = found.judge(allowed)
     title = f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"
     shown = found, judgements, simulation
     put_out(
@@ -92,13 +92,14 @@ def run(args: argparse.Namespace) -> int:
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
         who = style_text("stickslip compare:", "bold red", sys.stderr)
-        print(f"{who} {judgement}", file=sys.stderr)
+        print(f"{who} {judgement.judgement}", file=sys.stderr)
     return 1 if exceeded else 0
 
 
-def _text(found: Comparison, judgements: Sequence[Judgement]) -> str:
+def _text(found: Comparison, judgements: Sequence[ComparisonMetric]) -> str:
     words = style_text("EXCEEDED", "bold red"), style_text("kept", "green")
-    return "\n".join([found.report(), *(f"{words[one.kept]}: {one}" for one in judgements)])
+    lines = [f"{words[one.kept]}: {one.judgement}" for one in judgements]
+    return "\n".join([found.report(), *lines])
 
 
 def _motions(
@@ -114,6 +115,7 @@ def _motions(
         is_parameter_file,
         load_motion,
     )
+    from stickslip_ros.simulation.sampling import PlannedRun
 
     if not args.simulation.suffix:  # a bag, or one of our parameter files by its name
         args.simulation = config_file(args.simulation)
@@ -138,7 +140,7 @@ def _motions(
             simulation = (
                 simulate_as_measured(p, measurement, seen.runs, name)
                 if args.steps is None
-                else simulate_motion(p, args.steps, name, period, 2.0 * period)
+                else simulate_motion(p, [PlannedRun(0.0, args.steps)], name, period, 2.0 * period)
             )
         loaded = LoadedMotion(simulation, None, p.flat(), __version__)
         return loaded, measurement, seen.runs, period
@@ -155,7 +157,7 @@ def _motions(
 
 
 def _content(
-    found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
+    found: Comparison, judgements: Sequence[ComparisonMetric], simulation: LoadedMotion
 ) -> dict[str, Any]:
     names = ("what", "found", "allowed", "kept")
     return {

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Aligns a measurement with a run: clock offset and drift, gain and zero of the sensor.
 
-The clock offset is found in three steps: cross-correlation of the velocities gives candidates, the
-remaining difference chooses one, and the times at which the slips begin refine it. Differences of
-the measured axis from the model must not bias the clock. So each cycle is compared without its mean
-and slope (position of the axis, size of the steps), and each motion has its own ringing. If ringing
-is not visible, the last step is least squares on the offset, with the velocity of the run as its
-derivative.
+Where both step, their first slips give the offset, and a run laid over the measurement at many
+offsets refines it; so do the times at which the slips begin. Otherwise cross-correlation of the
+velocities gives it, and least squares with the velocity of the run as their derivative refine it.
+Differences of the measured axis from the model must not bias the clock. So each cycle is compared
+without its mean and slope (position of the axis, size of the steps), and each motion has its own
+ringing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from stickslip_ros.measurement.motion_pair import (
 from stickslip_ros.measurement.onset import find_onset, thin_samples
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.ringing import Ringing
-from stickslip_ros.measurement.steps.run import Cycles, Run
+from stickslip_ros.measurement.steps.run import Run
 
 
 @dataclass(frozen=True)
@@ -36,88 +36,47 @@ class AlignmentSettings:
     """How the clock of a measurement is looked for."""
 
     grid: int = 2**20  #: samples of the cross-correlation at most
-    candidates: int = 40  #: that it, or whole periods, hand on
+    periods: int = 40  #: offsets whole periods apart that are tried at most
     as_good: float = 1.2  #: times the least difference that fits equally well
+    apart: float = 0.25  #: part of a period by which times in common differ
     samples: int = 16  #: in common, at least
     overlap: float = 0.05  #: part of the shorter motion in common, at least
     noise_only: float = 1.2  #: times the noise below which nothing but noise is left
-    #: Part of a period: the rest before the first step that pins the clock, and by which the times
-    #: from the first step to the last may differ.
-    rest: float = 0.2
     fewest: int = 8  #: distances of samples that the cross-correlation takes
-    #: Periods, or samples where no steps are seen, that candidates of it are apart.
-    apart: tuple[float, int] = (0.25, 5)
     dense: float = 0.05  #: swings of the ringing between samples of a trace
-    bent: float = 0.01  #: part by which another period of the ringing moves where it begins
-    missed: float = 2.0  #: times the difference that another first step has to leave
-    moved: float = 0.01  #: part of its stroke by which an actuator leaves a rest
-    reach: float = 0.55  #: part of a period about the start found in which the clock is looked for
-    places: int = 111  #: offsets tried there, a hundredth of a period apart
-    swings: float = 4.0  #: periods of the ringing about the best of them, tried in as many places
-    near: float = 2.0  #: distances of samples about an offset, for the right swing of the ringing
-    near_places: int = 41  #: offsets tried there
+    #: Where the clock is looked for about a place: part of a period, swings of the ringing, and
+    #: distances of samples; places tried in each.
+    reaches: tuple[float, float, float] = (0.55, 4.0, 2.0)
+    places: int = 111
+    about: float = 2.0  #: periods beside the steps in which it is
     rounds: int = 30  #: of least squares at most
     converged: float = 1e-9  #: change (s) that ends them: the runner moves by far less than noise
+    between: int = 3  #: rounds of the onsets of a run that is not known between its samples
+    straight: float = 0.05  #: part of a sample by which it moves where a slip begins then
+    bent: float = 0.01  #: part by which another period of the ringing moves where it begins
     periods_apart: float = 3.0  #: of the ringing in a cycle from which on it is seen by itself
     decays_apart: float = 2.0  #: the same of its decays
-    straight: float = 0.05  #: part of a sample by which a straight line moves where a slip begins
     still: float = 1e-12  #: part of the positions by which they differ at rest: by rounding
 
 
 SETTINGS = AlignmentSettings()
 
 
-def align(
-    pair: MotionPair,
-    fits: Fits,
-    run_steps: Run | None,
-    measured_steps: Run | None,
-    begun: Alignment | None = None,
-) -> Alignment:
-    """Find the alignment, near the one of `align_starts` if there is one.
+def align(pair: MotionPair, fits: Fits, own: Sequence[Run], measured: Sequence[Run]) -> Alignment:
+    """Find the alignment by the runs of steps in the run, and the main one of those measured.
 
-    The steps are None for a motion that has none. Raises ComparisonError where there is too little
-    in common.
+    Raises ComparisonError where there is too little in common.
     """
-    search = ClockSearch(pair, fits, run_steps, measured_steps)
-    start = pair.unaligned
-    return search.fit_sensor(
-        search.fit_clock(start, begun) if fits.offset else search.check_overlap(start)
-    )
-
-
-def align_starts(pair: MotionPair, measured: Sequence[Run]) -> Alignment | None:
-    """Return the offset at which both begin to step, None unless both show all steps after a rest.
-
-    Cycles look alike, and forward runs are like backward ones but for a slope; only the rest before
-    the first cycle identifies them.
-    """
-    u, main = pair.run.u, max(measured, key=lambda one: one.steps, default=None)
-    if u is None or main is None:
-        return None
-    begin, end = measured[0].start, measured[-1].end
-    away = np.abs(np.subtract.outer(u[[0, -1]], u)) > SETTINGS.moved * np.ptp(u)
-    if not away.any() or begin < pair.measurement.t[0] + SETTINGS.rest * main.period:
-        return None
-    first, last = pair.run.t[np.argmax(away[0])], pair.run.t[len(u) - 1 - np.argmax(away[1, ::-1])]
-    if abs(end - begin - (last - first)) > SETTINGS.rest * main.period:
-        return None
-    start = replace(pair.unaligned, offset=float(begin - first))
-    cycles = Cycles.even(start.run_time(main.slips), main.period, main.direction)
-    about = pair.measurement.between(main.start - 2.0 * main.period, main.end + 2.0 * main.period)
-    near = MotionPair(pair.run, about)
-    search, best, least = ClockSearch(near, Fits(), None, None), None, math.inf
-    for periods in (0.0, -1.0, 1.0):  # the search for steps may have missed the first one
-        moved = replace(start, offset=start.offset + periods * main.period)
-        found = search.best_near(moved, SETTINGS.reach * main.period, SETTINGS.places, cycles)
-        left = math.inf if found is None else near.difference(found, cycles)
-        if left * SETTINGS.missed < least:
-            best, least = found, left
-    if best is None or not main.ringing_frequency > 0.0:
-        return best
-    # Places further apart than half a period of the ringing may miss its right swing.
-    reach = SETTINGS.swings / main.ringing_frequency
-    return search.best_near(best, reach, SETTINGS.places, cycles)
+    search = ClockSearch(pair, fits)
+    main = max(measured, key=lambda one: one.steps, default=None)
+    alike = [one for one in own if main is not None and one.direction == main.direction]
+    if not fits.offset:
+        found = pair.unaligned
+    elif main is None or not alike:
+        found = search.fit_velocity(search.correlate(), None)
+    else:
+        found = search.fit_steps(alike, main)
+    return search.fit_sensor(found)
 
 
 @dataclass(frozen=True)
@@ -126,57 +85,27 @@ class ClockSearch:
 
     pair: MotionPair
     fits: Fits
-    run_steps: Run | None
-    measured_steps: Run | None
 
     def check_overlap(self, found: Alignment) -> Alignment:
         """Return an alignment itself. Raises ComparisonError if it brings too little together."""
         pair = self.pair
-        apart = pair.overlap(found) < SETTINGS.overlap * pair.durations[0]
+        apart = pair.overlap(found) < SETTINGS.overlap * pair.shorter
         if apart or len(pair.at(found).t) < SETTINGS.samples:
             run, measured = pair.run.t, pair.measurement.t
+            cure = "let the clock offset be fitted"
+            if self.fits.offset:
+                cure = "check that both show the same motion, in the same direction"
             raise ComparisonError(
                 f"run ({run[0]:g} s to {run[-1]:g} s) and measurement ({measured[0]:g} s to "
-                f"{measured[-1]:g} s) hardly overlap; let the clock offset be fitted"
+                f"{measured[-1]:g} s) hardly overlap; {cure}"
             )
         return found
 
-    def fit_clock(self, start: Alignment, begun: Alignment | None) -> Alignment:
-        """Return the alignment with offset and drift of the clock. Raises ComparisonError."""
-        steps = self.run_steps
-        found = self.check_overlap(begun or self._correlate(start))
-        near = max(self.pair.spacing, self.pair.durations[1] / SETTINGS.grid)
-        found = self.best_near(found, SETTINGS.near * near, SETTINGS.near_places, steps) or found
-        if steps is not None and begun is None:
-            found = self.choose_period(found, steps)
-        own, other = separate_ringing(steps), separate_ringing(self.measured_steps)
-        if steps is None or own is None or other is None:
-            return self.fit_velocity(found, steps)
-        found = self._fit_onsets(found, steps, own, other)
-        exact = self.fit_velocity(found, None)
-        # Where the run leaves nothing but noise, every sample fixes the clock.
-        noise = noise_of(self.pair.measurement.x)
-        return exact if self.pair.difference(exact) < SETTINGS.noise_only * noise else found
-
-    def _best(
-        self, candidates: Sequence[Alignment], steps: Run | Cycles | None = None
-    ) -> Alignment | None:
-        """Return the candidate that leaves the least difference; None if all are apart."""
-        judged = [(self.pair.difference(one, steps), one) for one in candidates]
-        least, best = min(judged, key=lambda one: one[0], default=(math.inf, None))
-        return best if math.isfinite(least) else None
-
-    def best_near(
-        self, found: Alignment, reach: float, places: int, steps: Run | Cycles | None = None
-    ) -> Alignment | None:
-        """Return the best of some places within a reach (s) of an offset; None if all are bad."""
-        shifts = np.linspace(-reach, reach, places).tolist()
-        return self._best([replace(found, offset=found.offset + one) for one in shifts], steps)
-
-    def _correlate(self, start: Alignment) -> Alignment:
-        """Return the candidate of the cross-correlation that leaves the least difference."""
-        pair, steps = self.pair, self.run_steps
-        spacing = max(pair.spacing, pair.durations[1] / SETTINGS.grid)
+    def correlate(self) -> Alignment:
+        """Return the alignment by the cross-correlation of the velocities."""
+        pair = self.pair
+        longest = max(pair.run.duration, pair.measurement.duration)
+        spacing = max(pair.spacing, longest / SETTINGS.grid)
         speeds = []
         for motion in (pair.measurement, pair.run):
             grid = np.arange(motion.t[0], motion.t[-1], spacing)
@@ -187,24 +116,42 @@ class ClockSearch:
                 "more often"
             )
         correlation = scipy.signal.correlate(*speeds, method="fft")
-        lags = scipy.signal.correlation_lags(*map(len, speeds)) * spacing
-        lags += pair.measurement.t[0] - pair.run.t[0]
-        cycles, samples = SETTINGS.apart
-        apart = max(1, round(cycles * steps.period / spacing if steps else samples))
-        candidates = []
-        for _ in range(SETTINGS.candidates):
-            best = int(np.argmax(correlation))
-            if not correlation[best] > 0.0:
-                break
-            candidates.append(replace(start, offset=float(lags[best])))
-            correlation[max(0, best - apart) : best + apart + 1] = -np.inf
-        found = self._best(candidates)
-        if found is None:
+        best = int(np.argmax(correlation))
+        if not correlation[best] > 0.0:
             raise ComparisonError(
                 "no clock offset brings run and measurement together; "
                 "check that both show the same motion, in the same direction"
             )
-        return found
+        lag = float(scipy.signal.correlation_lags(*map(len, speeds))[best]) * spacing
+        return replace(pair.unaligned, offset=lag + pair.measurement.t[0] - pair.run.t[0])
+
+    def fit_steps(self, alike: Sequence[Run], measured: Run) -> Alignment:
+        """Return the alignment of a measured run with one of the same direction."""
+        pair = self.pair
+        starts = [
+            (replace(pair.unaligned, offset=float(measured.slips[0] - one.slips[0])), one)
+            for one in alike
+        ]
+        found, run = min(starts, key=lambda one: pair.difference(one[0]))
+        period, swing = measured.period, 1.0 / (measured.ringing_frequency or math.nan)
+        margin = SETTINGS.about * period
+        part = pair.measurement.between(measured.start - margin, measured.end + margin)
+        near = MotionPair(pair.run, part)
+        for reach, size in zip(SETTINGS.reaches, (period, swing, near.spacing), strict=True):
+            if math.isfinite(size):
+                found = near.best_near(found, reach * size, SETTINGS.places, run)
+        if not measured.determined or run.steps != measured.steps:
+            found = self.choose_period(found, run)
+        self.check_overlap(found)
+        own, other = separate_ringing(run), separate_ringing(measured)
+        if own is None or other is None:
+            return self.fit_velocity(found, run)
+        for _ in range(SETTINGS.between if pair.run.v is None else 1):
+            found = self._fit_onsets(found, run, own, other)
+        exact = self.fit_velocity(found, None)
+        # Where the run leaves nothing but noise, every sample fixes the clock.
+        noise = noise_of(pair.measurement.x)
+        return exact if pair.difference(exact) < SETTINGS.noise_only * noise else found
 
     def choose_period(self, found: Alignment, steps: Run) -> Alignment:
         """Return the best of all offsets some periods apart.
@@ -212,22 +159,17 @@ class ClockSearch:
         Equal steps look alike; of offsets that fit as well, the one with the longest overlap wins.
         """
         pair, period = self.pair, steps.period
-        least = pair.difference(found)
-        reach = int(pair.durations[1] / period)
-        candidates = [
-            replace(found, offset=found.offset + k * period) for k in range(-reach, reach + 1)
-        ]
-        candidates.sort(
+        reach = int(max(pair.run.duration, pair.measurement.duration) / period)
+        moved = [replace(found, offset=found.offset + k * period) for k in range(-reach, reach + 1)]
+        moved.sort(
             key=lambda one: (
-                -round(pair.overlap(one) / (SETTINGS.apart[0] * period)),
-                abs(one.offset),
+                -round(pair.overlap(one) / (SETTINGS.apart * period)),
+                abs(one.offset - found.offset),
             )
         )
-        good = [
-            one
-            for one in candidates[: SETTINGS.candidates]
-            if pair.difference(one) <= SETTINGS.as_good * least
-        ]
+        left = [(pair.difference(one, steps), one) for one in moved[: SETTINGS.periods]]
+        least = min(one for one, _ in left)
+        good = [one for size, one in left if size <= SETTINGS.as_good * least < math.inf]
         if not good:
             return found
         return replace(good[0], other_offset=good[1].offset if len(good) > 1 else None)
@@ -268,7 +210,7 @@ class ClockSearch:
         return replace(
             found,
             offset=found.offset + in_measurement.shift - in_run.shift,
-            drift=found.drift + in_measurement.drift - in_run.drift,
+            drift=in_measurement.drift - in_run.drift,
             offset_error=math.hypot(in_measurement.shift_error, turned, bent, between),
         )
 
@@ -277,7 +219,7 @@ class ClockSearch:
         drift = self.fits.drift
         for _ in range(SETTINGS.rounds):
             found = self.fit_sensor(found)
-            pairs = self.pair.judged_at(found)
+            pairs = self.pair.at(found, self.pair.judges)
             rest = (pairs.measured - found.level) / found.gain - pairs.run
             columns = [-pairs.velocity]
             if drift:
@@ -302,7 +244,7 @@ class ClockSearch:
 
     def fit_sensor(self, found: Alignment) -> Alignment:
         """Return the alignment with level and gain over the whole run. Raises ComparisonError."""
-        pairs, fits, gain = self.pair.at(found), self.fits, 1.0
+        pairs, fits, gain = self.pair.at(self.check_overlap(found)), self.fits, 1.0
         weight = pairs.weights
         mean_run, mean_measured = float(weight @ pairs.run), float(weight @ pairs.measured)
         if fits.gain:
@@ -321,11 +263,9 @@ class ClockSearch:
         )
 
 
-def separate_ringing(steps: Run | None) -> Ringing | None:
+def separate_ringing(steps: Run) -> Ringing | None:
     """Return the ringing where it can be separated from the steps."""
-    if steps is None or not math.isfinite(steps.ringing_frequency):
-        return None
     periods, decays = steps.ringing_frequency * steps.period, steps.decay * steps.period
-    if periods < SETTINGS.periods_apart or decays < SETTINGS.decays_apart:
+    if not (periods >= SETTINGS.periods_apart and decays >= SETTINGS.decays_apart):
         return None
     return Ringing(steps.ringing_frequency, steps.decay)

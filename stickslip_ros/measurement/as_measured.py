@@ -20,33 +20,25 @@ from stickslip_ros.simulation.motion import Motion
 from stickslip_ros.simulation.readings import through_bandwidth
 from stickslip_ros.simulation.sampling import PlannedRun, trace_runs
 
-#: Samples in a period of ringing; runs of this many steps or more go without, to save memory.
-_DENSE, _MANY_STEPS = 40.0, 500
-#: Fewest such samples; cubic lines between them are a hundredth of a nanometre off.
-_SPARSE = 10.0
+#: Samples in a period of ringing, and fewest of them: cubic lines between those are a hundredth of
+#: a nanometre off. Runs of more steps have fewer, to save memory.
+_DENSE, _SPARSE, _MANY_STEPS = 40.0, 10.0, 500
 #: Steps whose samples fit into memory.
 _MOST_STEPS = 8000
 #: Part by which a frequency may differ from that of the parameters: the clocks' fault.
 _SAME = 0.01
-#: Fewest samples of a part of a cycle that say whether it steps
+#: Fewest samples of a part of a cycle that say whether it steps.
 _FEWEST = 8
 
 
 def simulate_motion(
-    p: Parameters,
-    runs: int | Sequence[PlannedRun],
-    source: str,
-    before: float = 0.0,
-    after: float = 0.0,
+    p: Parameters, runs: Sequence[PlannedRun], source: str, before: float, after: float
 ) -> Motion:
-    """Run steps from rest; before and after are times (s) of rest.
+    """Return the motion of runs of steps from rest; before and after are times (s) of rest.
 
-    runs are the steps (sign: direction) of one run, or several runs. The motion is seen through the
-    bandwidth of the sensor, if it has one, without noise and latency. MeasurementError if there are
-    no steps or too many, ParameterError.
+    It is seen through the bandwidth of the sensor, if it has one, without noise and latency.
+    MeasurementError if there are no steps or too many, ParameterError.
     """
-    if isinstance(runs, int):
-        runs = [PlannedRun(0.0, runs)]
     steps = sum(abs(run.steps) for run in runs)
     if not 0 < steps <= _MOST_STEPS or any(run.steps == 0 for run in runs):
         raise MeasurementError(
@@ -63,10 +55,9 @@ def simulate_as_measured(
     """Simulate the runs found in a measurement, its rests included and a period more on each side.
 
     Runs that are not determined are left out as in `determined_part`. A measurement that begins or
-    ends within a cycle is simulated so, too. Without runs, those that
-    its actuator shows are simulated. A run at the drive's frequency but for a small error has
-    exactly that of the parameters. Raises MeasurementError if nothing shows steps, and as
-    `simulate_motion` does.
+    ends within a cycle is simulated so, too. Without runs, those that its actuator shows are
+    simulated. A run at the drive's frequency but for a small error has exactly that of the
+    parameters. Raises MeasurementError if nothing shows steps, and as `simulate_motion` does.
     """
     measurement, runs = determined_part(measurement, runs or runs_of(measurement, []))
     if not runs:
@@ -74,23 +65,22 @@ def simulate_as_measured(
             f"no steps are found in {measurement.source}; give a measurement that shows some, or "
             "say how many to simulate (--steps)"
         )
+    own, margin = p.drive.frequency, 1.0 / p.drive.frequency
     first, last = float(measurement.t[0]), float(measurement.t[-1])
-    margin = 1.0 / p.drive.frequency
     begin, end = runs[0].start, runs[-1].end
     planned = [
         PlannedRun(
             run.start,
             run.direction * run.steps,
-            None if abs(run.frequency / p.drive.frequency - 1.0) < _SAME else run.frequency,
+            None if abs(run.frequency / own - 1.0) < _SAME else run.frequency,
         )
         for run in runs
     ]
     before, after = max(begin - first, 0.0) + margin, max(last - end, 0.0) + margin
     since, until = -math.inf, math.inf
     if _steps_in(measurement, first, begin, runs[0].period):
-        one = planned[0]
-        steps = one.steps + runs[0].direction
-        planned[0] = replace(one, start=begin - runs[0].period, steps=steps)
+        steps = planned[0].steps + runs[0].direction
+        planned[0] = replace(planned[0], start=begin - runs[0].period, steps=steps)
         before, since = 0.0, first - planned[0].start
     if _steps_in(measurement, end, last, -runs[-1].period):
         planned[-1] = replace(planned[-1], steps=planned[-1].steps + runs[-1].direction)

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,14 +21,14 @@ from stickslip_ros.base.reporting import (
 )
 from stickslip_ros.base.reporting.tables import Cell, frame
 from stickslip_ros.base.reporting.terminal import format_rows, style_text
-from stickslip_ros.measurement.metrics import (
+from stickslip_ros.measurement.alignment import align
+from stickslip_ros.measurement.metric import (
+    LIMITS,
+    WHOLE,
     ComparisonMetric,
-    RunPair,
-    align_runs,
     most_different,
-    pair_runs,
-    with_left_out,
 )
+from stickslip_ros.measurement.metrics import RunPair, pair_runs, runs_in
 from stickslip_ros.measurement.motion_pair import (
     ORDER,
     Alignment,
@@ -36,9 +36,9 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     low_pass,
 )
-from stickslip_ros.measurement.steps.motions import determined_part, runs_of
+from stickslip_ros.measurement.steps.motions import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
-from stickslip_ros.measurement.steps.run import Run
+from stickslip_ros.measurement.steps.run import Run, main_run
 from stickslip_ros.simulation.motion import Motion
 
 if TYPE_CHECKING:
@@ -104,6 +104,34 @@ class Comparison:
         """Steps of `main` in the measurement, None if there are none."""
         return self.main.measured
 
+    def judge(self, allowed: Mapping[str, float]) -> list[ComparisonMetric]:
+        """Return what is held against limits, by the names of `LIMITS`; SI units.
+
+        A metric has to be known in all runs of steps; of those that are, the worst is returned.
+        """
+        sizes = (self.rmse, self.step_rmse, self.shape_rmse, self.largest, self.normalised,
+                 self.alignment.offset)  # fmt: skip
+        whole = {row.name: size for row, size in zip(WHOLE, sizes, strict=True)}
+        found = []
+        for limit, row in LIMITS.items():
+            if limit not in allowed:
+                continue
+            if row.name in whole:
+                size = whole[row.name]
+                found.append(
+                    replace(row, run=0.0, measured=size, tolerance=0.0, allowed=allowed[limit])
+                )
+                continue
+            rows = []
+            for pair in self.pairs:
+                one = next(metric for metric in pair.metrics if metric.name == row.name)
+                doubts = "; ".join(pair.measured.doubts) if pair.measured else ""
+                if doubts and not math.isnan(one.difference):
+                    one = replace(one, why_missing=f"{pair.name}, is not determined: {doubts}")
+                rows.append(replace(one, allowed=allowed[limit]))
+            found.append(max(rows, key=lambda one: (bool(one.unknown), abs(one.difference))))
+        return found
+
     def notes(self) -> list[str]:
         """Return how the two were brought together, in words."""
         coarser = MotionPair(self.run, self.measurement).on_measurement
@@ -124,10 +152,12 @@ class Comparison:
                 "offsets the one with most time in common is taken"
             )
         notes += [
-            f"different number of steps: {int(one.run)} and {int(one.measured)}; the other values "
-            "are means of each, compared as far as both are settled"
-            for one in self.metrics
-            if one.name == "steps" and one.differs
+            f"different number of steps: {int(count.run)} and {int(count.measured)}; they are "
+            f"compared from {self.t[0]:.6g} s to {self.t[-1]:.6g} s of the run, where it makes "
+            f"{one.run.steps} of them; the other values are means of each, compared as far as both "
+            "are settled"
+            for one in self.pairs
+            if one.run is not None and (count := one.metrics[-1]).differs
         ]
         if len(self.pairs) > 1:
             notes += [f"{one.name}: {one.verdict}" for one in self.pairs]
@@ -161,12 +191,14 @@ class Comparison:
         names = ("metric", "run", "measured", "difference", "tolerance")
         lines = [format_rows(rows, 18), "", "{:<18} {:>12} {:>12} {:>12} {:>12}".format(*names)]
         for metric in self.metrics:
-            row = f"{metric.name:<18} {metric.verdict}"
-            if metric.differs is not None:
-                cells = " ".join(f"{text:>12}" for text in metric.texts)
-                word = ("DIFFERS", "bold red") if metric.differs else ("agrees", "green")
-                row = f"{metric.name:<18} {cells}  {style_text(*word)}"
-            lines.append(row)
+            row = f"{metric.name:<18} "
+            if math.isfinite(metric.tolerance):
+                row += " ".join(f"{text:>12}" for text in metric.texts) + "  "
+            styles = {True: ("DIFFERS", "bold red"), False: ("agrees", "green")}
+            differs = metric.differs
+            lines.append(
+                row + (metric.verdict if differs is None else style_text(*styles[differs]))
+            )
         return "\n".join([*lines, "", *self.notes()])
 
     @property
@@ -254,11 +286,12 @@ def compare(
     where the run was simulated at the frequency that the measurement shows.
     """
     found_runs = runs_of(measurement, runs)
-    measurement, shown_runs = determined_part(measurement, found_runs)
-    fits, motions = fits or Fits(), MotionPair(run, measurement, period)
-    alignment = align_runs(motions, fits, shown_runs)
+    measurement, shown = determined_part(measurement, found_runs)
+    fits, motions = fits or Fits(), MotionPair(run, measurement)
+    own = runs_in(run, main_run(shown).frequency) if shown else []
+    alignment = align(motions, fits, own, shown)
     pairs = motions.at(alignment)
-    run_pairs = pair_runs(motions, shown_runs, alignment, pairs)
+    run_pairs = pair_runs(motions, own, shown, alignment, pairs, period)
     if cutoff is not None:
         pairs = low_pass(pairs, cutoff)
     measured = (pairs.measured - alignment.level) / alignment.gain
@@ -275,12 +308,17 @@ def compare(
     # the shape: backstep, ringing, rise. Both are orthogonal.
     level = level_of_cycles(pairs.t, difference, slips, weights)
     of_steps = math.sqrt(float(weights @ level**2)) if len(slips) else math.nan
+    left_out, their = why_left_out(found_runs, shown), iter(run_pairs)
+    every_pair = [
+        RunPair.without_run(one, f"left out: {why}", left_out=True) if why else next(their)
+        for one, why in zip(found_runs, left_out, strict=True)
+    ]
     span = float(np.ptp(pairs.run))
     worst = int(np.argmax(np.abs(difference)))
     return Comparison(
         run=run,
         measurement=measurement,
-        pairs=with_left_out(run_pairs, found_runs, shown_runs),
+        pairs=every_pair or run_pairs,
         fits=fits,
         cutoff=cutoff,
         alignment=alignment,

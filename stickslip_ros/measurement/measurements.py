@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path
@@ -29,8 +28,7 @@ from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.measurement.reading.given import given_loop, given_motion
 from stickslip_ros.measurement.steps import motions as analyses
-from stickslip_ros.measurement.steps.motions import analyse_steps
-from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.motion import Motion
@@ -77,6 +75,11 @@ def read_measurement(path: MotionSource, *, joint: str | None = None, **how: Any
     >>> print(f"{len(motion.t)} samples over {motion.duration:.2f} s")
     14000 samples over 0.14 s
     """
+    if isinstance(path, Motion | SimulatedRun | Trace):
+        raise MeasurementError(
+            f"a {type(path).__name__} is a motion already; expected is a file, a DataFrame, a "
+            "Dataset, or times (s) and positions (m) as arrays"
+        )
     if not isinstance(path, str | PathLike):
         return given_motion(path, how=_reading(how))
     if is_parameter_file(Path(path)):
@@ -89,15 +92,20 @@ def read_measurement(path: MotionSource, *, joint: str | None = None, **how: Any
     ).motion
 
 
-def find_runs(measurement: MotionSource, frequency: float | None = None) -> list[Run]:
+def find_runs(
+    measurement: MotionSource,
+    frequency: float | Sequence[float] | None = None,
+    steps: int | Sequence[int] | None = None,
+) -> list[Run]:
     """Return the runs of steps in a measurement, from rest to rest, in the order of time.
 
     Parameters
     ----------
     measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
         The motion, a file of it, or a table or arrays (s, m) that hold it.
-    frequency : float, optional
-        Frequency of the drive, Hz, if it is known.
+    frequency, steps : float and int, or a sequence of them, optional
+        What is known of the drive: its frequency, Hz, and the number of steps that were sent, the
+        sign being the direction; one for all runs, or one a run.
 
     Returns
     -------
@@ -107,7 +115,7 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     Raises
     ------
     TraceError
-        The frequency is not above 0, or the record holds no whole cycle of it.
+        The drive cannot be as given, or the record holds no whole cycle of it.
 
     Examples
     --------
@@ -116,16 +124,16 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     >>> run.steps, round(run.frequency)
     (10, 100)
     """
-    motion = _motion(measurement)
+    motion, known = _motion(measurement), _frequency(Drive.given(frequency, steps))
     with announce_if_slow(SEARCH):
-        _check(frequency)
-        return analyses.find_runs(motion.t, motion.x, frequency)
+        return analyses.find_runs(motion.t, motion.x, known)
 
 
 def analyse(
     measurement: MotionSource,
     *arrays: ArrayLike,
-    frequency: float | None = None,
+    frequency: float | Sequence[float] | None = None,
+    steps: int | Sequence[int] | None = None,
     start: float | None = None,
     zero_amplitude: float | None = None,
 ) -> Run:
@@ -138,8 +146,8 @@ def analyse(
     *arrays : array_like
         Where times (s) are given in place of a measurement: positions (m) and, where it was
         measured, the actuator's deflection (m), each of shape (samples,).
-    frequency : float, optional
-        Frequency of the drive, Hz; found if it is not given.
+    frequency, steps : float and int, or a sequence of them, optional
+        What is known of the drive, as in `find_runs`.
     start : float, optional
         Time of the first cycle, s; found if it is not given.
     zero_amplitude : float, optional
@@ -153,7 +161,7 @@ def analyse(
     Raises
     ------
     TraceError
-        No steps are found, or the frequency is not above 0.
+        No steps are found, or the drive cannot be as given.
 
     Examples
     --------
@@ -162,12 +170,11 @@ def analyse(
     >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
     133.8 nm, ringing at 7549 Hz
     """
-    motion = _finest(measurement, *arrays)
-    _check(frequency)
+    motion, known = _finest(measurement, *arrays), _frequency(Drive.given(frequency, steps))
     with announce_if_slow(SEARCH):
-        return analyse_steps(
+        return analyses.analyse_steps(
             motion.t, motion.x, motion.u,
-            frequency=frequency, start=start, zero_amplitude=zero_amplitude,
+            frequency=known, start=start, zero_amplitude=zero_amplitude,
         )  # fmt: skip
 
 
@@ -177,6 +184,8 @@ def compare(
     *,
     fits: Fits | None = None,
     cutoff: float | None = None,
+    frequency: float | Sequence[float] | None = None,
+    steps: int | Sequence[int] | None = None,
 ) -> Comparison:
     """Return how a measurement differs from a run of the same motion.
 
@@ -191,6 +200,9 @@ def compare(
         Which corrections of clock and sensor are fitted.
     cutoff : float, optional
         Frequency of a low-pass filter on both, Hz.
+    frequency, steps : float and int, or a sequence of them, optional
+        What is known of the measurement's drive, as in `find_runs`; the frequency of parameters is
+        known by them.
 
     Returns
     -------
@@ -203,6 +215,8 @@ def compare(
         The two cannot be brought together.
     MeasurementError
         A file cannot be read.
+    TraceError
+        The drive cannot be as given.
 
     Examples
     --------
@@ -213,17 +227,23 @@ def compare(
     >>> print(f"rmse {1e9 * found.rmse:.1f} nm, noise of the sensor {1e9 * found.noise:.1f} nm")
     rmse 2.0 nm, noise of the sensor 2.0 nm
     """
-    measured = _finest(measurement)
+    measured, known = _finest(measurement), _frequency(Drive.given(frequency, steps))
     with report_compilation(), announce_if_slow("comparing"):
+        if hasattr(run, "data_vars"):  # a Dataset, which is a mapping, too
+            raise MeasurementError(
+                "a Dataset is no run; expected is a Motion, as read_measurement makes it of one, a "
+                "SimulatedRun, a Trace, Parameters, a mapping of them, or a file"
+            )
         if isinstance(run, Parameters | Mapping) or (
             isinstance(run, str | PathLike) and is_parameter_file(Path(run))
         ):
             p = Parameters.of(run)  # type: ignore[arg-type]
             period = 1.0 / p.drive.frequency
-            runs = analyses.find_runs(measured.t, measured.x, p.drive.frequency)
+            runs = analyses.find_runs(measured.t, measured.x, known or p.drive.frequency)
             simulated = simulate_as_measured(p, measured, runs, "simulation")
             return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
-        return comparisons.compare(_finest(run), measured, fits, cutoff)  # type: ignore[arg-type]
+        seen = analyses.runs_of(measured, frequency=known) if known else None
+        return comparisons.compare(_finest(run), measured, fits, cutoff, seen)
 
 
 def identify_actuator(
@@ -293,10 +313,9 @@ def _reading(how: Mapping[str, Any]) -> Reading:
     return Reading(**how)
 
 
-def _check(frequency: float | None) -> None:
-    """Raise TraceError for a frequency (Hz) that none can be."""
-    if frequency is not None and not 0.0 < frequency < math.inf:
-        raise TraceError(f"the frequency is {frequency:g} Hz; it has to be above 0")
+def _frequency(drive: Drive) -> float | None:
+    """Return the frequency (Hz) of all runs, where one is known."""
+    return drive.frequencies[0] if len(set(drive.frequencies)) == 1 else None
 
 
 def _finest(source: MotionSource, *arrays: ArrayLike) -> Motion:
@@ -313,6 +332,10 @@ def _motion(source: MotionSource, *arrays: ArrayLike) -> Motion:
         source = Motion.of_trace(source, "trace")
     if isinstance(source, str | PathLike):
         source = read_measurement(source)
+    if isinstance(source, Parameters | dict):
+        raise MeasurementError(
+            f"{type(source).__name__} is no measurement: compare takes parameters first, as the run"
+        )
     if not isinstance(source, Motion):
         return given_motion(source, *arrays)
     if arrays:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -12,9 +13,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.measurement.onset import cycle_of, detrend
-from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, runs_of
-from stickslip_ros.measurement.steps.record import TraceError
-from stickslip_ros.measurement.steps.run import Cycles, Run
+from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.simulation.motion import Motion
 
 #: Samples that candidates are judged by.
@@ -94,20 +93,6 @@ class MotionPair:
 
     run: Motion
     measurement: Motion
-    period: float | None = None  #: of the drive by its parameters, where a run is made of them, s
-
-    def runs_in(self, part: Motion, frequency: float) -> list[Run]:
-        """Return the runs of steps in a part of the run, sought at a frequency (Hz) first.
-
-        The actuator shows the cycles where the part has one. Raises TraceError.
-        """
-        if has_actuator(part.u):
-            return runs_of(part)
-        try:
-            found = find_runs(part.t, part.x, frequency)
-        except TraceError:
-            found = []
-        return found or find_runs(part.t, part.x)
 
     @property
     def on_measurement(self) -> bool:
@@ -124,29 +109,37 @@ class MotionPair:
 
         The finer motion is interpolated.
         """
+        t, x, finer, place = self._laid(alignment, every, 0.0)
+        other = finer.position_at(place)
+        both = (other, x) if self.on_measurement else (x, other)
+        return Pairs(t, *both, self.run.velocity_at(t))
+
+    def _laid(
+        self, alignment: Alignment, every: int, margin: float
+    ) -> tuple[Array, Array, Motion, Array]:
+        """Return the coarser motion by the clock of the run, the finer one, and the places in it.
+
+        Places (s) lie a margin (s) inside it.
+        """
         run, measurement = self.run, self.measurement
         if self.on_measurement:
-            t = alignment.run_time(measurement.t[::every])
-            inside = (t >= run.t[0]) & (t <= run.t[-1])
-            t = t[inside]
-            measured = measurement.x[::every][inside]
-            return Pairs(t, run.position_at(t), measured, run.velocity_at(t))
-        clock = alignment.measurement_time(run.t[::every])
-        inside = (clock >= measurement.t[0]) & (clock <= measurement.t[-1])
-        t = run.t[::every][inside]
-        measured = measurement.position_at(clock[inside])
-        return Pairs(t, run.x[::every][inside], measured, run.velocity_at(t))
-
-    def judged_at(self, alignment: Alignment) -> Pairs:
-        """Return both at enough of their samples to judge an alignment by."""
-        base = self.measurement if self.on_measurement else self.run
-        return self.at(alignment, max(1, len(base.t) // _JUDGES))
+            t, x, finer = alignment.run_time(measurement.t[::every]), measurement.x[::every], run
+            place = t
+        else:
+            t, x, finer = run.t[::every], run.x[::every], measurement
+            place = alignment.measurement_time(t)
+        kept = (place >= finer.t[0] + margin) & (place <= finer.t[-1] - margin)
+        return t[kept], x[kept], finer, place[kept]
 
     @property
-    def durations(self) -> tuple[float, float]:
-        """Those (s) of the shorter and of the longer one."""
-        first, second = sorted((self.run.duration, self.measurement.duration))
-        return first, second
+    def judges(self) -> int:
+        """Every n-th sample of the coarser one is enough to judge an alignment by."""
+        return max(1, len((self.measurement if self.on_measurement else self.run).t) // _JUDGES)
+
+    @property
+    def shorter(self) -> float:
+        """Duration (s) of the shorter one."""
+        return min(self.run.duration, self.measurement.duration)
 
     @property
     def spacing(self) -> float:
@@ -158,24 +151,56 @@ class MotionPair:
         first, last = alignment.run_time(self.measurement.t[[0, -1]])
         return float(min(last, self.run.t[-1]) - max(first, self.run.t[0]))
 
-    def difference(self, alignment: Alignment, steps: Run | Cycles | None = None) -> float:
+    def difference(self, alignment: Alignment, steps: Run | None = None) -> float:
         """Return the root mean square difference (m) without mean and slope; inf without overlap.
 
         With steps, mean and slope are those of each cycle.
         """
-        if self.overlap(alignment) < _OVERLAP * self.durations[0]:
+        if self.overlap(alignment) < _OVERLAP * self.shorter:
             return math.inf
-        pairs = self.judged_at(alignment)
+        pairs = self.at(alignment, self.judges)
         if len(pairs.t) < _FEWEST:
             return math.inf
         (rest,) = without_slopes(pairs.t, [pairs.measured - pairs.run], steps)
         return float(np.sqrt(np.mean(rest**2)))
 
+    def best_near(self, found: Alignment, reach: float, places: int, steps: Run) -> Alignment:
+        """Return the best of some places within a reach (s) of an offset, by cycles of the run."""
+        t, x, finer, place = self._laid(found, self.judges, reach)
+        if len(t) < _FEWEST:
+            return found
 
-def without_slopes(t: Array, columns: list[Array], steps: Run | Cycles | None) -> list[Array]:
+        def clean(columns: Array) -> Array:
+            return np.stack(without_slopes(t, list(columns.T), steps), axis=1)
+
+        shifts = np.linspace(-reach, reach, places)
+        moves = shifts if self.on_measurement else -shifts
+        left = lay_over(place, x, finer.position_at, moves, clean)
+        return replace(found, offset=found.offset + float(shifts[np.argmin(left)]))
+
+
+def without_slopes(t: Array, columns: list[Array], steps: Run | None) -> list[Array]:
     """Return columns without mean and slope, of each cycle where there are steps."""
     cycle = cycle_of(t, steps.slips, steps.period) if steps else np.zeros(len(t), dtype=np.int64)
     return detrend(t, columns, cycle)
+
+
+def lay_over(
+    t: Array,
+    x: Array,
+    model: Callable[[Array], Array],
+    shifts: Array,
+    clean: Callable[[Array], Array],
+) -> Array:
+    """Return what a model, laid over a record at some shifts (s), leaves: sums of squares, m^2.
+
+    t (s) and x (m) are the record, (samples,); model gives positions (m) at times (s); clean takes
+    out of differences, (samples, shifts), what an axis that is the same may differ by. The search
+    for the clock, in `compare` and in `identify`, takes the least.
+    """
+    shown = model((t[:, None] - shifts).ravel()).reshape(len(t), -1)
+    left = clean(x[:, None] - shown)
+    return np.asarray(np.sum(left * left, axis=0))
 
 
 def low_pass(pairs: Pairs, cutoff: float) -> Pairs:

@@ -6,8 +6,9 @@ With tau the time since the start of a slip, and omega and delta those of the ri
     x = -A (1 - exp(-delta tau) (cos(omega tau) - c delta / omega sin(omega tau))),
 
 beside the mean and the slope of each cycle. A purely elastic contact would give c = 1: the damping
-pushes, too. In a slip of the CEIM the asperities yield meanwhile, and c = 3 gives the same onset
-for runs that differ in damping only.
+pushes, too. In a slip the asperities yield meanwhile. Another c moves the onset by its difference
+times delta / omega^2. Of axes that differ in nothing but damping, c = 5 gives the same onset for
+most contacts, and c = 3 to 8 for nearly all.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.ringing import Ringing
 
 #: c above.
-PUSH = 3.0
-#: Range of the search as part of a period of the ringing, and places tried in it first.
-_ONSET_REACH, _ONSET_PLACES = 0.3, 13
+_PUSH = 5.0
+#: Part of a period of the ringing in which the onset is sought, and places tried in it first.
+_REACH, _PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
 _CYCLE_BEFORE = 0.3
 #: Approximate number of samples for the onsets, and number of their cycles if there are enough.
-_ONSET_SAMPLES, _ONSET_CYCLES = 20_000, 8
+_SAMPLES, _CYCLES = 20_000, 8
 #: So many samples of a swing show about where they are.
-_ONSET_SEEN = 12.0
+_SEEN = 12.0
 #: Added to what is fitted: far more than it reaches. Steps of the derivative are parts of a trial:
 #: of one near 0, as where all agrees, a step would be lost to rounding.
 _AWAY = 10.0
@@ -61,8 +62,8 @@ def thin_samples(t: Array, x: Array, slips: Array, period: float) -> tuple[Array
     If there are few cycles with very many samples, all cycles stay, with every n-th sample.
     """
     cycle = cycle_of(t, slips, period)
-    share = len(t) // _ONSET_SAMPLES + 1
-    apart = min(share, max(1, len(slips) // _ONSET_CYCLES))
+    share = len(t) // _SAMPLES + 1
+    apart = min(share, max(1, len(slips) // _CYCLES))
     kept = np.flatnonzero(cycle % apart == 0)[:: -(-share // apart)]
     return t[kept], x[kept]
 
@@ -82,22 +83,12 @@ def detrend(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Ar
 
 
 def find_onset(
-    t: Array,
-    x: Array,
-    slips: Array,
-    period: float,
-    ringing: Ringing,
-    drift: bool = False,
-    middle: float = 0.0,
-    before: float = _ONSET_REACH,
+    t: Array, x: Array, slips: Array, period: float, ringing: Ringing, drift: bool, middle: float
 ) -> Onset:
-    """Fit the answer to all slips of a motion; slips and middle (s) by the same clock as t.
-
-    before is how much earlier than expected a slip may be, in periods of the ringing.
-    """
+    """Fit the answer to all slips of a motion; slips and middle (s) by the same clock as t."""
     cycle = cycle_of(t, slips, period)
     (position,) = detrend(t, [x], cycle)
-    omega = 2.0 * math.pi * ringing.frequency
+    omega, duration = 2.0 * math.pi * ringing.frequency, slips[-1] - slips[0] + period
 
     def left(trial: Array, part: slice = slice(None)) -> Array:
         # While the contact slides, it rings at another frequency than after it.
@@ -105,38 +96,32 @@ def find_onset(
         own = Ringing(ringing.frequency * faster, ringing.decay * shorter)
         begin = slips + trial[0] / omega
         if drift:
-            begin = begin + trial[3] / omega * (slips - middle) / (slips[-1] - slips[0] + period)
+            begin = begin + trial[3] / omega * (slips - middle) / duration
         time, seen = t[part], position[part]
         bounds = np.concatenate(([0], np.searchsorted(time, begin), [len(time)]))
         after = time - np.repeat(np.append(time[:1], begin), np.diff(bounds))
         cosine, sine = own.columns(after).T
-        answer = 1.0 - cosine + PUSH * own.decay / (2.0 * math.pi * own.frequency) * sine
+        answer = 1.0 - cosine + _PUSH * own.decay / (2.0 * math.pi * own.frequency) * sine
         answer[: bounds[1]] = 0.0
         (answer,) = detrend(time, [answer], cycle[part])
         size = float(answer @ answer)  # 0 for a place before all samples of the slips
         return np.asarray(seen - answer * (answer @ seen) / size) if size else seen
 
     # Trials are angles of the ringing: of order one.
-    reach = 2.0 * math.pi * _ONSET_REACH
-    zeros = [0.0, 0.0, *[0.0] * drift]
-    count = round(_ONSET_PLACES * (before + _ONSET_REACH) / (2.0 * _ONSET_REACH))
-    places = np.linspace(-2.0 * math.pi * before, reach, count)
-    dense = 1.0 / (float(np.median(np.diff(t))) * ringing.frequency * _ONSET_SEEN)
-    few = slice(None, None, max(1, int(dense)))
-    tried = [np.array([place, *zeros]) for place in places]
+    reach = 2.0 * math.pi * _REACH
+    few = slice(None, None, max(1, int(1.0 / (np.median(np.diff(t)) * ringing.frequency * _SEEN))))
+    tried = [np.array([at, *[0.0] * (2 + drift)]) for at in np.linspace(-reach, reach, _PLACES)]
     first = min(tried, key=lambda one: float(np.sum(left(one, few) ** 2)))
     scale = float(np.std(position)) or 1.0
     found = scipy.optimize.least_squares(
-        lambda moved: left(moved - _AWAY) / scale,
-        first + _AWAY,
-        jac="3-point",
-        **_DESCENT,
+        lambda moved: left(moved - _AWAY) / scale, first + _AWAY, jac="3-point", **_DESCENT
     )
     jacobian, rest = found.jac, found.fun
     # Cycles count as independent of each other; samples do not, because they share the ringing.
     parts = np.stack([np.bincount(cycle, column * rest) for column in jacobian.T], axis=1)
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     spread = inverse @ (parts.T @ parts) @ inverse
-    best = found.x - _AWAY
-    slope = best[3] / omega / (slips[-1] - slips[0] + period) if drift else 0.0
-    return Onset(float(best[0]) / omega, float(slope), math.sqrt(spread[0, 0]) / omega)
+    best = (found.x - _AWAY) / omega
+    return Onset(
+        float(best[0]), float(best[3] / duration) if drift else 0.0, math.sqrt(spread[0, 0]) / omega
+    )

@@ -11,6 +11,7 @@ from table_1 import TABLE_1, table_1
 import stickslip_ros as ss
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import event_texts
+from stickslip_ros.measurement.bags.load_motion import load_motion
 from stickslip_ros.recordings import BagWriter
 
 STEPS, FIRST = 20, 50
@@ -18,11 +19,18 @@ AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
 
 
 def record(
-    folder: Path, rate: int, with_commands: bool = True, part: float = 1.0, lost: int = -1
+    folder: Path,
+    rate: int,
+    with_commands: bool = True,
+    part: float = 1.0,
+    lost: int = -1,
+    then: str = "",
+    value: float | None = None,
 ) -> None:
     """Write what an axis and a recorder write of steps there and back, at a rate in Hz.
 
-    lost: number of an event that the recorder did not hear.
+    lost: number of an event that the recorder did not hear; then, value: a command within the steps
+    back.
     """
     axis = Axis(dict(TABLE_1))
     with BagWriter(folder) as bag:
@@ -34,6 +42,8 @@ def record(
                 axis.command("steps", STEPS)
             elif number * 2 == rate:
                 axis.command("steps", -STEPS)
+            elif then and number * 100 == 55 * rate:
+                axis.command(then, *([] if value is None else [value]))
             ns = START + number * SECOND // rate
             for told in axis.take_events() if with_commands else ():
                 if told.number == lost:
@@ -48,6 +58,24 @@ def record(
                 position=row[0], velocity=row[1], effort=np.zeros(2),
             )  # fmt: skip
             bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
+
+
+def test_the_events_of_a_bag_tell_how_its_axis_was_driven(tmp_path: Path) -> None:
+    """Begins count from its first message, as its times do; some of the events tell nothing."""
+    record(tmp_path / "whole", 1000)
+    found = load_motion(tmp_path / "whole")
+    assert found.drive is not None
+    assert (found.drive.frequencies, found.drive.steps) == ((100.0, 100.0), (STEPS, -STEPS))
+    # Commands come between two messages, at the time of the first of them.
+    assert found.drive.begins == pytest.approx((1e-3 * FIRST, 0.5))
+    x = found.motion.position_at(np.array([1e-3 * FIRST, 0.5]))
+    assert abs(x[0] - found.motion.x[0]) < 1e-8 < abs(x[1])
+    record(tmp_path / "lost", 1000, lost=2)
+    record(tmp_path / "jog", 1000, then="jog", value=100.0)
+    record(tmp_path / "stopped", 1000, then="stop")
+    record(tmp_path / "foreign", 1000, with_commands=False)
+    for name in ("lost", "jog", "stopped", "foreign"):
+        assert load_motion(tmp_path / name).drive is None, name
 
 
 @pytest.mark.long

@@ -97,6 +97,31 @@ def test_an_unknown_option_is_refused() -> None:
         ss.identify_actuator(([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]), rate=10.0)
 
 
+def test_what_is_no_measurement_or_no_run_is_told_what_was_expected() -> None:
+    """A Dataset had "no parameter 'x'", and a Motion that was to be read was "no measurement"."""
+    motion = ss.read_measurement("steps_100hz.csv")
+    run = ss.simulate(steps=2)
+    for one in (motion, run, run.trace):
+        with pytest.raises(ss.MeasurementError, match="is a motion already; expected is a file"):
+            ss.read_measurement(one)
+    xarray = pytest.importorskip("xarray")
+    data = xarray.Dataset({"x": ("t", motion.x, {"units": "m"})}, {"t": motion.t})
+    with pytest.raises(ss.MeasurementError, match="a Dataset is no run; expected is a Motion"):
+        ss.compare(data, "steps_100hz.csv")
+    with pytest.raises(ss.MeasurementError, match="compare takes parameters first"):
+        ss.compare("steps_100hz.csv", {"preload": 0.4})
+
+
+def test_the_drive_that_is_known_is_an_argument() -> None:
+    for frequency, steps in ((100.0, 10), ([100], [10])):
+        (run,) = ss.find_runs("steps_100hz.csv", frequency, steps)
+        found = ss.analyse("steps_100hz.csv", frequency=frequency, steps=steps)
+        both = ss.compare(table_1(), "steps_100hz.csv", frequency=frequency, steps=steps)
+        assert run.steps == found.steps == both.runs[0].steps == 10
+    with pytest.raises(ss.TraceError, match="2 frequencies and 3 numbers of steps"):
+        ss.find_runs("there_and_back.csv", [100.0, 100.0], [8, -8, 8])
+
+
 def test_an_option_that_a_message_asks_for_is_an_argument_as_it_stands(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("position\n" + "\n".join(map(str, range(40))))
     found = ss.read_measurement(tmp_path / "run.csv", units="x=nm", rate="10kHz", rows="21:")

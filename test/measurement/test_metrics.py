@@ -10,11 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.alignment import ClockSearch
-from stickslip_ros.measurement.metrics import (
-    ComparisonMetric,
-    most_different,
-    step_metrics,
-)
+from stickslip_ros.measurement.metric import METRICS, ComparisonMetric, most_different
+from stickslip_ros.measurement.metrics import step_metrics
 from stickslip_ros.measurement.motion_pair import (
     Alignment,
     ComparisonError,
@@ -43,7 +40,7 @@ def _steps(count: int = 8, **changed: Any) -> Run:
 
 
 def search(run: Motion, sensor: Motion, **fits: bool) -> ClockSearch:
-    return ClockSearch(MotionPair(run, sensor), Fits(**fits), None, None)
+    return ClockSearch(MotionPair(run, sensor), Fits(**fits))
 
 
 def _wave(t: Array) -> Array:
@@ -54,10 +51,10 @@ def _wave(t: Array) -> Array:
 
 
 def test_a_metric_differs_beyond_its_tolerance() -> None:
-    one = ComparisonMetric("step size", "m", 5.0, 3.0, 2.1)
+    one = ComparisonMetric("step size", "m", 50.0, 48.0, 2.1)
     assert (one.difference, one.differs) == (-2.0, False)
     assert replace(one, tolerance=1.9).differs is True
-    assert replace(one, measured=7.0, tolerance=1.9).differs is True
+    assert replace(one, measured=52.0, tolerance=1.9).differs is True
     cases: tuple[dict[str, Any], ...]
     cases = ({"run": math.nan}, {"measured": math.inf}, {"tolerance": math.nan})
     for missing in cases:
@@ -66,10 +63,30 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
     assert replace(one, run=math.nan, measured=-2e-8).texts[:3] == ("–", "-20.000 nm", "–")
 
 
+def test_two_values_agree_only_by_a_tolerance_that_tells_them_apart() -> None:
+    """69.2 and 88.0 nm agreed by a tolerance of 31 nm, and a limit of 20 nm was kept."""
+    one = replace(METRICS[2], run=69.2e-9, measured=88e-9, tolerance=31e-9, step=134e-9)
+    assert one.differs is None
+    assert one.verdict == (
+        "cannot be told: the tolerance, 31.0 nm, is above a fifth of the larger value and 2 % of "
+        "the step"
+    )
+    assert (one.as_json()["differs"], one.as_json()["why_missing"]) == (None, one.verdict)
+    limited = replace(one, allowed=40e-9)
+    assert not limited.kept
+    assert "cannot be determined (cannot be told: the tolerance, 31.0 nm" in limited.judgement
+    assert replace(one, tolerance=17.5e-9).differs is True
+    assert replace(one, measured=75e-9, tolerance=15e-9).differs is False  # a fifth of 75 nm
+    assert replace(one, measured=75e-9, tolerance=15.1e-9).differs is None
+    none_at_all = replace(one, run=0.0, measured=1e-10, tolerance=2e-9)
+    assert none_at_all.differs is False  # within 2 % of the step
+    assert replace(none_at_all, step=90e-9).differs is None
+
+
 def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() -> None:
     motion = Motion("axis", T, _wave(T))
     run, sensor = (_steps(ringing=Ringing(4e3, 600.0, error, math.inf)) for error in (30.0, 40.0))
-    found = step_metrics(MotionPair(motion, motion), run, sensor, 1.0, 3.0)
+    found = step_metrics(run, sensor, motion.spacing, 1.0, 3.0)
     tolerance = next(one.tolerance for one in found if one.name == "damping ratio")
     assert tolerance == pytest.approx(3.0 * 50.0 / 4e3)
 
@@ -77,16 +94,26 @@ def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() 
 def test_a_length_by_a_wrong_gain_is_scaled_and_so_is_its_error() -> None:
     motion = Motion("axis", T, _wave(T))
     run, sensor = _steps(), _steps(mean_step=MeasuredValue(2e-7, 1e-9))
-    found = step_metrics(MotionPair(motion, motion), run, sensor, 2.0, 3.0)
+    found = step_metrics(run, sensor, motion.spacing, 2.0, 3.0)
     step = next(one for one in found if one.name == "step size")
     assert (step.measured, step.tolerance) == pytest.approx((1e-7, 3.0 * 0.5e-9))
+
+
+def test_a_tolerance_holds_what_the_samples_do_to_the_run() -> None:
+    """Of 57.6 nm that few samples show of a backstep of 87.1 nm, 89.0 nm measured differed."""
+    run, sensor = (_steps(mean_backstep=MeasuredValue(x, 2e-9)) for x in (57.6e-9, 89e-9))
+    whole = _steps(mean_backstep=MeasuredValue(87.1e-9, 0.0))
+    blurred = step_metrics(run, sensor, 1e-4, 1.0, 3.0, None, [whole])
+    for others, found in ((True, None), (False, True)):
+        metrics = blurred if others else step_metrics(run, sensor, 1e-4, 1.0, 3.0)
+        assert next(one.differs for one in metrics if one.name == "backstep") is found
 
 
 def test_of_two_runs_the_one_that_differs_more_is_shown() -> None:
     near, far = (ComparisonMetric("step size", "m", 1e-7, x, 1e-9) for x in (1.02e-7, 0.9e-7))
     for runs in ([[near], [far]], [[far], [near]]):
         assert most_different(runs) == [far]
-    missing = ComparisonMetric.missing("step size", "m", "no step")
+    missing = replace(METRICS[1], why_missing="no step")
     agrees = ComparisonMetric("step size", "m", 1e-7, 1e-7, 1e-9)
     assert most_different([[agrees], [missing]]) == [missing]
     assert most_different([[missing], [near]]) == [near]
@@ -114,7 +141,7 @@ def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
     inside = (coarse.t - 0.005 >= 0.0) & (coarse.t - 0.005 <= T[-1])
     assert of_sensor.t == pytest.approx(coarse.t[inside] - 0.005)
     assert of_sensor.measured == pytest.approx(coarse.x[inside])
-    assert MotionPair(run, sensor).durations == pytest.approx((T[-1], fine[-1] - fine[0]))
+    assert MotionPair(run, sensor).shorter == pytest.approx(T[-1])
     assert MotionPair(run, sensor).overlap(clock) == pytest.approx(T[-1])
     assert MotionPair(run, sensor).overlap(Alignment(offset=0.1)) == pytest.approx(fine[-1] - 0.1)
     assert MotionPair(run, sensor).overlap(Alignment(offset=-0.05)) == pytest.approx(T[-1] - 0.02)
@@ -142,6 +169,8 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
     assert rigid.drift == 0.0
     assert rigid.offset == pytest.approx(2e-4, abs=2e-5)
     assert 0.0 < found.offset_error < rigid.offset_error
+    with pytest.raises(ComparisonError, match="hardly overlap; check that both show the same"):
+        search(run, sensor).fit_velocity(replace(start, offset=1.0), None)  # nothing in common
     with pytest.raises(ComparisonError, match="no clock to fit"):
         search(Motion("run", T, np.zeros_like(T)), sensor).fit_velocity(start, None)
 
@@ -177,7 +206,7 @@ def test_ringing_beyond_half_the_rate_of_the_samples_is_not_compared() -> None:
     sure = Ringing(7e3, 600.0, frequency_error=1.0, decay_error=10.0)
     seen = replace(sure, frequency=1e3)
     runs = _steps(ringing=sure), _steps(ringing=seen)
-    found = {one.name: one for one in step_metrics(MotionPair(motion, motion), *runs, 1.0, 3.0)}
+    found = {one.name: one for one in step_metrics(*runs, motion.spacing, 1.0, 3.0)}
     assert found["ringing frequency"].differs is None
     assert "sample faster" in found["damping ratio"].verdict
     assert found["step size"].differs is False
@@ -190,5 +219,5 @@ def test_the_decay_of_swings_of_unknown_frequency_is_unknown() -> None:
         _steps(ringing=sure),
         _steps(ringing=replace(sure, decay=300.0, frequency_error=math.inf)),
     )
-    found = {one.name: one for one in step_metrics(MotionPair(motion, motion), *runs, 1.0, 3.0)}
+    found = {one.name: one for one in step_metrics(*runs, motion.spacing, 1.0, 3.0)}
     assert found["damping ratio"].differs is None

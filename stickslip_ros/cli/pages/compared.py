@@ -23,7 +23,7 @@ from stickslip_ros.base.reporting.page import (
 from stickslip_ros.cli.pages.measured import RESIDUAL, motion_and_residual
 from stickslip_ros.measurement.bags.load_motion import LoadedMotion
 from stickslip_ros.measurement.comparison import Comparison
-from stickslip_ros.measurement.verdict import Judgement
+from stickslip_ros.measurement.metric import ComparisonMetric
 from stickslip_ros.physics.parameters import PARAMETERS, Value
 from stickslip_ros.simulation.motion import Motion
 
@@ -40,7 +40,7 @@ PHASES = (
 
 
 def comparison_page(
-    found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
+    found: Comparison, judgements: Sequence[ComparisonMetric], simulation: LoadedMotion
 ) -> ResultPage:
     """Return the page of a comparison.
 

@@ -22,16 +22,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stickslip_ros.axis.events import START, NotRepeatable
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
 from stickslip_ros.measurement.reading.choice import MOTION, choose
 from stickslip_ros.measurement.reading.formats import naming
 from stickslip_ros.measurement.reading.motion import motion_of
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
+from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.physics.parameters import PARAMETERS, Value
 from stickslip_ros.physics.parameters.groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
 from stickslip_ros.recordings.cdr import decode_messages, fields_of
 from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, stamp_of
+from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.simulation.motion import Motion
 
 
@@ -45,6 +48,7 @@ class LoadedMotion(NamedTuple):
     parameters: dict[str, Value] | None = None
     version: str | None = None  #: of this package that the axis ran with, likewise
     joint: str | None = None  #: whose motion it is, of a bag
+    drive: Drive | None = None  #: how its axis was driven, where the events of a bag tell all of it
 
 
 def is_parameter_file(path: Path) -> bool:
@@ -83,18 +87,51 @@ def load_motion(
     if len(all_of := _sliders(table)) > 1:
         note = f"the motion is that of {position.name}; the sliders are: {', '.join(all_of)}"
         motion = replace(motion, source=f"{path.name} ({joint})", notes=(*motion.notes, note))
-    return LoadedMotion(motion, origin, *_axis_of(path, joint), joint)
-
-
-def _axis_of(path: Path, joint: str) -> tuple[dict[str, Value] | None, str | None]:
-    """Return parameters and version of the axis with a joint, from the event it starts with."""
     with open_bag(path) as bag:
-        for texts in recorded_axes(bag).values():
+        for texts in recorded_axes(bag).values():  # of the event that an axis starts with
             if f"{texts.get('axis_name')}{SLIDER}" == joint:
                 known = {name: text for name, text in texts.items() if name in PARAMETERS}
                 parameters = {name: PARAMETERS[name].parse(text) for name, text in known.items()}
-                return parameters, texts.get("version")
-    return None, None
+                version, drive = texts.get("version"), _drive_in(bag, joint, origin)
+                return LoadedMotion(motion, origin, parameters, version, joint, drive)
+    return LoadedMotion(motion, origin, joint=joint)
+
+
+#: Applied events that make no steps; those of them that change the drive as well.
+_WITHOUT_STEPS = ("amplitude", "load", "zero", "pause")
+_OF_THE_DRIVE = (START, "frequency", "parameters")
+
+
+def _drive_in(bag: BagReader, joint: str, origin_ns: int) -> Drive | None:
+    """Return frequencies, numbers and begins of the steps that an axis was sent, by its events.
+
+    The begins count from a time (ns). None where the events do not tell: some are missing, a
+    command makes steps without a number, or one comes or ends before the steps of another are done.
+    """
+    sent: list[tuple[float, int, float]] = []
+    with contextlib.suppress(NotRepeatable, KeyError, TypeError, ValueError):
+        for run in recorded_runs(bag):
+            if f"{run.axis_name}{SLIDER}" != joint:
+                continue
+            if run.missing_events or run.events[0].name != START:
+                return None
+            frequency, moves = math.nan, False
+            for event in run.events:
+                told, begun = event.details, event.outcome == "applied"
+                if begun and event.name in _OF_THE_DRIVE and not moves:
+                    key = "value" if event.name == "frequency" else "frequency"
+                    frequency = float(told.get(key, frequency))
+                elif begun and event.name == "steps" and not moves:
+                    begin = event.time + 1e-9 * (run.start_ns - origin_ns)
+                    sent.append((frequency, int(told["value"]), begin))
+                    moves = sent[-1][1] != 0
+                elif moves and event.name == "move" and told["steps"] == sent[-1][1]:
+                    moves = False
+                elif event.outcome != "refused" and event.name not in _WITHOUT_STEPS:
+                    return None
+        sent = [one for one in sent if one[1]]
+        return Drive(*zip(*sent, strict=True)) if sent else None
+    return None
 
 
 #: Fields whose unit the definition of a message states.

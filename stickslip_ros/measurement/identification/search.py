@@ -22,6 +22,7 @@ from stickslip_ros.measurement.identification.experiment import Stepping
 from stickslip_ros.measurement.identification.free import FreeParameters, stiffness_of
 from stickslip_ros.measurement.identification.problem import Problem
 from stickslip_ros.measurement.identification.trace import Look, Trace, sensor_basis
+from stickslip_ros.measurement.motion_pair import lay_over
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver import SolverError
@@ -180,9 +181,10 @@ class Window:
             return begun
         number = int(min(2.0 * reach * _A_SWING * ringing, _SHIFTS)) // 2 * 2 + 1
         shifts = np.linspace(-reach, reach, number)
-        left = self._x[:, None] - np.interp(self.t[:, None] - begun.start - shifts, grid, x)
-        left -= self._basis @ (self._basis.T @ left)
-        sums = np.sum(left * left, axis=0)
+        sums = lay_over(
+            self.t - begun.start, self._x, lambda t: np.interp(t, grid, x), shifts,
+            lambda left: left - self._basis @ (self._basis.T @ left),
+        )  # fmt: skip
         k = int(np.argmin(sums))
         found = Placed(float(sums[k]), begun.start + float(shifts[k]), steps)
         return min([begun, found], key=lambda one: one.left)
