@@ -101,7 +101,7 @@ class TrueRun:
     frequency: float  #: Hz, by the clock of the measurement
     direction: int
     steps: int
-    step_size: float  #: mean of the settled steps, with its sign, m
+    step_size: float  #: mean of the settled steps, of one or two of both, with its sign, m
     backstep: float  #: mean of the settled ones but the last, from slip to deepest point, m
 
 
@@ -261,9 +261,15 @@ def _motion(
     )
     each = np.split(found[0, len(t) :], np.cumsum([one.size for one in [*ends, *falls]])[:-1])
     runs = []
-    for drive, times, x, fall in zip(drives, ends, each, each[len(ends) :], strict=False):
+    nexts = [*starts[1:], math.inf]
+    for drive, times, x, fall, after in zip(
+        drives, ends, each, each[len(ends) :], nexts, strict=False
+    ):
         steps = np.diff(x)
         settled = steps[7:] if len(steps) > 7 else steps[len(steps) // 2 :]
+        if len(steps) < 3:  # they have not settled: the way from rest to rest over their number
+            rests = found[0, np.searchsorted(t, [times[0], after]) - 1]
+            settled = np.diff(rests) / len(steps)
         deep = drive.direction * fall.reshape(-1, _LOOKS)
         runs.append(
             TrueRun(

@@ -7,7 +7,6 @@ Nothing here imports ROS before a fixture that needs it is used, so the other te
 from __future__ import annotations
 
 import fcntl
-import hashlib
 import importlib.util
 import math
 import os
@@ -151,7 +150,6 @@ def compiled_solver() -> None:
 
 
 #: What a search for steps found and said, by the samples that it searched.
-_FOUND: dict[bytes, Any] = {}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -159,31 +157,6 @@ def patience() -> Iterator[None]:
     """Let commands say nothing about how long they take on a busy machine."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("stickslip_ros.base.reporting.terminal._PATIENCE", 600.0)
-        yield
-
-
-@pytest.fixture(scope="module", autouse=True)
-def search_once(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Search the same samples for steps once, but in the tests of the search.
-
-    A search takes seconds, and most tests look at what follows it.
-    """
-    if request.path.parent.name == "steps":
-        yield
-        return
-    from stickslip_ros.measurement.steps import analysis, motions
-
-    search = analysis.find_steps
-
-    def remember(t: Any, x: Any, frequency: float | None = None) -> Any:
-        key = hashlib.blake2b(t.tobytes() + x.tobytes() + repr(frequency).encode()).digest()
-        if key not in _FOUND:
-            _FOUND[key] = search(t, x, frequency)
-        return _FOUND[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(analysis, "find_steps", remember)
-        patch.setattr(motions, "find_steps", remember)
         yield
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.base.errors import StickslipError, UsageError
 from stickslip_ros.base.reporting.terminal import nanometres
 from stickslip_ros.cli.measurement_options import (
+    add_drive_known,
     add_measurement_options,
+    drive_of,
     measurement_of,
     say_doubts,
     steps_in,
@@ -47,19 +48,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "a trace, table or bag: every file that compare can read; several make one table"
     option(parser, "traces", "MEASUREMENT", text, Path, nargs="+")
     flag(parser, "--runner-only", "ignore the actuator, as if it was not measured")
-    option(parser, "--frequency", "HZ", "drive frequency (default: found)", quantity("Hz"))
-    option(parser, "--start", "S", "time of the first cycle (default: found)", quantity("s"))
     text = "0-amplitude, measured separately, for Eq. 9"
     option(parser, "--zero-amplitude", "M", text, quantity("m"))
     add_outputs(parser, "the runs, step by step", "the runs")
     add_cluster(parser)
+    add_drive_known(parser)
     add_measurement_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    if args.frequency is not None and not 0.0 < args.frequency < math.inf:
-        raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
     from stickslip_ros.measurement.steps.record import TraceError
@@ -69,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     if len(args.traces) > 1 or args.cluster:
         return _run_many(args)
     try:
-        motion, seen, found = _analysed(measurement_of(args, args.trace, finer=True), args)
+        motion, seen, found = _analysed(args)
         if wants_files(args) and not seen.runs:
             raise TraceError("no run of steps is seen that a picture or a table could show")
     except TraceError as error:
@@ -86,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
         args, content, lambda: analysis_text(seen.runs, found), motion.source,
         (["run", *_COLUMNS.values()], rows), page=lambda: _page(motion, seen),
     )  # fmt: skip
-    return 0 if _as_given(args, seen) and say_doubts(args.trace, seen.runs) else 1
+    return 0 if say_doubts(args.trace, seen.runs) else 1
 
 
 def _run_many(args: argparse.Namespace) -> int:
@@ -123,7 +121,7 @@ def _run_many(args: argparse.Namespace) -> int:
 def _rows_of(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Return what is found in one measurement, a run each, or the reason why nothing is."""
     try:
-        _, seen, _ = _analysed(measurement_of(args, args.trace, finer=True), args)
+        _, seen, _ = _analysed(args)
     except StickslipError as error:
         return [{"file": str(args.trace), "reason": str(error).partition("\n")[0]}]
     return [
@@ -147,41 +145,20 @@ def analysis_text(runs: Sequence[Run], found: Run) -> str:
     return "\n".join([*lines, *named, found.report()])
 
 
-def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
-    """Return True if steps have the given frequency; print a message if they do not."""
-    if args.frequency is None or args.start is not None or seen.at(args.frequency):
-        return True
-    others = ", ".join(f"{run.frequency:.6g} Hz" for run in seen.runs)
-    print(
-        f"{args.trace}: no run of steps is seen at the {args.frequency:g} Hz given; what is "
-        f"printed is seen at {others}",
-        file=sys.stderr,
-    )
-    return False
-
-
 def _page(motion: Motion, seen: Findings) -> ResultPage:
     from stickslip_ros.cli.pages.measured import measurement_page  # for a page or a picture only
 
     return measurement_page(motion, seen)
 
 
-def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:
+def _analysed(args: argparse.Namespace) -> tuple[Motion, Findings, Run]:
     """Return the motion, the findings in it, and its longest run. Raises TraceError."""
-    from stickslip_ros.measurement.steps.motions import analyse_steps, has_actuator, runs_of
     from stickslip_ros.measurement.steps.run import main_run
 
-    period = None if args.frequency is None else 1.0 / args.frequency
-    motion, seen = steps_in(args, motion, period)
-    if has_actuator(motion.u) and not args.runner_only:
-        runs = runs_of(motion, seen.runs, args.frequency, args.start)
-        runs = runs or [analyse_steps(motion.t, motion.x, motion.u)]  # it says why not
-        seen = replace(seen, runs=runs)
-    elif args.start is not None:
-        run = analyse_steps(motion.t, motion.x, frequency=args.frequency, start=args.start)
-        seen = replace(seen, runs=[run])
+    motion, recorded = measurement_of(args, args.trace, finer=True)
+    drive = drive_of(args, motion, recorded)
+    motion, seen = steps_in(args, motion, drive, args.runner_only)
     if args.zero_amplitude is not None:
         known = [replace(one, zero_amplitude=args.zero_amplitude) for one in seen.runs]
         seen = replace(seen, runs=known)
-    asked = [] if args.frequency is None else seen.at(args.frequency)
-    return motion, seen, main_run(asked or seen.runs)
+    return motion, seen, main_run(seen.runs)

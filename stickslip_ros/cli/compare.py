@@ -15,7 +15,9 @@ from stickslip_ros.base.reporting import format_si
 from stickslip_ros.base.reporting.terminal import style_text
 from stickslip_ros.base.shared_files import config_file
 from stickslip_ros.cli.measurement_options import (
+    add_drive_known,
     add_measurement_options,
+    drive_of,
     measurement_of,
     say_doubts,
     steps_in,
@@ -43,8 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_outputs(parser, "run, measurement and difference", "the metrics")
     simulation = parser.add_argument_group("a run that is simulated")
     add_assignments(simulation)
-    text = "steps to simulate, the sign is the direction (default: as measured)"
-    option(simulation, "--steps", "N", text, int)
+    add_drive_known(parser, "--config")
     add_measurement_options(parser)
     fitting = parser.add_argument_group("bringing both together")
     yes_no: Any = argparse.BooleanOptionalAction
@@ -120,10 +121,8 @@ def _motions(
     if not args.simulation.suffix:  # a bag, or one of our parameter files by its name
         args.simulation = config_file(args.simulation)
     simulated = is_parameter_file(args.simulation)
-    if not simulated and (args.assignments or args.steps is not None):
-        raise UsageError(
-            f"--set and --steps change a simulated run only; {args.simulation} is used as it is"
-        )
+    if not simulated and args.assignments:
+        raise UsageError(f"--set changes a simulated run only; {args.simulation} is used as it is")
     if not simulated and is_parameter_file(args.measurement):
         raise UsageError(
             f"{args.measurement} is a parameter file; give the run first, then the measurement"
@@ -132,15 +131,17 @@ def _motions(
         p = parameters_from(
             argparse.Namespace(config=args.simulation, assignments=args.assignments)
         )
-        measurement = measurement_of(args, args.measurement, finer=True)
-        period = 1.0 / p.drive.frequency
-        measurement, seen = steps_in(args, measurement, period)
-        name = args.simulation.name
+        measurement, recorded = measurement_of(args, args.measurement, finer=True)
+        period, name = 1.0 / p.drive.frequency, args.simulation.name
+        drive = drive_of(args, measurement, recorded).or_at(p.drive.frequency)
+        measurement, seen = steps_in(args, measurement, drive)
         with report_compilation():
             simulation = (
                 simulate_as_measured(p, measurement, seen.runs, name)
-                if args.steps is None
-                else simulate_motion(p, [PlannedRun(0.0, args.steps)], name, period, 2.0 * period)
+                if seen.runs or not drive.steps
+                else simulate_motion(
+                    p, [PlannedRun(0.0, drive.steps[0])], name, period, 2.0 * period
+                )
             )
         loaded = LoadedMotion(simulation, None, p.flat(), __version__)
         return loaded, measurement, seen.runs, period
@@ -149,11 +150,10 @@ def _motions(
         from stickslip_ros.measurement.bags.finer import finest_motion  # it needs the solver
 
         run = run._replace(motion=finest_motion(args.simulation, run))
-    measurement = measurement_of(args, args.measurement, run.origin_ns, finer=True)
-    if measurement.u is not None and not (args.fit_position_drift or args.remove_hum):
-        return run, measurement, None, None
-    measurement, seen = steps_in(args, measurement, None)
-    return run, measurement, seen.runs if measurement.u is None else None, None
+    measurement, recorded = measurement_of(args, args.measurement, run.origin_ns, finer=True)
+    drive = drive_of(args, measurement, recorded)
+    measurement, seen = steps_in(args, measurement, drive)
+    return run, measurement, seen.runs, None
 
 
 def _content(

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
     p, overlay = parameters_from(args), None
     if args.measurement:
-        overlay = Overlay.of(measurement_of(args, args.measurement))
+        overlay = Overlay.of(measurement_of(args, args.measurement)[0])
         named = any(text.startswith("frequency=") for text in args.assignments)
         if not named and p.drive.frequency == Parameters().drive.frequency:
             p = p.replace(frequency=float(f"{overlay.frequency:.6g}"))

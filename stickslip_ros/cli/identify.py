@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     pairs = (one.partition("=") for one in args.uncertain)
     uncertain = {parameter(name.strip()).name: deviation_of(name.strip(), text)
                  for name, _, text in pairs}  # fmt: skip
-    runs = [(drive, measurement_of(args, path, read=read_motion)) for drive, path in args.runs]
+    runs = [(drive, measurement_of(args, path, read=read_motion)[0]) for drive, path in args.runs]
     curves = [(drive, read_curve(path, args.decimal)) for drive, path in args.curves]
     if not runs and not curves:
         raise UsageError("nothing is measured; give --run or --curve")

@@ -15,11 +15,12 @@ from stickslip_ros.base.errors import UsageError
 from stickslip_ros.base.reporting import format_si
 from stickslip_ros.base.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.base.shared_files import sample_file
-from stickslip_ros.cli.options import flag, option, quantity, repeated
+from stickslip_ros.cli.options import flag, option, quantity, repeated, several
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
     from stickslip_ros.measurement.steps.analysis import Findings
+    from stickslip_ros.measurement.steps.drive import Drive
     from stickslip_ros.measurement.steps.run import Run
     from stickslip_ros.simulation.motion import Motion
 
@@ -57,6 +58,43 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     flag(reading, "--remove-hum", "take hum of 50 or 60 Hz and its harmonics out")
 
 
+def add_drive_known(parser: argparse.ArgumentParser, own: str = "") -> None:
+    """Add the options that say how the axis was driven; own: those that the command has."""
+    known = parser.add_argument_group("how the axis was driven, as far as it is known")
+    for name, metavar, text, kind in (
+        ("--frequency", "HZ", "frequency of the drive", quantity("Hz")),
+        ("--steps", "N", "steps that were sent, the sign is the direction", int),
+    ):
+        if name not in own.split():
+            text += "; one for all runs, or one a run"
+            option(known, name, f"{metavar}[,{metavar}]", text, several(kind))
+    if "--config" not in own.split():
+        option(known, "--config", "FILE.yaml", "the parameters of its drive", Path)
+
+
+def drive_of(args: argparse.Namespace, motion: Motion, recorded: Drive | None = None) -> Drive:
+    """Return what is known of the drive of a measurement. Raises UsageError.
+
+    Options are used before the file of its parameters, these before a voltage that was measured,
+    and that before what a bag has recorded.
+    """
+    from stickslip_ros.measurement.steps.drive import Drive
+    from stickslip_ros.measurement.steps.record import TraceError
+    from stickslip_ros.physics.parameters import Parameters
+
+    frequency = args.frequency
+    try:
+        if frequency is None and args.config is not None:
+            frequency = Parameters.of(args.config).drive.frequency
+        if frequency is None and args.steps is None:
+            if motion.voltage is not None:
+                return Drive.of_voltage(motion.t, motion.voltage)
+            return recorded or Drive()
+        return Drive.given(frequency, args.steps)
+    except TraceError as error:
+        raise UsageError(str(error)) from None
+
+
 def reading_of(args: argparse.Namespace) -> Reading:
     """Return how the options say that a file is read. Raises UsageError, MeasurementError."""
     from stickslip_ros.measurement.reading import Reading
@@ -83,8 +121,10 @@ def measurement_of(
     origin_ns: int | None = None,
     finer: bool = False,
     read: Callable[[Path, Reading, str | None], Motion] | None = None,
-) -> Motion:
-    """Return the motion measured in a file, cut as the options say; print its notes on stderr.
+) -> tuple[Motion, Drive | None]:
+    """Return the motion measured in a file, cut as the options say, and the drive that it holds.
+
+    The notes of the reader are printed on stderr.
 
     origin_ns is the time (ns) that the stamps of a bag count from (default: its first message);
     with finer, a bag of an axis of ours is simulated again where its samples do not suffice. read
@@ -93,12 +133,12 @@ def measurement_of(
     """
     from stickslip_ros.measurement.bags.load_motion import load_motion
 
-    how, file = reading_of(args), sample_file(path)
+    how, file, drive = reading_of(args), sample_file(path), None
     if read is not None:
         measurement = read(file, how, args.joint)
     else:
         loaded = load_motion(file, how=how, joint=args.joint, origin_ns=origin_ns)
-        measurement = loaded.motion
+        measurement, drive = loaded.motion, loaded.drive
         if finer and loaded.parameters is not None:
             from stickslip_ros.measurement.bags.finer import finest_motion  # it needs the solver
 
@@ -113,22 +153,28 @@ def measurement_of(
             f"{len(kept.t)} samples lie between --from and --to; the measurement goes from "
             f"{measurement.t[0]:g} s to {measurement.t[-1]:g} s"
         )
-    return kept
+    return kept, drive
 
 
 def steps_in(
-    args: argparse.Namespace, motion: Motion, period: float | None
+    args: argparse.Namespace, motion: Motion, drive: Drive, runner_only: bool = False
 ) -> tuple[Motion, Findings]:
     """Return a measurement without the disturbances that options remove, and its runs.
 
-    period (s) is that of the drive, if known. stderr names a clear disturbance that remains, and
-    the option that removes it. Step sizes never include drift and hum.
+    stderr names what was left out, and a clear disturbance that remains with the option that
+    removes it. Step sizes never include drift and hum. The cycles are those of the actuator, if it
+    was measured and is not to be ignored. Raises TraceError.
     """
+    from stickslip_ros.measurement.steps.analysis import find_steps
 
     def say(text: str) -> None:
         print(f"{motion.source}: {text}", file=sys.stderr)
 
-    found = _found_in(motion, period)
+    actuator = None if runner_only else motion.u
+    with announce_if_slow(SEARCH):
+        found = find_steps(motion.t, motion.x, drive, actuator)
+    for note in found.notes:
+        say(note)
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
     if fitted.drifts and not drift:
@@ -140,7 +186,9 @@ def steps_in(
     if not (drift and fitted.drift) and not (hum and fitted.mains):
         return motion, found
     clean = replace(motion, x=motion.x - fitted.at(motion.t, drift, hum), v=None)
-    return clean, replace(_found_in(clean, period), disturbances=fitted)
+    with announce_if_slow(SEARCH):
+        again = find_steps(clean.t, clean.x, drive, actuator)
+    return clean, replace(again, disturbances=fitted)
 
 
 def say_doubts(source: Path | str, runs: Iterable[Run]) -> bool:
@@ -153,11 +201,3 @@ def say_doubts(source: Path | str, runs: Iterable[Run]) -> bool:
             file=sys.stderr,
         )
     return not doubtful
-
-
-def _found_in(motion: Motion, period: float | None) -> Findings:
-    """Find the runs in a measurement, and say so if it takes long."""
-    from stickslip_ros.measurement.steps.analysis import find_steps
-
-    with announce_if_slow(SEARCH):
-        return find_steps(motion.t, motion.x, None if period is None else 1.0 / period)

@@ -53,6 +53,18 @@ def quantity(unit: str) -> Callable[[str], float]:
     return read
 
 
+def several(kind: Callable[[str], Any]) -> Callable[[str], tuple[Any, ...]]:
+    """Return a parser of values with commas between them, as ``type`` of an option."""
+
+    def read(text: str) -> tuple[Any, ...]:
+        try:
+            return tuple(kind(one) for one in text.split(","))
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} has to be numbers, as in 20,-20") from None
+
+    return read
+
+
 def add_drive(parser: argparse.ArgumentParser) -> None:
     """Add --amplitude and --frequency, which are set so often, and all parameters."""
     for name, text in (("amplitude", "peak to peak"), ("frequency", "of stepping")):

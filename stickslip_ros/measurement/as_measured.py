@@ -59,7 +59,7 @@ def simulate_as_measured(
     simulated. A run at the drive's frequency but for a small error has exactly that of the
     parameters. Raises MeasurementError if nothing shows steps, and as `simulate_motion` does.
     """
-    measurement, runs = determined_part(measurement, runs or runs_of(measurement, []))
+    measurement, runs = determined_part(measurement, runs or runs_of(measurement))
     if not runs:
         raise MeasurementError(
             f"no steps are found in {measurement.source}; give a measurement that shows some, or "

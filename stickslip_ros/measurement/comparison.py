@@ -36,6 +36,7 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     low_pass,
 )
+from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.measurement.steps.motions import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.run import Run, main_run
@@ -279,13 +280,15 @@ def compare(
     cutoff: float | None = None,
     runs: Sequence[Run] | None = None,
     period: float | None = None,
+    drive: Drive | None = None,
 ) -> Comparison:
     """Compare; cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError.
 
-    runs are those of the measurement, if they were looked for; period (s) is that of the parameters
-    where the run was simulated at the frequency that the measurement shows.
+    runs are those of the measurement, if they were looked for, else drive is what is known of it;
+    period (s) is that of the parameters where the run was simulated at the frequency that the
+    measurement shows.
     """
-    found_runs = runs_of(measurement, runs)
+    found_runs = runs_of(measurement, drive) if runs is None else list(runs)
     measurement, shown = determined_part(measurement, found_runs)
     fits, motions = fits or Fits(), MotionPair(run, measurement)
     own = runs_in(run, main_run(shown).frequency) if shown else []

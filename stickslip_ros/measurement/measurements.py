@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -27,9 +27,10 @@ from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.measurement.reading.given import given_loop, given_motion
-from stickslip_ros.measurement.steps import motions as analyses
+from stickslip_ros.measurement.steps.analysis import find_steps
 from stickslip_ros.measurement.steps.drive import Drive
-from stickslip_ros.measurement.steps.run import Run
+from stickslip_ros.measurement.steps.motions import runs_of
+from stickslip_ros.measurement.steps.run import Run, main_run
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.motion import Motion
 from stickslip_ros.simulation.run import SimulatedRun
@@ -124,9 +125,9 @@ def find_runs(
     >>> run.steps, round(run.frequency)
     (10, 100)
     """
-    motion, known = _motion(measurement), _frequency(Drive.given(frequency, steps))
+    motion, drive = _driven(measurement, Drive.given(frequency, steps))
     with announce_if_slow(SEARCH):
-        return analyses.find_runs(motion.t, motion.x, known)
+        return runs_of(motion, drive)
 
 
 def analyse(
@@ -134,7 +135,6 @@ def analyse(
     *arrays: ArrayLike,
     frequency: float | Sequence[float] | None = None,
     steps: int | Sequence[int] | None = None,
-    start: float | None = None,
     zero_amplitude: float | None = None,
 ) -> Run:
     """Return steps, backsteps and ringing of a measurement, of its longest run if it has several.
@@ -148,8 +148,6 @@ def analyse(
         measured, the actuator's deflection (m), each of shape (samples,).
     frequency, steps : float and int, or a sequence of them, optional
         What is known of the drive, as in `find_runs`.
-    start : float, optional
-        Time of the first cycle, s; found if it is not given.
     zero_amplitude : float, optional
         0-amplitude, m, measured separately, for Eq. 9.
 
@@ -170,12 +168,10 @@ def analyse(
     >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
     133.8 nm, ringing at 7549 Hz
     """
-    motion, known = _finest(measurement, *arrays), _frequency(Drive.given(frequency, steps))
+    motion, drive = _driven(measurement, Drive.given(frequency, steps), *arrays)
     with announce_if_slow(SEARCH):
-        return analyses.analyse_steps(
-            motion.t, motion.x, motion.u,
-            frequency=known, start=start, zero_amplitude=zero_amplitude,
-        )  # fmt: skip
+        run = main_run(find_steps(motion.t, motion.x, drive, motion.u).runs)
+    return run if zero_amplitude is None else replace(run, zero_amplitude=zero_amplitude)
 
 
 def compare(
@@ -227,7 +223,7 @@ def compare(
     >>> print(f"rmse {1e9 * found.rmse:.1f} nm, noise of the sensor {1e9 * found.noise:.1f} nm")
     rmse 2.0 nm, noise of the sensor 2.0 nm
     """
-    measured, known = _finest(measurement), _frequency(Drive.given(frequency, steps))
+    measured, drive = _driven(measurement, Drive.given(frequency, steps))
     with report_compilation(), announce_if_slow("comparing"):
         if hasattr(run, "data_vars"):  # a Dataset, which is a mapping, too
             raise MeasurementError(
@@ -239,11 +235,10 @@ def compare(
         ):
             p = Parameters.of(run)  # type: ignore[arg-type]
             period = 1.0 / p.drive.frequency
-            runs = analyses.find_runs(measured.t, measured.x, known or p.drive.frequency)
+            runs = runs_of(measured, drive.or_at(p.drive.frequency))
             simulated = simulate_as_measured(p, measured, runs, "simulation")
             return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
-        seen = analyses.runs_of(measured, frequency=known) if known else None
-        return comparisons.compare(_finest(run), measured, fits, cutoff, seen)
+        return comparisons.compare(_driven(run, Drive())[0], measured, fits, cutoff, drive=drive)
 
 
 def identify_actuator(
@@ -313,16 +308,19 @@ def _reading(how: Mapping[str, Any]) -> Reading:
     return Reading(**how)
 
 
-def _frequency(drive: Drive) -> float | None:
-    """Return the frequency (Hz) of all runs, where one is known."""
-    return drive.frequencies[0] if len(set(drive.frequencies)) == 1 else None
+def _driven(source: MotionSource, given: Drive, *arrays: ArrayLike) -> tuple[Motion, Drive]:
+    """Return a motion, and what is known of its drive beside what is given.
 
-
-def _finest(source: MotionSource, *arrays: ArrayLike) -> Motion:
-    """Return a motion; that of a bag of ours is simulated again where its samples are too few."""
+    The motion in a bag of ours is simulated again where its samples are too few.
+    """
     if arrays or not isinstance(source, str | PathLike) or not is_bag(Path(source)):
-        return _motion(source, *arrays)
-    return finest_motion(Path(source), load_motion(Path(source)))
+        motion = _motion(source, *arrays)
+        if motion.voltage is None or given != Drive():
+            return motion, given
+        return motion, Drive.of_voltage(motion.t, motion.voltage)
+    loaded = load_motion(Path(source))
+    drive = loaded.drive if loaded.drive is not None and given == Drive() else given
+    return finest_motion(Path(source), loaded), drive
 
 
 def _motion(source: MotionSource, *arrays: ArrayLike) -> Motion:

@@ -23,11 +23,13 @@ import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.measurement.metric import COUNT, METRICS, ComparisonMetric
 from stickslip_ros.measurement.motion_pair import Alignment, MotionPair, Pairs
-from stickslip_ros.measurement.steps.actuator_cycles import cycles_of_actuator
-from stickslip_ros.measurement.steps.doubts import NO_REST
-from stickslip_ros.measurement.steps.known_cycles import analyse_cycles
+from stickslip_ros.measurement.steps.actuator_cycles import runs_of_signal
+from stickslip_ros.measurement.steps.analysis import analyse_cycles
+from stickslip_ros.measurement.steps.doubts import NO_REST, UNSURE_END
+from stickslip_ros.measurement.steps.drive import Drive
+from stickslip_ros.measurement.steps.exact import EXACT
 from stickslip_ros.measurement.steps.measured_value import COVERAGE
-from stickslip_ros.measurement.steps.motions import find_runs, has_actuator, runs_of
+from stickslip_ros.measurement.steps.motions import has_actuator, runs_of
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Run, main_run
@@ -81,12 +83,12 @@ def runs_in(motion: Motion, frequency: float | None) -> list[Run]:
     """
     found: list[Run] = []
     with suppress(TraceError):
-        if has_actuator(motion.u):
-            return runs_of(motion)
-        found = find_runs(motion.t, motion.x, frequency)
+        found = runs_of(motion, Drive.given(frequency))
+    if any(set(one.doubts) <= {NO_REST, UNSURE_END} for one in found):
+        return found
     with suppress(TraceError):
-        return found or find_runs(motion.t, motion.x)
-    return []
+        return runs_of(motion) or found
+    return found
 
 
 def pair_runs(
@@ -118,7 +120,7 @@ def pair_runs(
         partner, why = nearest_run(runs, one.direction, begin, end), "none are found there"
         if driven and not alike and not (partner and partner.determined):
             try:
-                partner = _driven_run(motions, seen.between(*free), run.between(*free), one)
+                partner = _driven_run(motions, seen.between(*free), run.between(*free))
             except TraceError as error:  # its position shows the run, or it has none
                 why = str(error)
         if partner is None:
@@ -132,6 +134,8 @@ def pair_runs(
             others += _with_noise(seen, noise_of(motions.measurement.x), partner)
             metrics = step_metrics(*compared, others)
         count = metrics[-1]
+        if whole.determined and one.determined:  # though the part in common may cut a cycle
+            count = replace(COUNT, run=whole.steps, measured=one.steps, tolerance=0.0)
         if not count.why_missing:
             part = _part_of_a_step(pairs, partner, one, begin, end)
             if whole.steps == one.steps and part:
@@ -167,18 +171,18 @@ def _part_of_a_step(pairs: Pairs, run: Run, measured: Run, begin: float, end: fl
     )
 
 
-def _driven_run(motions: MotionPair, seen: Motion, part: Motion, measured: Run) -> Run:
+def _driven_run(motions: MotionPair, seen: Motion, part: Motion) -> Run:
     """Return the run of steps in a part of the run, whose actuator gives its cycles.
 
     seen has the samples of the part that are analysed. Raises TraceError.
     """
     if not has_actuator(part.u):
         raise TraceError("its actuator rests there")
-    frequency = measured.frequency if measured.steps == 1 else None
-    cycles = cycles_of_actuator(part.t, part.u, frequency)
-    if len(seen.t) < _SAMPLES * len(cycles.slips):
+    cycles = max(runs_of_signal(part.t, part.u), key=lambda one: len(one.slips), default=None)
+    if cycles is None or len(seen.t) < _SAMPLES * len(cycles.slips):
         raise TraceError(f"fewer than {_SAMPLES} samples a cycle are in common")
-    return analyse_cycles(seen.t, seen.x, None, cycles, noise_of(motions.measurement.x))
+    noise = max(noise_of(motions.measurement.x), EXACT)
+    return analyse_cycles(seen.t, seen.x, [cycles], noise)[0]
 
 
 def _with_noise(seen: Motion, noise: float, run: Run) -> list[Run]:
@@ -263,7 +267,8 @@ def step_metrics(
             why = "the samples are too far apart for the ringing: sample faster"
         elif not math.isfinite(error):
             why = "the record does not tell its uncertainty"
-        elif not doubts.keys() <= {NO_REST}:  # two that are the same may be read as other cycles
+        # Two that are the same may be read as other cycles.
+        elif not doubts.keys() <= {NO_REST, UNSURE_END}:
             why = "not compared: the cycles are not sure, see steps"
         tolerance = max(limit * error, row.floor * (1.0 if is_length else abs(first)))
         tolerance += max(filter(math.isfinite, blurred), default=0.0)

@@ -95,7 +95,7 @@ ROWS = [
     (
         "compare",
         "steps_100hz.csv steps_100hz.csv --set preload=1",
-        ["--set and --steps change a simulated run only"],
+        ["--set changes a simulated run only"],
     ),
     ("compare", "--columns q", ["'q' is not of the form t=...,x=..."]),
     ("compare", "--columns x=y", ["no column 'y'", "1 time (s), 2 position (nm)"]),

@@ -18,7 +18,7 @@ VALUES = [(1e-5 * k, round(0.1 * k % 1.7, 3)) for k in range(50)]
 def read(path: Path, *arguments: str) -> Motion:
     parser = argparse.ArgumentParser()
     add_measurement_options(parser)
-    return measurement_of(parser.parse_args(arguments), path)
+    return measurement_of(parser.parse_args(arguments), path)[0]
 
 
 def write(path: Path, head: str, form: str) -> Path:

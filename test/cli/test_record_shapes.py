@@ -11,7 +11,6 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.measurement.steps import analysis
 from stickslip_ros.measurement.steps.analysis import find_steps
-from stickslip_ros.measurement.steps.motions import analyse_steps
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.physics.parameters import ParameterError
 
@@ -56,9 +55,8 @@ def test_what_the_search_does_not_foresee_is_an_error_with_a_cure(
     monkeypatch.setattr(analysis, "clean_record", fail)
     t: Any = TICK * NUMBER
     x = np.sin(NUMBER * 0.1)
-    for search in (find_steps, analyse_steps):
-        with pytest.raises(TraceError, match=r"index 0 .* report it with the record"):
-            search(t, x)
+    with pytest.raises(TraceError, match=r"index 0 .* report it with the record"):
+        find_steps(t, x)
 
 
 def test_a_deflection_that_is_none_has_no_loop() -> None:

@@ -19,6 +19,7 @@ import warnings
 from collections import Counter
 
 from stickslip_ros.measurement.steps.analysis import find_steps
+from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Run
 from validation.campaigns.arguments import arguments
@@ -44,9 +45,10 @@ class Study:
         """Look at a trace."""
         begun = time.process_time()
         try:
-            found = find_steps(trace.t, trace.x, trace.frequency if self.told else None)
+            drive = Drive.given(trace.frequency if self.told else None)
+            found = find_steps(trace.t, trace.x, drive)
             runs = found.runs
-            if self.told and runs and not found.at(trace.frequency):
+            if self.told and all(abs(one.frequency / trace.frequency - 1.0) > 0.02 for one in runs):
                 runs = []
             why = ""
         except TraceError as error:

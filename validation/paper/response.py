@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.cli.pages.response import draw_closer, draw_cycles
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
-from stickslip_ros.measurement.steps.motions import analyse_steps
+from stickslip_ros.measurement.steps.analysis import find_steps
 from stickslip_ros.physics.model import DriveCycle, Plant, drive_of
 from stickslip_ros.physics.model.actuator import Actuator
 from stickslip_ros.physics.parameters import Parameters
@@ -224,7 +224,8 @@ def _lasting_backstep(preload: float) -> float:
     """Return the part of the backstep (m) that the ringing does not give back."""
     p = columns({"preload": preload})
     trace = trace_steps(p, TRIAL_STEPS)
-    found = analyse_steps(trace.t, trace.x, trace.u, frequency=p.drive.frequency, start=0.0).balance
+    (run,) = find_steps(trace.t, trace.x, None, trace.u).runs
+    found = run.balance
     return found.backstep - found.regained
 
 

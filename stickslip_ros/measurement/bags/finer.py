@@ -118,7 +118,8 @@ def _times(run: RecordedRun, recorded: Array, step: float) -> Array:
     scout = Rerun(run.events)
     moving = np.array([scout.advance(t).moving for t in recorded.tolist()], dtype=bool)
     moves = moving[:-1] | moving[1:]
-    last = np.maximum.accumulate(np.where(moving, recorded, -np.inf))  # it rings on
+    stops = moving | np.append(False, moving[:-1])  # before the next time recorded, and rings on
+    last = np.maximum.accumulate(np.where(stops, recorded, -np.inf))
     moves |= recorded[:-1] < last[:-1] + _RINGS_ON * step
     step = max(step, float(np.diff(recorded)[moves].sum()) / _MOST)
     even = step * np.arange(recorded[0] // step + 1.0, recorded[-1] // step + 1.0)

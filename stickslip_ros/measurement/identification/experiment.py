@@ -21,8 +21,9 @@ from stickslip_ros.axis.sensor import low_pass_of
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.base.reporting import format_si
+from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS
-from stickslip_ros.measurement.steps.motions import determined_part, find_runs, why_left_out
+from stickslip_ros.measurement.steps.motions import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Run
@@ -264,7 +265,7 @@ def _runs_in(p: Parameters, motion: Motion) -> list[Run]:
     each = max(1, math.ceil(many) if many > 1.0 else 1)
     whole = len(motion.t) // each * each
     t, x = (one[:whole].reshape(-1, each).mean(axis=1) for one in (motion.t, motion.x))
-    return find_runs(t, x, p.drive.frequency)
+    return runs_of(replace(motion, t=t, x=x, v=None, u=None), Drive.given(p.drive.frequency))
 
 
 def _without_far_side(motion: Motion, runs: Sequence[Run], longest: float) -> Motion:

@@ -1,22 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The runs of steps in a measurement, each with its numbers, their errors and doubts."""
+"""The runs of steps in a record, each with its numbers, their errors and doubts."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip_ros.base.arrays import Array
-from stickslip_ros.measurement.steps.backstep import find_ringing, measure_slip
+from stickslip_ros.base.reporting import format_si
+from stickslip_ros.measurement.steps.actuator_cycles import runs_of_signal
+from stickslip_ros.measurement.steps.backstep import find_ringing, measure_slip, ringing_at_the_end
 from stickslip_ros.measurement.steps.cycle_values import cycle_values
 from stickslip_ros.measurement.steps.doubts import Evidence, comes_back
+from stickslip_ros.measurement.steps.drive import Drive
+from stickslip_ros.measurement.steps.exact import EXACT, as_simulated
 from stickslip_ros.measurement.steps.fold import find_rests, fold_cycles, move_to_fall
-from stickslip_ros.measurement.steps.hum import without_hum
-from stickslip_ros.measurement.steps.matching import Chain, PeriodChoice, single_slip
-from stickslip_ros.measurement.steps.periodicity import period_factor
+from stickslip_ros.measurement.steps.measured_value import COVERAGE
+from stickslip_ros.measurement.steps.noise import noise_of
+from stickslip_ros.measurement.steps.period import estimate_periods, period_factor
 from stickslip_ros.measurement.steps.record import (
     FASTER,
     FEWEST_SAMPLES,
@@ -30,28 +35,31 @@ from stickslip_ros.measurement.steps.record import (
 )
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Cycles, Run
-from stickslip_ros.measurement.steps.search import Candidate, search_periods, stretch_of
-from stickslip_ros.measurement.steps.step_fit import Disturbances, fit_steps
-from stickslip_ros.measurement.steps.timing import (
+from stickslip_ros.measurement.steps.settings import SETTINGS
+from stickslip_ros.measurement.steps.slips import (
     SlipGrid,
-    count_slips,
-    grid_of,
-    join_grids,
-    retime,
+    as_sent,
+    counted,
+    find_grids,
+    retimed,
+    single_slip,
+    timed,
 )
+from stickslip_ros.measurement.steps.step_fit import Disturbances, fit_steps
 
 #: No stick-slip drive steps by more (m): its unit is another one.
 WIDEST_STEP = 1e-3
-#: Part by which a run may be off a frequency that was given, as clocks and short runs are.
-AS_GIVEN = 0.02
-#: How many times a period that is a part of the right one is corrected.
+#: Part of the actuator's stroke that a step never exceeds, gains of both sensors included.
+_OUTRUN = 1.1
+#: Swings in a cycle from which on ringing hides no slips.
+_FAST_RINGING = 6.0
+#: Part by which an estimated period may be off.
+_ESTIMATED = 0.06
+#: How many times an estimated period that is a part of the right one is corrected.
 _CORRECTIONS = 3
-#: Cycles that may be no run where they show no step.
-_FEW = 8
-#: Steps that the runner moves beside a run where there may be another one; how often that is asked.
-_OTHER_STEPS, _ROUNDS = 1.5, 4
-#: Part of that move that the steps of another run have to explain.
-_EXPLAINED = 0.5
+#: Steps that the runner moves beside a run where there may be another one; how often that is asked;
+#: part of that move that the steps of another run have to explain.
+_OTHER_STEPS, _ROUNDS, _EXPLAINED = 1.5, 4, 0.5
 
 
 @dataclass(frozen=True)
@@ -59,31 +67,31 @@ class Findings:
     """The findings in a measurement: its runs, and the disturbances of the sensor."""
 
     runs: list[Run]
-    disturbances: Disturbances
-
-    def at(self, frequency: float) -> list[Run]:
-        """Return the runs of a drive frequency (Hz)."""
-        return [one for one in self.runs if abs(one.frequency / frequency - 1.0) < AS_GIVEN]
+    disturbances: Disturbances = field(default_factory=Disturbances)
+    notes: tuple[str, ...] = ()  #: what was left out, in words
 
 
-def find_steps(t: ArrayLike, x: ArrayLike, frequency: float | None = None) -> Findings:
+def find_steps(
+    t: ArrayLike, x: ArrayLike, drive: Drive | None = None, u: ArrayLike | None = None
+) -> Findings:
     """Return the runs in a measurement, and what disturbs it.
 
     Parameters
     ----------
     t, x : array_like
         Times (s) and positions of the runner (m), of shape (samples,).
-    frequency : float, optional
-        Frequency of the drive, Hz, where it is known.
+    drive : Drive, optional
+        What is known of the drive; its period is estimated where the frequency is not known.
+    u : array_like, optional
+        Deflection of the actuator (m), of shape (samples,); if it moves, it gives the cycles.
 
     Raises
     ------
     TraceError
         The record is too short, does not move, or holds no whole cycle of the frequency.
     """
-    time, position = check_samples(t, x)
     try:
-        found = _find_steps(time, position, frequency)
+        found = _find_steps(t, x, drive or Drive(), u)
     except TraceError:
         raise
     except (ArithmeticError, LookupError, ValueError) as error:  # no record is worth a traceback
@@ -91,117 +99,169 @@ def find_steps(t: ArrayLike, x: ArrayLike, frequency: float | None = None) -> Fi
             f"the search for steps cannot take a record of this shape ({error}); cut out the part "
             "with steps, and please report it with the record"
         ) from error
-    widest = max((abs(one.step_size) for one in found.runs), default=0.0)
-    if widest > WIDEST_STEP:
-        raise ImplausibleError(
-            f"a step would be {widest:g} m, which no stick-slip drive makes; its unit is another "
-            "one (--units x=nm), or it is another column (--columns x=NAME)"
-        )
+    for run in found.runs:
+        if abs(run.step_size) > WIDEST_STEP:
+            raise ImplausibleError(
+                f"a step would be {abs(run.step_size):g} m, which no stick-slip drive makes; its "
+                "unit is another one (--units x=nm), or it is another column (--columns x=NAME)"
+            )
+        if run.determined and abs(run.step_size) > _OUTRUN * run.excitation + (
+            COVERAGE * run.step_size_error
+        ):
+            raise ImplausibleError(
+                f"the runner moves by {format_si(abs(run.step_size), 'm', 4)} a cycle and its "
+                f"actuator by {format_si(run.excitation, 'm', 4)}, which it cannot outrun; is the "
+                "unit of one of them another one (--units), or are columns swapped (--columns)?"
+            )
     return found
 
 
-def _find_steps(time: Array, position: Array, frequency: float | None) -> Findings:
-    period = None if frequency is None else 1.0 / frequency
-    if period is not None and time[-1] - time[0] < period:
-        raise TraceError(
-            f"the trace of {time[-1] - time[0]:g} s holds no whole cycle at {frequency:g} Hz; "
-            "correct the frequency or record a longer one"
-        )
+def _find_steps(t: ArrayLike, x: ArrayLike, drive: Drive, u: ArrayLike | None) -> Findings:
+    time, position, strays = check_samples(t, x)
+    notes = tuple(
+        f"a sample at {at:g} s is left out, as its time is far from all others" for at in strays[:3]
+    )
+    by_actuator: list[Run] = []
+    if u is not None and np.ptp(u) > 0.0:
+        cycles = runs_of_signal(np.asarray(t, np.float64), np.asarray(u, np.float64))
+        by_actuator = analyse_cycles(time, position, cycles) if cycles else []
+        if any(one.determined for one in by_actuator):
+            return Findings(by_actuator, notes=notes)
     record = clean_record(time, position)
-    if period is not None and period < 2.0 * record.spacing:
-        raise TraceError(
-            f"{1.0 / record.spacing:.4g} samples a second show no cycles of {frequency:.6g} Hz; "
-            f"{FASTER}"
-        )
-    found = _Analysis(record, period).findings()
-    if _determined(found):
-        return found
-    still = without_hum(record)
-    if still is not None:
-        other = _Analysis(still, period).findings()
-        if _determined(other):
-            return other
-    if period is not None:  # it may be another one
-        other = _Analysis(record, None).findings()
-        if _determined(other):
-            return other
+    for frequency in drive.frequencies:
+        if record.duration * frequency < 1.0:
+            raise TraceError(
+                f"the trace of {record.duration:g} s holds no whole cycle at {frequency:g} Hz; "
+                "correct the frequency or record a longer one"
+            )
+        if 2.0 * record.spacing * frequency > 1.0:
+            raise TraceError(
+                f"{1.0 / record.spacing:.4g} samples a second show no cycles of {frequency:.6g} "
+                f"Hz; {FASTER}"
+            )
+    parts = [_Analysis(one, drive) for one in record.between_pauses()]
+    searched = [one.search() for one in parts]
+    sent = iter(drive.sent_to([grid for grids, _ in searched for grid in grids]))
+    each = [
+        part.findings([next(sent) for _ in grids], ringing)
+        for part, (grids, ringing) in zip(parts, searched, strict=True)
+    ]
+    longest = max(each, key=lambda one: one.disturbances.duration)
+    found = replace(longest, runs=[run for one in each for run in one.runs], notes=notes)
+    if by_actuator and not any(one.determined for one in found.runs):
+        return replace(found, runs=max(by_actuator, found.runs, key=len))
     return found
-
-
-def _determined(found: Findings) -> bool:
-    return bool(found.runs) and all(one.determined for one in found.runs)
 
 
 class _Analysis:
     """The steps of the analysis of one record."""
 
-    def __init__(self, record: Record, period: float | None) -> None:
-        self.record, self.period = record, period
+    def __init__(self, record: Record, drive: Drive) -> None:
+        self.record, self.drive = record, drive
         self.pyramid, self.mean = Pyramid(record), MeanPosition(record)
 
-    def findings(self) -> Findings:
-        """Return runs and disturbances."""
-        grids, ringing = self.timed_runs()
+    def findings(self, grids: list[SlipGrid], ringing: Ringing | None) -> Findings:
+        """Return runs and disturbances by the grids and the ringing that a search has found."""
         if not grids or all(comes_back(self.mean, one) for one in grids):
-            return Findings([], Disturbances())
-        for _ in range(_ROUNDS):
+            return Findings([])
+        if self.drive.steps:
+            grids = [as_sent(self.pyramid, self.mean, one, ringing) for one in grids]
+        found = self.measured(grids, ringing)
+        # What falls most need not be a slip, nor need what repeats be a run of steps.
+        runs = [one for one in found.runs if one.is_clear or (one.steps > 2 and self._is_told(one))]
+        return replace(found, runs=runs)
+
+    def _is_told(self, run: Run) -> bool:
+        return any(
+            abs(run.frequency / one - 1.0) < SETTINGS.period_error for one in self.drive.frequencies
+        )
+
+    def search(self) -> tuple[list[SlipGrid], Ringing | None]:
+        """Return the grids of the runs in order of time, and their ringing."""
+        if self.drive.frequencies:
+            # The shortest first: several of its cycles are one of a longer one, too.
+            periods = sorted(1.0 / one for one in set(self.drive.frequencies))
+            quick = None
+            for _ in range(2):
+                found: list[SlipGrid] = []
+                for one in periods:
+                    found += find_grids(self.pyramid, one, quick, taken=found)
+                found = _apart(found) or [single_slip(self.pyramid, periods[0])]
+                grids, ringing = self._timed(found, quick)
+                if ringing is not None and ringing.frequency * min(periods) > _FAST_RINGING:
+                    break
+                quick = quick or ringing_at_the_end(self.record, min(periods))
+                if quick is None:
+                    break
+            return grids, ringing
+        grids, ringing = self._estimated()
+        for _ in range(_ROUNDS if grids else 0):
             others = self._others_beside(grids)
             grids = sorted([*grids, *others], key=lambda one: one.first)
             if not others:
                 break
-        found = self._measured(grids, ringing)
-        few = max(one.count for one in grids) < _FEW
-        if few and not any(one.is_clear for one in found.runs):
-            return Findings([], Disturbances())  # what falls most need not be a slip
-        return found
+        return grids, ringing
 
-    def timed_runs(self) -> tuple[list[SlipGrid], Ringing | None]:
-        """Return the grids of the runs in order of time, and their ringing."""
-        chains = self._chains()
-        grids, ringing = self._timed(chains)
-        for _ in range(_CORRECTIONS if self.period is None and grids else 0):
+    def _estimated(self) -> tuple[list[SlipGrid], Ringing | None]:
+        """Return the same for a period that is estimated."""
+        trials: list[tuple[float, float, list[SlipGrid]]] = []
+        for period in estimate_periods(self.pyramid):
+            for part in (period, period / 2.0, period / 3.0):
+                if part > 4.0 * self.record.spacing:
+                    found = find_grids(self.pyramid, part, near=_ESTIMATED)
+                    trials.append((part * sum(one.seen for one in found), part, found))
+        most = max((one[0] for one in trials), default=0.0)
+        if not most > 0.0:
+            return [], None
+        _, _, found = min((one for one in trials if one[0] > 0.85 * most), key=lambda one: one[1])
+        period = max(found, key=lambda one: one.count).period
+        grids, ringing = self._timed(find_grids(self.pyramid, period) or found)
+        for _ in range(_CORRECTIONS if grids else 0):
             longest = max(grids, key=lambda one: one.count)
             factor = period_factor(self.record, self.mean, self.pyramid, longest, ringing)
             if factor == 1.0:
                 break
-            core = Candidate(factor * longest.period, longest.first, longest.last)
-            chains = PeriodChoice(self.pyramid, self.mean, core.period).chains([core])
-            if not chains:  # a sinusoid has no slips, nor has it over several of its periods
+            other = factor * longest.period
+            grids, ringing = self._timed(find_grids(self.pyramid, other, near=_ESTIMATED))
+            if not grids:
                 return [], None
-            grids, ringing = self._timed(chains)
         return grids, ringing
 
-    def _chains(self) -> list[Chain]:
-        """Return the chains of slips, by the period given or one that is found."""
-        candidates = search_periods(self.pyramid)
-        if self.period is None:
-            return PeriodChoice(self.pyramid, self.mean, None).chains(candidates)
-        own = stretch_of(self.pyramid, self.period)
-        candidates = [own, *candidates] if own.quality > 0.0 else candidates
-        chains = PeriodChoice(self.pyramid, self.mean, self.period).chains(candidates)
-        return chains or [single_slip(self.pyramid, self.period)]
+    def _timed(
+        self, grids: Sequence[SlipGrid], quick: Ringing | None = None
+    ) -> tuple[list[SlipGrid], Ringing | None]:
+        """Return grids with the slips that are there, and the ringing of the contact.
 
-    def _timed(self, chains: Sequence[Chain]) -> tuple[list[SlipGrid], Ringing | None]:
-        """Return grids with the slips that are there, and the ringing of the contact."""
-        grids = [grid_of(one, self.pyramid) for one in chains]
-        grids = [move_to_fall(self.record, self.mean, one) for one in grids]
-        grids.sort(key=lambda one: one.first)
+        quick is the ringing that lasts so long that it hides the slips, if that is known.
+        """
+        if quick is None:
+            grids = [move_to_fall(self.record, self.mean, timed(self.pyramid, g)) for g in grids]
+        ringing = quick or self.ringing(grids)
+        found = []
+        lasts = [-math.inf, *(one.last + 0.5 * one.period for one in grids)]
+        firsts = [*(one.first - 0.5 * one.period for one in grids[1:]), math.inf]
+        for grid, *free in zip(grids, lasts, firsts, strict=False):
+            own = retimed(self.pyramid, grid, ringing)
+            found += counted(self.pyramid, own, ringing, (free[0], free[1]))
+        if quick is None and [one.count for one in found] != [one.count for one in grids]:
+            ringing = self.ringing(found)  # a slip is no part of a rest
+        return found, ringing
+
+    def ringing(self, grids: Sequence[SlipGrid]) -> Ringing | None:
+        """Return the ringing of the contact, which is the same in all runs; None if unclear."""
         rests = find_rests(grids, self.record.t[0], self.record.t[-1])
         found = []
         for grid, (_, rest) in zip(grids, rests, strict=True):
             fold = fold_cycles(self.record, self.mean, grid)
             found.append(find_ringing(self.record, fold, grid, rest))
-        known = [one for one in found if one is not None]  # the contact is the same in all runs
-        ringing = min(known, key=lambda one: one.frequency_error, default=None)
-        grids = [retime(self.pyramid, one, ringing) for one in grids]
-        counted = [count_slips(self.pyramid, self.mean, one, ringing) for one in grids]
-        return join_grids(self.mean, counted), ringing
+        known = [one for one in found if one is not None]
+        return min(known, key=lambda one: one.frequency_error, default=None)
 
     def _others_beside(self, grids: Sequence[SlipGrid]) -> list[SlipGrid]:
         """Return runs of other periods in the stretches beside those that are known."""
         begins = [float(self.record.t[0]), *(one.last + 1.1 * one.period for one in grids)]
         ends = [*(one.first - 1.1 * one.period for one in grids), float(self.record.t[-1])]
-        step = min(_mean_step(self.mean, one) for one in grids)
+        step = min(self._mean_step(one) for one in grids)
         found = []
         for begin, end in zip(begins, ends, strict=True):
             first, last = np.searchsorted(self.record.t, [begin, end])
@@ -214,42 +274,77 @@ class _Analysis:
                 record = replace(
                     self.record, t=self.record.t[part], x=self.record.x[part], jumps=()
                 )
-                other = _Analysis(record, None).timed_runs()[0]
-                went = sum(one.count * _mean_step(self.mean, one) for one in other)
+                other = _Analysis(record, Drive())._estimated()[0]
+                went = sum(one.count * self._mean_step(one) for one in other)
                 found += other if went > _EXPLAINED * moved else []
         return found
 
-    def _measured(self, grids: Sequence[SlipGrid], ringing: Ringing | None) -> Findings:
+    def _mean_step(self, grid: SlipGrid) -> float:
+        """Return the size (m) of the mean step of a run, roughly."""
+        ends = np.array([grid.first, grid.last])
+        if grid.count > 2:
+            first, last = self.mean.between(ends - grid.period, ends)
+            return abs(float(last - first)) / (grid.count - 1)
+        ends += grid.period * np.array([-1.5, 0.5])
+        first, last = self.mean.between(ends, ends + 0.5 * grid.period)
+        return abs(float(last - first)) / grid.count
+
+    def measured(
+        self,
+        grids: Sequence[SlipGrid],
+        ringing: Ringing | None,
+        known: Sequence[Cycles] | None = None,
+    ) -> Findings:
+        """Return the runs of grids with all numbers; known: their cycles, if these are known."""
         rests = find_rests(grids, self.record.t[0], self.record.t[-1])
-        ringings = [ringing] * len(grids)
-        steps, disturbances = fit_steps(self.record, self.mean, grids, ringings, rests)
-        known = Evidence(
-            self.record, self.pyramid, self.mean, grids, ringings, rests, steps, disturbances,
-            self.period,
+        steps, changes, disturbances = fit_steps(self.record, self.mean, grids, ringing, rests)
+        told = known is not None or bool(self.drive.frequencies)
+        evidence = Evidence(
+            self.record, self.pyramid, self.mean, grids, ringing, rests, steps, changes,
+            disturbances, told, known is not None,
         )  # fmt: skip
         runs = []
         for k, (grid, step) in enumerate(zip(grids, steps, strict=True)):
             fold = fold_cycles(self.record, self.mean, grid)
             slip = measure_slip(self.record, fold, grid.period, grid.unevenness, ringing)
-            cycles = Cycles.even(grid.slips + slip.begin, grid.period, grid.direction)
-            slip = replace(slip, begin=0.0, deepest=slip.deepest - slip.begin)
+            if known is None:
+                cycles = Cycles.even(grid.slips + slip.begin, grid.period, grid.direction)
+                slip = replace(slip, begin=0.0, deepest=slip.deepest - slip.begin)
+            else:
+                cycles = known[k]
             values = cycle_values(
-                self.record, self.pyramid, cycles, ringing, slip, step.value, driven=False
+                self.record, self.pyramid, cycles, ringing, slip, step.value, known is not None
             )
             runs.append(Run(
                 cycles, step, slip.backstep, ringing, values.step_sizes, values.backsteps,
-                values.points, slip.regained, doubts=known.doubts(k),
+                values.points, slip.regained, cycles.excitation, doubts=evidence.doubts(k),
                 why_no_backstep=slip.why_unknown,
             ))  # fmt: skip
         return Findings(runs, disturbances)
 
 
-def _mean_step(mean: MeanPosition, grid: SlipGrid) -> float:
-    """Return the size (m) of the mean step of a run, roughly."""
-    ends = np.array([grid.first, grid.last])
-    if grid.count > 2:
-        first, last = mean.between(ends - grid.period, ends)
-        return abs(float(last - first)) / (grid.count - 1)
-    ends += grid.period * np.array([-1.5, 0.5])
-    first, last = mean.between(ends, ends + 0.5 * grid.period)
-    return abs(float(last - first)) / grid.count
+def _apart(grids: Sequence[SlipGrid]) -> list[SlipGrid]:
+    """Return the longest of grids that overlap, in the order of time."""
+    kept: list[SlipGrid] = []
+    for grid in sorted(grids, key=lambda one: one.period - one.count * one.period):
+        if all(grid.last < one.first or grid.first > one.last for one in kept):
+            kept.append(grid)
+    return sorted(kept, key=lambda one: one.first)
+
+
+def analyse_cycles(
+    time: Array, position: Array, cycles: Sequence[Cycles], noise: float | None = None
+) -> list[Run]:
+    """Return the runs of cycles that are known: times (s) and positions (m), (samples,).
+
+    noise (m) is that of a sample, estimated if not given. Positions of simulated motion, without
+    noise, are taken as they are; to treat one like a noisy motion, pass the noise of that one.
+    """
+    noise = noise_of(position) if noise is None else noise
+    record = Record(time, position) if noise < EXACT else clean_record(time, position)
+    analysis = _Analysis(record, Drive())
+    grids = [
+        SlipGrid(float(one.slips[0]), one.period, len(one.slips), one.direction) for one in cycles
+    ]
+    runs = analysis.measured(grids, analysis.ringing(grids), cycles).runs
+    return [as_simulated(record, one) for one in runs] if noise < EXACT else runs

@@ -22,16 +22,18 @@ from stickslip_ros.measurement.steps.fold import Fold, Rest
 from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.record import Level, Record, smooth
 from stickslip_ros.measurement.steps.ringing import (
+    SWINGS_IN_CYCLE,
     Ringing,
     combine,
     fit_later_ringing,
-    without_ringing,
 )
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.measurement.steps.timing import UNRINGING_SWINGS, SlipGrid
+from stickslip_ros.measurement.steps.slips import SlipGrid, unrung
 
 #: Samples of a fold and of a rest in which ringing is sought, periods of the rest, its samples.
 _FEW_BINS, _FEW_REST, _REST_PERIODS, _REST_SAMPLES = 20, 40, 12.0, 2000
+#: Times from the begin of a slip to its deepest point that the rest is looked at first.
+_REST_FALLS = 80.0
 #: Swings after the begin of a slip in which the deepest point lies; part of a period.
 _DEEPEST_SWINGS, _DEEPEST_PERIODS = 1.2, 0.5
 #: Swings about the deepest point, and before the begin, through which parabolas are fitted.
@@ -53,6 +55,11 @@ _DEEPEST_SAMPLES, _BEGIN_SAMPLES, _QUARTER_SAMPLES = 8, 6, 6.0
 _CENTRE_SWINGS = 1.25
 #: Places of a swing at which all cycles together are sampled, at least.
 _PLACES = 8.0
+#: Parts of a record that may be the rest at its end; swings in a cycle, or cycles in a swing, of a
+#: quick drive.
+_ENDS, _QUICK = (0.6, 0.45, 0.34, 0.25, 0.19, 0.14, 0.1, 0.06), 4.0
+#: Swings by which the begin of the slip may miss.
+_BEGIN_ERROR = 0.02
 #: Length that the shape of a fold may miss, m; parts of the step of the converter.
 _SHAPE, _CONVERTER = 1e-10, 0.15
 #: Backstep below which its error is not judged as part of it, m.
@@ -73,18 +80,40 @@ def find_ringing(record: Record, fold: Fold, grid: SlipGrid, rest: Rest | None) 
     if later.sum() > _FEW_BINS:
         looked_at[0] = period
         in_cycle = fit_later_ringing(t[later], x[later], 0.9 * period)
-        if in_cycle is not None and in_cycle.frequency * period <= SETTINGS.least_swings_in_cycle:
+        if in_cycle is not None and in_cycle.frequency * period <= SWINGS_IN_CYCLE:
             in_cycle = None
-    if rest is not None:
-        begin = grid.last + deepest
-        first, last = np.searchsorted(
-            record.t, [begin, min(rest[1], begin + _REST_PERIODS * period)]
-        )
-        if last - first > _FEW_REST:
+    begin = grid.last + deepest
+    # The fall takes about half a swing; more than some swings add noise and other frequencies.
+    limit = begin if rest is None else rest[1]
+    for longest in (_REST_FALLS * deepest, _REST_PERIODS * period):
+        first, last = np.searchsorted(record.t, [begin, min(limit, begin + longest)])
+        if last - first > _FEW_REST and in_rest is None:
             looked_at[1] = float(record.t[last - 1] - begin)
             part = slice(first, last, max(1, (last - first) // _REST_SAMPLES))
             in_rest = fit_later_ringing(record.t[part] - grid.last, record.x[part], period, 2)
     return combine(in_cycle, in_rest, (looked_at[0], looked_at[1]), period)
+
+
+def ringing_at_the_end(record: Record, period: float) -> Ringing | None:
+    """Return the ringing at the end of a record, if a drive of this period (s) is as quick as that.
+
+    Its slips are hidden by ringing that lasts longer than its cycles, which the rest after the last
+    one shows alone.
+    """
+    best = None
+    for part in _ENDS:
+        first = int(len(record.t) * (1.0 - part))
+        stride = max(1, (len(record.t) - first) // (2 * _REST_SAMPLES))
+        t, x = record.t[first::stride], record.x[first::stride]
+        found = fit_later_ringing(t, x, _QUICK * period, 1)
+        if found is None or found.swing < period / _QUICK:
+            continue
+        turns = found.frequency * period  # near a whole number it is the drive itself
+        if abs(turns - round(turns)) * (t[-1] - t[0]) < period and round(turns) > 0:
+            continue
+        if best is None or found.frequency_error < best.frequency_error:
+            best = found
+    return best
 
 
 def begin_of_slip(t: Array, x: Array, ringing: Ringing, period: float) -> float:
@@ -93,7 +122,7 @@ def begin_of_slip(t: Array, x: Array, ringing: Ringing, period: float) -> float:
     spacing = swing / 60.0
     even = np.arange(-min(0.4 * period, 2.0 * swing), min(0.45 * period, 2.0 * swing), spacing)
     level = Level(np.interp(even, t, x), spacing, float(even[0]))
-    speed = np.gradient(without_ringing(level, ringing, UNRINGING_SWINGS).x)
+    speed = np.gradient(unrung(level, ringing, period).x)
     near = np.abs(even) < min(0.6 * swing, 0.3 * period)
     return float(even[int(np.argmin(np.where(near, speed, math.inf)))]) - 0.01 * swing
 
@@ -118,8 +147,8 @@ def measure_slip(
     swing = ringing.swing
     a_swing = swing / record.spacing
     quarter = len(fold.t) * 0.25 * swing / float(fold.t[-1] - fold.t[0])
-    if a_swing < SETTINGS.least_samples_a_swing or quarter < _QUARTER_SAMPLES:
-        least = SETTINGS.least_samples_a_swing
+    if a_swing < SETTINGS.samples_a_swing or quarter < _QUARTER_SAMPLES:
+        least = SETTINGS.samples_a_swing
         return MeanSlip(
             why_unknown=f"{a_swing:.1f} samples a swing of the ringing, in {fold.cycles} cycles; "
             f"{least:g} are needed, and {_QUARTER_SAMPLES:g} in a quarter swing of all cycles"
@@ -171,7 +200,7 @@ def measure_slip(
         + _SHAPE**2
     )
     regained = _centre(fold, deepest, ringing) - low
-    if error > SETTINGS.largest_backstep_error * max(value, _SMALL) or value < 0.0:
+    if error > SETTINGS.backstep_error * max(value, _SMALL) or value < 0.0:
         why = f"its error, {1e9 * error:.2g} nm, is too large"
         return MeanSlip(MeasuredValue(), begin, deepest, regained, why)
     return MeanSlip(MeasuredValue(value, error), begin, deepest, regained)
@@ -190,7 +219,7 @@ def _rise_about(fold: Fold, begin: float, ringing: Ringing, apart: float) -> Mea
     if about.sum() < _BEGIN_SAMPLES:
         return None
     high, error, speed = _vertex(fold.t[about] - begin, fold.x[about], 0.0)
-    late = max(SETTINGS.begin_error_swings * swing, 0.3 * apart)
+    late = max(_BEGIN_ERROR * swing, 0.3 * apart)
     return MeasuredValue(high, math.hypot(error, speed * late))
 
 

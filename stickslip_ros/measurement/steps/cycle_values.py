@@ -13,7 +13,7 @@ from stickslip_ros.measurement.steps.backstep import MeanSlip
 from stickslip_ros.measurement.steps.record import Pyramid, Record
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Cycles
-from stickslip_ros.measurement.steps.timing import SlipSizes
+from stickslip_ros.measurement.steps.slips import SlipSizes
 
 #: Part of a period before a slip whose mean tells how far the runner has got; of it, the part at
 #: the end that is left out, as slips are not quite even.
@@ -50,7 +50,7 @@ def cycle_values(
     sizes = np.full(len(cycles.slips), math.nan)
     if math.isfinite(slip.backstep.value):
         every = SlipSizes(pyramid, cycles.slips, cycles.period, ringing)
-        sizes = slip.backstep.value * every.at(cycles.slips)
+        sizes = slip.backstep.value * every.at(cycles.slips)[0]
     return CycleValues(steps, sizes, _points(cycles, ringing, slip, driven))
 
 

@@ -9,41 +9,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.steps.fold import Rest
 from stickslip_ros.measurement.steps.hum import MAINS
-from stickslip_ros.measurement.steps.matching import Chain, change_of_cycles, cycle_rows
 from stickslip_ros.measurement.steps.measured_value import MeasuredValue
-from stickslip_ros.measurement.steps.periodicity import period_factor, possible_part
-from stickslip_ros.measurement.steps.record import FASTER, MeanPosition, Pyramid, Record
+from stickslip_ros.measurement.steps.period import (
+    estimate_periods,
+    explained_by,
+    period_factor,
+    slips_between,
+)
+from stickslip_ros.measurement.steps.record import (
+    FASTER,
+    MeanPosition,
+    Pyramid,
+    Record,
+    beside_line,
+)
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.measurement.steps.step_fit import PRECISION, Disturbances
-from stickslip_ros.measurement.steps.timing import SlipGrid
+from stickslip_ros.measurement.steps.slips import SlipGrid, cycle_rows
+from stickslip_ros.measurement.steps.step_fit import PRECISION, Change, Disturbances
 
-#: What leaves the cycles sure.
+#: What leaves the cycles sure, if not how many they are.
+UNSURE_END = "first or last slip is not clear: give the steps that were sent (--steps)"
 NO_REST = "no rest beside the run, so step and drift cannot be told apart"
-_JUMPS = (
-    "the runner jumps the way it steps, where a slip throws it back: check the sign of the "
-    "position, and the frequency, unless a load carries it off"
-)
-#: Periods from one run to the next of the other direction that leave no room for a missed slip.
-_NEXT_RUN, _ODD = 2.5, 0.2
-#: Samples that are missing where there is a gap.
-_GAP_SAMPLES = 4.0
-#: Parts by which the periods of two pieces of one run may differ, and their steps, by chance.
-_SAME_PERIOD, _SAME_STEP = 0.05, 0.02
-#: Steps that the rests may be apart beside the number of cycles, as the first ones differ, and more
-#: of them for each cycle.
-_MISSING, _GROWING = 1.0, 0.05
-#: The same of a last rise without a slip.
-_RISE = 1.5
-#: Samples of a cycle that show all of its shape.
-_CLEAR_SAMPLES = 60.0
-#: Periods by which a run may be off the clock of the mains.
-_LIKE_MAINS = 0.5
-#: Part of the motion in a cycle that is no step; errors of a mean that are no chance; m.
-_SWINGING, _CHANCE, _NO_STEP = 0.005, 5.0, 5e-11
+_NAME_IT = "give the frequency of the drive (--frequency)"
 
 
 @dataclass(frozen=True)
@@ -54,197 +46,224 @@ class Evidence:
     pyramid: Pyramid
     mean: MeanPosition
     grids: Sequence[SlipGrid]
-    ringings: Sequence[Ringing | None]
+    ringing: Ringing | None
     rests: Sequence[tuple[Rest | None, Rest | None]]
     steps: Sequence[MeasuredValue]
+    changes: Sequence[Change | None]
     disturbances: Disturbances
-    given: float | None  #: the period that was given, s
+    told: bool  #: whether the frequency of the drive is known
+    known: bool = False  #: whether the cycles are known, by an actuator
 
     def doubts(self, k: int) -> tuple[str, ...]:
         """Return why run k is not determined; empty if it is."""
-        found = [
-            *self._sampling(k), *self._multiple(k), *self._ends(k), *self._size(k),
-            *self._distance(k), *self._rests_beside(k),
-            *self._cycles(k),
-        ]  # fmt: skip
+        found = [*self._sampling(k)]
+        if not self.known:
+            found += [*self._ends(k), *self._size(k), *self._beside(k)]
+            found += self._other_period(k) if self.told else self._period(k)
         return tuple(dict.fromkeys(found))
 
     def _sampling(self, k: int) -> list[str]:
-        grid, found = self.grids[k], []
-        if grid.count < SETTINGS.least_cycles and self.given is None:
-            found.append(f"{grid.count} cycles; {SETTINGS.least_cycles} are needed")
-        samples = grid.period / self.record.spacing
-        if round(samples, 1) < SETTINGS.least_samples_a_cycle:
-            found.append(too_few_samples(grid.period, self.record.spacing))
+        grid, spacing, found = self.grids[k], self.record.spacing, []
+        few = too_few_samples(grid.period, spacing, self.told and not self.known)
+        if few:
+            found.append(few)
         if self.record.cut_samples:
             found.append(
                 f"{self.record.cut_samples} samples in a row have the record's outermost value: "
                 "it was cut off there"
             )
-        limit = max(
-            SETTINGS.largest_unevenness_periods * grid.period,
-            SETTINGS.largest_unevenness_samples * self.record.spacing,
-        )
-        if grid.unevenness > limit:
+        if grid.unevenness > max(SETTINGS.unevenness_periods * grid.period, 2.0 * spacing):
             part = 100.0 * grid.unevenness / grid.period
             found.append(f"the slips miss even times by {part:.2g} % of a period")
         return found
 
-    def _multiple(self, k: int) -> list[str]:
-        """Return the doubt about cycles that may be several of those whose period was given."""
-        if self.given is None:
-            return []
-        times = self.grids[k].period / self.given
-        if round(times) < 2 or abs(times / round(times) - 1.0) > _SAME_PERIOD:
-            return []
-        return [f"each cycle may be {round(times)} of the {1.0 / self.given:.6g} Hz given"]
-
     def _ends(self, k: int) -> list[str]:
         """Return doubts about the number of slips."""
         grid, found = self.grids[k], []
-        before, first, last, after = grid.end_sizes
-        beyond = np.nanmax([before, after, 0.0])
-        inside = np.nanmin([first, last, 1.0])
-        if beyond > SETTINGS.largest_slip_beyond_ends or inside < SETTINGS.least_slip_at_ends:
-            sizes = f"{before:.2f} {first:.2f} ... {last:.2f} {after:.2f}"
-            found.append(f"first or last slip is not clear (sizes {sizes})")
+        if grid.sureness < SETTINGS.sure:
+            found.append(UNSURE_END)
+        if grid.sent and grid.sent != grid.count * grid.direction:
+            where = ""
+            if abs(grid.sent) < grid.count:
+                pass
+            elif self.rests[k][0] is None or self.record.t[0] > grid.first - 1.5 * grid.period:
+                where = ": the record begins within the first"
+            elif self.rests[k][1] is None:
+                where = ": the record ends before the last"
+            seen = grid.count * grid.direction
+            found.append(f"{grid.sent:+d} steps were sent, {seen:+d} are seen{where}")
         for j, other in enumerate(self.grids):
-            gap = (other.first - grid.last) / grid.period
-            turns = other.direction != grid.direction
-            if turns and 0.0 < gap < _NEXT_RUN and abs(gap - 1.0) > _ODD:
-                found.append(f"{gap - 1.0:.1f} periods between this run and the next one")
             sooner, later = sorted((grid, other), key=lambda one: one.first)
             apart = (later.first - sooner.last) / grid.period
-            alike = abs(other.period / grid.period - 1.0) < _SAME_PERIOD and self._same_steps(j, k)
-            if other is not grid and not turns and alike and apart < _NEXT_RUN:
+            if j == k or apart > 2.5:
+                continue
+            if other.direction != grid.direction:
+                if abs(apart - 1.0) > 0.2 and not grid.sent:
+                    found.append(f"{apart - 1.0:.1f} periods between this run and another one")
+            elif not self._alike(j, k):
+                at = later.first - later.period
+                found.append(f"the steps change at {at:.6g} s: analyse both parts (--to, --from)")
+            else:
                 found.append(
                     "another run of the same steps is so near that both may be one"
                     + self._gap_between(sooner.last, later.first)
                 )
         return found
 
-    def _gap_between(self, begin: float, end: float) -> str:
-        """Say where samples are missing about two slips (s), in which others may be lost."""
-        t = self.record.t
-        first, last = np.searchsorted(t, [min(begin, end), max(begin, end)])
-        near = t[max(first - 1, 0) : last + 2]
-        k = int(np.argmax(np.diff(near))) if len(near) > 1 else 0
-        if len(near) < 2 or not near[k + 1] - near[k] > _GAP_SAMPLES * self.record.spacing:
-            return ""
-        lost = format_si(float(near[k + 1] - near[k]), "s", 3)
-        return f", as {lost} without samples from {near[k]:.4g} s on hide a slip: cut them there"
-
-    def _same_steps(self, j: int, k: int) -> bool:
-        """Return whether the steps of two runs may be those of one."""
+    def _alike(self, j: int, k: int) -> bool:
+        """Return True if two runs have the same period and steps, but for chance."""
         one, other = self.steps[j], self.steps[k]
-        error = math.hypot(one.error, other.error, _SAME_STEP * one.value)
-        return not abs(one.value - other.value) > _CHANCE * error
+        apart = SETTINGS.step_errors * math.hypot(one.error, other.error) + 0.02 * abs(one.value)
+        period = abs(self.grids[j].period / self.grids[k].period - 1.0)
+        return period < 0.05 and not abs(one.value - other.value) > apart
+
+    def _gap_between(self, begin: float, end: float) -> str:
+        """Say which samples are missing within a stretch (s), if some are."""
+        inside = self.record.t[(self.record.t >= begin) & (self.record.t <= end)]
+        gaps = np.diff(inside)
+        if not len(gaps) or gaps.max() < 4.0 * self.record.spacing:
+            return ""
+        at = float(inside[int(np.argmax(gaps))])
+        lost = format_si(float(gaps.max()), "s", 3)
+        return f", as {lost} without samples from {at:.4g} s on hide a slip: cut them there (--to)"
 
     def _size(self, k: int) -> list[str]:
-        grid, step, found = self.grids[k], self.steps[k], []
-        if not math.isfinite(step.error):
-            return ["too few settled cycles for an error of the step"]
-        if not abs(step.value) > SETTINGS.least_step_errors * step.error:
-            found.append(
-                f"the step, {1e9 * step.value:.2f} nm ± {1e9 * step.error:.2f} nm, is not clear"
-            )
-        if step.value * grid.direction < 0.0:
-            found.append(_JUMPS)
-        return found
-
-    def _distance(self, k: int) -> list[str]:
-        """Return doubts where the rests are apart by another number of steps."""
+        """Return doubts about the step, and whether the rests are as far apart as all steps."""
         grid, step, (before, after) = self.grids[k], self.steps[k], self.rests[k]
-        if before is None or after is None or not step.value or not math.isfinite(step.error):
-            return []
+        if not math.isfinite(step.error):
+            return ["too few settled cycles or rests for an error of the step"]
+        found = []
+        if not abs(step.value) > SETTINGS.step_errors * step.error:
+            size, error = 1e9 * step.value, 1e9 * step.error
+            found.append(f"the step, {size:.2f} nm \u00b1 {error:.2f} nm, is not clear")
+        lasts = self.ringing is not None and self.ringing.decay * grid.period * grid.count < 2.0
+        if lasts and step.error > 0.1 * abs(step.value):
+            found.append("the ringing lasts as long as the run, so its steps have not settled")
+        if step.value * grid.direction < 0.0:
+            found.append("the runner jumps the way it steps, where a slip throws it back")
+        changed = self.changes[k]
+        if changed is not None:
+            found.append(
+                f"the steps change at {changed.t:.6g} s, from {1e9 * changed.before:.2f} nm to "
+                f"{1e9 * changed.after:.2f} nm: analyse both parts (--to, --from)"
+            )
+        if before is None or after is None or not step.value:
+            return found
         near = 0.5 * grid.period
         edges = np.array([
             [max(before[0], before[1] - near), before[1]],
             [after[0], min(after[1], after[0] + near)],
         ])  # fmt: skip
         first, last = self.mean.between(edges[:, 0], edges[:, 1])
-        counted = float(last - first) / step.value
-        uncertain = grid.count * abs(step.error / step.value)
-        missing = _MISSING + _GROWING * grid.count + 2.0 * uncertain
-        if -missing < counted - grid.count < missing + _RISE:
-            return []
-        return [f"the rests are {counted:.1f} steps apart, but {grid.count} cycles are seen"]
+        apart = float(last - first) / step.value
+        # The first steps differ, and a last rise without a slip may be one and a half of them.
+        missing = 1.0 + (0.05 + 2.0 * abs(step.error / step.value)) * grid.count
+        if not -missing < apart - grid.count < missing + 1.5 and not grid.sent:
+            found.append(f"the rests are {apart:.1f} steps apart, but {grid.count} cycles are seen")
+        return found
 
-    def _rests_beside(self, k: int) -> list[str]:
+    def _beside(self, k: int) -> list[str]:
+        """Return doubts about the rests: none, or some in which the runner moves."""
         if self.rests[k] == (None, None):
             return [NO_REST]
-        grid, ringing, found = self.grids[k], self.ringings[k], []
-        width = max(0.25 * grid.period, 0.0 if ringing is None else ringing.swing)
-        low, high = self._free_time(k)
-        for name, begin, end in (
-            ("before", low, grid.first - 1.1 * grid.period),
-            ("after", grid.last + 1.1 * grid.period, high),
-        ):
-            count = int((end - begin) / width)
+        grid, found = self.grids[k], []
+        width = max(0.25 * grid.period, 0.0 if self.ringing is None else self.ringing.swing)
+        for name, rest in zip(("before", "after"), self.rests[k], strict=True):
+            begin, end = rest or (0.0, 0.0)
+            count = int((end - begin - 0.1 * grid.period) / width)
             if count < 2:
                 continue
-            edges = np.asarray(begin + width * np.arange(count + 1), np.float64)
+            edges = np.asarray(end - width * np.arange(count + 1), np.float64)
+            if name == "after":
+                edges = np.asarray(begin + 0.1 * grid.period + width * np.arange(count + 1))
             place = self.mean.between(edges[:-1], edges[1:])
-            place -= self.disturbances.hum_at(0.5 * (edges[1:] + edges[:-1]), width)
+            place -= self.disturbances.at(0.5 * (edges[1:] + edges[:-1]), width=width)
             moved = float(np.ptp(place))
-            if moved > SETTINGS.largest_move_in_rest_steps * abs(self.steps[k].value):
+            if moved > SETTINGS.moves_in_rest * abs(self.steps[k].value):
                 found.append(
                     f"the runner moves by {1e9 * moved:.1f} nm {name} the run, about as far as in "
                     "a step"
                 )
         return found
 
-    def _free_time(self, k: int) -> tuple[float, float]:
-        """Return the end of the run before and the begin of the next one, s."""
-        low, high = float(self.record.t[0]), float(self.record.t[-1])
-        if k > 0:
-            other = self.grids[k - 1]
-            low = other.last + SETTINGS.rest_after_slip_periods * other.period
-        if k + 1 < len(self.grids):
-            other = self.grids[k + 1]
-            high = other.first - (1.0 + SETTINGS.rest_before_rise_periods) * other.period
-        return low, high
+    def _other_period(self, k: int) -> list[str]:
+        """Return the doubt about a period that is known, but of which another explains far more."""
+        grid = self.grids[k]
+        if grid is not max(self.grids, key=lambda one: one.count) or grid.count < 3:
+            return []
+        named = f"not at the {1.0 / grid.period:.6g} Hz that are given; correct the frequency"
+        explained = explained_by(self.record, self.mean, grid)
+        own = explained(grid.period)
+        hum = [k * mains for mains in MAINS for k in (1, 2)]
+        for other in estimate_periods(self.pyramid) if own < 0.4 else ():
+            near = min(abs(other * one - 1.0) for one in (*hum, 1.0 / grid.period))
+            near = min(near, abs(0.5 * other / grid.period - 1.0))  # two cycles explain as much
+            if near > 0.05 and 0.4 < other / grid.period < 2.5 and own < 0.4 * explained(other):
+                return [f"steps are seen at {1.0 / other:.4g} Hz, {named}"]
+        for m in (2, 3):
+            if slips_between(self.pyramid, grid, self.ringing, self.record.spacing, m) > 0.75:
+                return [f"slips are seen at {m / grid.period:.6g} Hz, {named}"]
+        return []
 
-    def _cycles(self, k: int) -> list[str]:
-        grid, ringing, found = self.grids[k], self.ringings[k], []
-        rows = cycle_rows(self.pyramid, Chain(grid.slips, grid.direction, grid.period))
+    def _period(self, k: int) -> list[str]:
+        """Return doubts about a period that the record alone has shown."""
+        grid, found = self.grids[k], []
+        least = SETTINGS.least_cycles
+        if grid.count < least:
+            found.append(f"{grid.count} cycles show no period; {_NAME_IT}")
+        rows = cycle_rows(self.pyramid, grid)
         change = change_of_cycles(rows)
-        if change > SETTINGS.largest_change_in_doubt:
-            found.append(f"{100.0 * change:.0f} % of the motion differs from cycle to cycle")
-        clear = grid.period > _CLEAR_SAMPLES * self.record.spacing  # no alias of a faster drive
-        least = SETTINGS.least_cycles_without_ringing
-        speed = np.diff(grid.direction * rows.mean(axis=0)) if len(rows) else np.zeros(1)
-        if speed.max() > -SETTINGS.largest_speed_to_slip * speed.min():
-            found.append(_JUMPS)
-        few = grid.count < (least // 2 if clear else least)
-        if few and ringing is None and self.given is None:
-            found.append(f"{grid.count} cycles without ringing may be other motion")
-        turns = grid.count * grid.period
-        near = [abs(1.0 / grid.period - k * one) * turns for one in MAINS for k in (1, 2)]
-        if ringing is None and self.given is None and min(near) < _LIKE_MAINS:
+        if change > SETTINGS.change_of_cycles:
             found.append(
-                "cycles as long as those of the mains, without ringing, may be hum: give the "
-                "frequency of the drive, or take hum out (--remove-hum)"
+                f"{100.0 * change:.0f} % of the motion differs from cycle to cycle; {_NAME_IT}"
             )
-        longest = max(self.grids, key=lambda one: one.count)
-        if grid is longest:
-            factor = period_factor(self.record, self.mean, self.pyramid, grid, ringing)
+        if is_sinusoid(rows):
+            found.append(f"the motion is a sinusoid, which has no slips; {_NAME_IT}")
+        speed = np.diff(grid.direction * rows.mean(axis=0)) if len(rows) else np.zeros(1)
+        if speed.max() > -1.4 * speed.min():
+            found.append(
+                f"the runner jumps the way it steps, where a slip throws it back; {_NAME_IT}"
+            )
+        if self.ringing is None:
+            found.append(f"no ringing is seen that tells slips from other motion; {_NAME_IT}")
+        if grid is max(self.grids, key=lambda one: one.count):
+            factor = period_factor(self.record, self.mean, self.pyramid, grid, self.ringing)
             if factor != 1.0:
-                better = 1.0 / (factor * grid.period)
-                found.append(f"the motion repeats better at {better:.6g} Hz")
-            elif self.given is None and ringing is None:
-                part = possible_part(self.record, self.mean, grid)
-                if part > 1:
-                    found.append(f"the samples may also show {part / grid.period:.6g} Hz")
+                other = 1.0 / (factor * grid.period)
+                found.append(f"{other:.6g} Hz explains the motion as well; {_NAME_IT}")
         return found
 
 
-def too_few_samples(period: float, spacing: float) -> str:
-    """Return what is said of cycles (s) with too few samples, which are so far (s) apart."""
+def too_few_samples(period: float, spacing: float, told: bool) -> str:
+    """Return what is said of too few samples (s apart) in cycles (s); empty if they are enough."""
+    least = SETTINGS.samples_a_cycle_told if told else SETTINGS.samples_a_cycle
+    if round(period / spacing, 1) >= least:
+        return ""
     return (
         f"{1.0 / spacing:.4g} samples a second are {period / spacing:.1f} a cycle at "
-        f"{1.0 / period:.6g} Hz; {SETTINGS.least_samples_a_cycle:g} are needed: {FASTER}"
+        f"{1.0 / period:.6g} Hz; {least:g} are needed: {FASTER}"
     )
+
+
+def change_of_cycles(rows: Array) -> float:
+    """Return what part of the motion in cycles, (cycles, n), differs from the mean one."""
+    if len(rows) < 2:
+        return 0.0
+    mean = rows.mean(axis=0)
+    power = max(float(mean @ mean), 1e-40)
+    own = float(np.median(np.sum((rows - mean) ** 2, axis=1))) / power
+    return own * len(rows) / (len(rows) - 1)
+
+
+def is_sinusoid(rows: Array) -> bool:
+    """Return True if cycles, (cycles, n), are a sinusoid but for a hundredth of their motion."""
+    if len(rows) < 2:
+        return False
+    mean = rows.mean(axis=0)
+    turn = np.linspace(0.0, 2.0 * np.pi, len(mean))
+    waves = beside_line(np.stack([np.cos(turn), np.sin(turn)]))
+    size, *_ = np.linalg.lstsq(waves.T, mean, rcond=None)
+    return float(np.sum((mean - size @ waves) ** 2)) < 0.01 * float(mean @ mean)
 
 
 def comes_back(mean: MeanPosition, grid: SlipGrid) -> bool:
@@ -256,5 +275,4 @@ def comes_back(mean: MeanPosition, grid: SlipGrid) -> bool:
     scatter = float(np.std(change)) / len(change) if len(change) > 2 else 0.0
     edges = ends[-2] + grid.period * np.linspace(0.0, 1.0, 65)
     motion = float(np.ptp(mean.between(edges[:-1], edges[1:])))
-    least = max(_NO_STEP, _CHANCE * scatter, _SWINGING * motion, PRECISION)
-    return abs(float(change.mean())) < least
+    return abs(float(change.mean())) < max(5e-11, 5.0 * scatter, 0.005 * motion, PRECISION)

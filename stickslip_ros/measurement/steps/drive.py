@@ -5,9 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip_ros.base.arrays import Array
+from stickslip_ros.measurement.steps.actuator_cycles import runs_of_signal
 from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.slips import SlipGrid
 
 
 @dataclass(frozen=True)
@@ -20,19 +26,30 @@ class Drive:
     frequencies: tuple[float, ...] = ()  #: Hz
     steps: tuple[int, ...] = ()  #: that were sent; the sign is the direction
     begins: tuple[float, ...] = ()  #: when the steps were sent, by the clock of the record, s
+    signed: bool = True  #: whether the directions are known
 
     @classmethod
     def given(
-        cls, frequency: float | Sequence[float] | None, steps: int | Sequence[int] | None = None
+        cls,
+        frequency: ArrayLike | None,
+        steps: ArrayLike | None = None,
     ) -> Drive:
         """Return the drive of frequencies (Hz) and steps, each one or one a run, or unknown.
 
         Raises TraceError for a frequency that is not above 0, no steps, or numbers that differ.
         """
-        frequencies, sent = (
-            () if one is None else tuple(one) if isinstance(one, Sequence) else (one,)
-            for one in (frequency, steps)
-        )
+        try:
+            frequencies, sent = (
+                () if one is None else tuple(np.atleast_1d(np.asarray(one, np.float64)).tolist())
+                for one in (frequency, steps)
+            )
+        except (TypeError, ValueError):
+            raise TraceError(
+                f"the drive is {frequency!r} and {steps!r}; give numbers, or one a run: the "
+                "frequency (Hz) and the steps that were sent"
+            ) from None
+        if any(one != round(one) for one in sent):
+            raise TraceError(f"the steps are {steps!r}; they have to be whole numbers")
         for hertz in frequencies:
             if not 0.0 < hertz < math.inf:
                 raise TraceError(f"the frequency is {hertz:g} Hz; it has to be above 0")
@@ -44,3 +61,58 @@ class Drive:
                 "one for all runs, or one a run"
             )
         return cls(frequencies, tuple(int(one) for one in sent))
+
+    @classmethod
+    def of_voltage(cls, t: Array, voltage: Array) -> Drive:
+        """Return the drive of a voltage (any unit) over times (s), (samples,).
+
+        Its cycles are used alone: which way a deflection goes is left to the position. Raises
+        TraceError where it has no whole cycle.
+        """
+        runs = runs_of_signal(t, voltage)
+        if not runs:
+            raise TraceError(
+                "the voltage makes no whole cycle; record a longer one, or give the drive "
+                "(--frequency, --steps) in its place"
+            )
+        return cls(
+            tuple(1.0 / one.period for one in runs), tuple(len(one.slips) for one in runs),
+            tuple(float(one.starts[0]) for one in runs), signed=False,
+        )  # fmt: skip
+
+    def or_at(self, frequency: float) -> Drive:
+        """Return the drive with a frequency (Hz) where none is known."""
+        return self if self.frequencies else replace(self, frequencies=(frequency,))
+
+    def sent_to(self, grids: Sequence[SlipGrid]) -> list[SlipGrid]:
+        """Return runs with the steps that were sent for each.
+
+        Raises TraceError where other runs were sent than are seen.
+        """
+        runs = max(len(self.frequencies), len(self.steps))
+        if self.begins:
+            near = [
+                min(
+                    range(len(self.begins)),
+                    key=lambda k: abs(self.begins[k] - one.first + one.period),
+                )
+                for one in grids
+            ]
+        elif runs > 1 and runs != len(grids) and grids:
+            seen = ", ".join(
+                f"{one.count * one.direction:+d} at {1.0 / one.period:.6g} Hz" for one in grids
+            )
+            raise TraceError(
+                f"{runs} runs of steps were sent, {len(grids)} are seen ({seen}): give the drive "
+                "of those in the record (--frequency, --steps), or cut it (--from, --to)"
+            )
+        else:
+            near = list(range(len(grids)))
+        if not self.steps:
+            return list(grids)
+        found = []
+        for grid, k in zip(grids, near, strict=True):
+            sent = self.steps[min(k, len(self.steps) - 1)]
+            sent = sent if self.signed else abs(sent) * grid.direction
+            found.append(replace(grid, sent=sent))
+        return found

@@ -11,7 +11,7 @@ import numpy as np
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.record import MeanPosition, Record
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.measurement.steps.timing import SlipGrid, steepest_fall
+from stickslip_ros.measurement.steps.slips import SlipGrid, steepest_fall
 
 #: Cycles of a fold at most; parts of a period before and after the slip.
 _CYCLES, _BEFORE, _AFTER = 400, 0.5, 0.99

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
@@ -79,8 +78,7 @@ def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
 
     A spike is alone: beside the first swing after a slip, others are nearly as large.
     """
-    middle = scipy.ndimage.median_filter(x, size=_NEIGHBOURS, mode="nearest")
-    away = np.abs(x - middle)
+    away = np.abs(x - _median_of_five(x))
     sample = away[:: max(1, len(away) // _LOOKED_AT)]
     usual = max(_SPIKE * robust_std(sample), _USUAL * float(np.quantile(sample, _ALL_BUT_FEW)))
     far = np.flatnonzero(away > max(usual, _SPIKE * noise))
@@ -88,3 +86,11 @@ def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
     others = away[np.clip(far[:, None] + beside, 0, len(x) - 1)]
     alone = away[far] > _ALONE * np.quantile(others, _MOST_BESIDE, axis=1)
     return ~np.isin(np.arange(len(x)), far[alone])
+
+
+def _median_of_five(x: Array) -> Array:
+    """Return the running median of five samples, by the exchanges that sort five."""
+    a, b, c, d, e = (np.pad(x, 2, mode="edge")[k : k + len(x)] for k in range(5))
+    low = np.maximum(np.minimum(a, b), np.minimum(d, e))
+    high = np.minimum(np.maximum(a, b), np.maximum(d, e))
+    return np.maximum(np.minimum(np.maximum(low, high), c), np.minimum(low, high))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -12,21 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.errors import StickslipError
+from stickslip_ros.measurement.steps.noise import noise_of, quantum_of, without_spikes
 
 #: What helps against too few samples in a cycle.
 FASTER = "sample faster (a bag: raise publish_rate, or stickslip bag resimulate)"
 #: Samples of a record at least.
 FEWEST_SAMPLES = 32
-#: A spike is this many times what a median of five leaves of 99 % of the samples.
-_SPIKE, _SPIKES = 4.0, 0.01
 #: Samples that stay at the outermost value where a record is cut off, times any other such stretch,
 #: and part of the usual move in so many samples before, as no runner stops at once.
 _HELD_SAMPLES, _HELD_TIMES, _STOPS = 12, 20.0, 0.5
 #: Part of the moves between samples that turn, above which they are noise; a smooth motion of many
 #: samples turns far less often.
 _NOISY = 0.35
-#: Part of the samples below which different values show the steps of a converter, in so many.
-_FEW_VALUES, _LOOKED_AT = 0.05, 40_000
 #: Jumps of a fringe counter at most; times the next smaller move; times the usual move; part of one
 #: jump by which another may miss a multiple of it.
 _JUMPS, _CLEAR_JUMP, _LARGE_JUMP, _ODD_JUMP = 6, 2.0, 30.0, 0.1
@@ -72,6 +70,21 @@ class Record:
         """Time (s) from the first sample to the last."""
         return float(self.t[-1] - self.t[0])
 
+    def between_pauses(self) -> list[Record]:
+        """Return the parts that pauses separate, which last as long as much of what was sampled."""
+        gaps = np.diff(self.t)
+        usual = float(np.median(gaps)) if len(gaps) else 0.0
+        pauses = np.flatnonzero(gaps > max(0.25 * usual * len(gaps), 100.0 * usual)) + 1
+        edges = [0, *pauses.tolist(), len(self.t)]
+        parts = [
+            replace(self, t=self.t[a:b], x=self.x[a:b], jumps=tuple(
+                one for one in self.jumps if self.t[a] < one.t < self.t[b - 1]
+            ))
+            for a, b in pairwise(edges)
+            if b - a >= FEWEST_SAMPLES and np.ptp(self.x[a:b]) > 0.0
+        ]  # fmt: skip
+        return parts or [self]
+
 
 def check_count(samples: int) -> None:
     """Raise TraceError for a record of too few samples."""
@@ -82,56 +95,41 @@ def check_count(samples: int) -> None:
         )
 
 
-def check_samples(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array]:
-    """Return times (s) and positions (m) as arrays, (samples,).
+def check_samples(t: ArrayLike, x: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return times (s) in order and positions (m), both (samples,), and stray times left out.
 
-    Raises TraceError where the shapes differ, there are too few, or the runner does not move.
+    A stray time is further from the others than these are from each other. Raises TraceError where
+    the shapes differ, there are too few samples, or the runner does not move.
     """
     time, position = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
     if position.shape != time.shape or time.ndim != 1:
         raise TraceError(f"position has shape {position.shape}; it has to be {time.shape[:1]}")
     finite = np.isfinite(time) & np.isfinite(position)
     time, position = time[finite], position[finite]
+    check_count(len(time))
     if not (np.diff(time) > 0.0).all():
         time, first = np.unique(time, return_index=True)
         position = position[first]
+    outer = max(1, len(time) // 100)
+    apart = np.diff(time) > time[-1 - outer] - time[outer]
+    near = np.ones(len(time), dtype=bool)
+    near[: int(np.flatnonzero(apart[:outer]).max(initial=-1)) + 1] = False
+    near[len(time) - int(np.flatnonzero(apart[::-1][:outer]).max(initial=-1)) - 1 :] = False
+    strays, time, position = time[~near], time[near], position[near]
     check_count(len(time))
     if not np.ptp(position) > 0.0:
         raise TraceError("the runner does not move in the trace")
-    return time, position
+    return time, position, strays
 
 
 def clean_record(t: Array, x: Array) -> Record:
     """Return the record of times (s) and positions (m) without spikes, jumps and cut parts."""
-    away = np.abs(x - _median_of_five(x))
-    spiky = away > _SPIKE * max(float(np.quantile(away, 0.99)), 1e-12)
-    spikes = int(spiky.sum())
-    if 0 < spikes < _SPIKES * len(x):
-        t, x = t[~spiky], x[~spiky]
-    else:
-        spikes = 0
-    resolution = _resolution_of(x)
+    kept = without_spikes(x, noise_of(x))
+    t, x = t[kept], x[kept]
+    resolution = quantum_of(x)
     held = _held_samples(x, resolution)
-    record = Record(t[~held], x[~held], spikes, int(held.sum()), resolution)
+    record = Record(t[~held], x[~held], int((~kept).sum()), int(held.sum()), resolution)
     return _without_jumps(record)
-
-
-def _resolution_of(x: Array) -> float:
-    """Return the step (m) of a converter, 0 where none is seen."""
-    some = x[:: max(1, len(x) // _LOOKED_AT)]
-    if len(np.unique(some)) > _FEW_VALUES * len(some):
-        return 0.0
-    values = np.unique(x)
-    few = 1 < len(values) < _FEW_VALUES * len(x)
-    return float(np.median(np.diff(values))) if few else 0.0
-
-
-def _median_of_five(x: Array) -> Array:
-    """Return the running median of five samples, by the exchanges that sort five."""
-    a, b, c, d, e = (np.pad(x, 2, mode="edge")[k : k + len(x)] for k in range(5))
-    low = np.maximum(np.minimum(a, b), np.minimum(d, e))
-    high = np.minimum(np.maximum(a, b), np.maximum(d, e))
-    return np.maximum(np.minimum(np.maximum(low, high), c), np.minimum(low, high))
 
 
 def _held_samples(x: Array, resolution: float) -> NDArray[np.bool_]:
@@ -208,6 +206,7 @@ class MeanPosition:
 
     def __init__(self, record: Record) -> None:
         self._t, self._x = record.t, record.x - record.x[0]
+        self.begin, self.end = float(record.t[0]), float(record.t[-1])  # s
         areas = 0.5 * (self._x[1:] + self._x[:-1]) * np.diff(record.t)
         self._area = np.concatenate([[0.0], np.cumsum(areas)])
 
@@ -241,14 +240,10 @@ class Level:
         found = self.x[k] * (1.0 - part) + self.x[k + 1] * part
         return np.where(inside, found, math.nan)
 
-    def excerpt(self, begin: float, end: float) -> Level:
-        """Return the samples from begin to end (s)."""
-        first, last = (round((one - self.start) / self.spacing) for one in (begin, end))
-        first = min(max(first, 0), max(len(self.x) - 2, 0))
-        return Level(
-            self.x[first : max(last, first + 2)], self.spacing,
-            self.start + first * self.spacing,
-        )  # fmt: skip
+    def at(self, times: Array) -> Array:
+        """Return the positions (m) nearest to times (s)."""
+        number = np.rint((times - self.start) / self.spacing)
+        return self.x[np.clip(number, 0, len(self.x) - 1).astype(np.int64)]
 
 
 class Pyramid:

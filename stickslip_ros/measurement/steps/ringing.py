@@ -23,6 +23,12 @@ _SWINGS_LATER, _SAME, _GONE = 6.0, 0.05, 6.0
 _SKIPPED, _EXACT = (1.0, 2.0, 4.0), 3e-4
 #: Part of the sampling rate up to which frequencies are tried, and told.
 _TRIED, _TOLD = 0.4, 0.38
+#: Parts by which a contact rings off its linear frequency in a rest and in a cycle, and by which
+#: both may differ; by which sliding makes swings die away otherwise; error of a decay times period.
+_BEND_IN_REST, _BEND_IN_CYCLE, _DISAGREE = 0.0005, 0.001, 0.02
+_BEND_OF_DECAY, _DECAY_ERROR = 0.02, 0.05
+#: Swings from which on a cycle shows the ringing by itself; of the rest that are looked at.
+SWINGS_IN_CYCLE, _SWINGS_LOOKED_AT = 8.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -143,7 +149,8 @@ def fit_later_ringing(t: Array, x: Array, longest: float, order: int = 3) -> Rin
         return None
     for skipped in _SKIPPED:
         begin = t[0] + skipped * found.swing
-        later = (t > begin) & (t < begin + _GONE / max(found.decay, 1e-9))
+        gone = min(_GONE / max(found.decay, 1e-9), _SWINGS_LOOKED_AT * found.swing)
+        later = (t > begin) & (t < begin + gone)
         if later.sum() < 2 * _FEWEST or np.ptp(t[later]) * found.frequency < _SWINGS_LATER:
             break
         again = fit_ringing(t[later], x[later], longest, order)
@@ -172,8 +179,8 @@ def _checked(
         return None
     error = np.sqrt(np.abs(np.diag(covariance)))
     clear = (
-        size > SETTINGS.least_ringing_to_noise * math.sqrt(square / count)
-        and error[0] < SETTINGS.largest_frequency_error
+        size > SETTINGS.ringing_to_noise * math.sqrt(square / count)
+        and error[0] < SETTINGS.frequency_error
         and limits[0] < frequency < limits[1]
         and frequency * model.t[-1] > SETTINGS.least_swings
         and decay < 2.0 * math.pi * frequency * SETTINGS.largest_damping
@@ -200,11 +207,11 @@ def combine(
             frequency_error=math.hypot(one.frequency_error, bend * one.frequency),
             decay_error=math.hypot(
                 one.decay_error,
-                SETTINGS.bend_of_decay * one.decay,
-                SETTINGS.decay_error_periods / period,
+                _BEND_OF_DECAY * one.decay,
+                _DECAY_ERROR / period,
             ),
         )
-        for one, bend in ((in_cycle, SETTINGS.bend_in_cycle), (in_rest, SETTINGS.bend_in_rest))
+        for one, bend in ((in_cycle, _BEND_IN_CYCLE), (in_rest, _BEND_IN_REST))
         if one is not None
     ]
     if not found:
@@ -212,10 +219,10 @@ def combine(
     best = min(found, key=lambda one: one.frequency_error)
     if len(found) == 2:
         apart = abs(found[0].frequency / found[1].frequency - 1.0)
-        doubtful = apart > SETTINGS.largest_disagreement
+        doubtful = apart > _DISAGREE
     else:
         other = looked_at[0] if in_cycle is None else looked_at[1]
-        doubtful = other * best.frequency > SETTINGS.least_swings_in_cycle
+        doubtful = other * best.frequency > SWINGS_IN_CYCLE
     return replace(best, frequency_error=math.inf) if doubtful else best
 
 

@@ -40,6 +40,7 @@ class Cycles:
     starts: Array  #: begin of each cycle, s
     slips: Array  #: begin of the slip of each cycle, s
     ends: Array  #: end of the slip and of the cycle, s; the begin of the slip where that is unknown
+    excitation: float = math.nan  #: deflection of the actuator, peak to peak, m
 
     @classmethod
     def even(cls, slips: Array, period: float, direction: int) -> Cycles:
@@ -157,7 +158,7 @@ class Run:
     @property
     def is_clear(self) -> bool:
         """Whether the step is no chance."""
-        return abs(self.step_size) > SETTINGS.least_step_errors * self.step_size_error
+        return abs(self.step_size) > SETTINGS.step_errors * self.step_size_error
 
     @property
     def backstep(self) -> float:

@@ -3,66 +3,61 @@
 
 The rows are means over blocks of time. A block of a run is a part of a settled cycle: each part has
 a level of its own, which is the shape of the cycle, and one step from cycle to cycle. A rest has
-one level. Jumps of a fringe counter, ringing into the rests, drift and hum are common to all. A
-record hardly determines drift and hum, so these have normal priors with a mean of zero (ridge
-regression), as wide as usual on a bench. The step is averaged over drifts that are straight, bend,
-creep or walk at random, with and without hum of either mains, weighted by how probable these are
-(J. Hoeting et al., Statistical Science 14 (1999) 382), with the effective number of rows (C. Geyer,
-Statistical Science 7 (1992) 473: the initial positive sequence of the correlation).
+one level; those beside a run of one or two cycles differ by its steps. Jumps of a fringe counter,
+ringing into the rests, drift and hum are common to all. A record hardly determines drift and hum,
+so these have normal priors with a mean of zero (ridge regression), as wide as usual on a bench. The
+step is averaged over drifts that are straight or walk at random, with and without hum of either
+mains, weighted by how probable these are (J. Hoeting et al., Statistical Science 14 (1999) 382),
+with the effective number of rows (C. Geyer, Statistical Science 7 (1992) 473: the initial positive
+sequence of the correlation). Steps that change within a run are told by the same comparison.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.fold import Rest
-from stickslip_ros.measurement.steps.hum import MAINS, USUAL
+from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.record import MeanPosition, Record
 from stickslip_ros.measurement.steps.ringing import Ringing
-from stickslip_ros.measurement.steps.timing import SlipGrid
+from stickslip_ros.measurement.steps.settings import SETTINGS
+from stickslip_ros.measurement.steps.slips import SlipGrid
 
-#: Times of creep that are tried, as parts of the record.
-_CREEP_TIMES = (0.003, 0.01, 0.05, 0.3)
-#: Times of creep since the first run began, in cycles; highest order of a drift that bends.
-_CREEP_CYCLES, _BENDS = (1.0, 10.0), 5
-#: Harmonics of the mains; periods of it that a record holds where hum is claimed, and
-#: where it is allowed for.
-_HARMONICS, _PERIODS, _NUISANCE_PERIODS = (1, 3), 2.0, 0.4
-#: How probable hum of either mains, a drift that is not straight, and a random walk are beforehand;
-#: how far (m) such a walk gets over the record; waves of its series.
-_HUM_ODDS, _BENT_ODDS, _WALK_ODDS = 0.01, 0.02, 0.2
-#: Drift beforehand (m/s), as on a bench, and in steps over the record; times of it by which one
-#: that bends is tried; creep in an e-fold of time, in steps.
-_DRIFT, _DRIFT_STEPS, _BENT, _CREEPS = 3e-7, 0.2, (1.0, 4.0), 0.1
+#: Prior standard deviation of the fundamental, m; that of harmonic n is n times smaller.
+_USUAL = 2e-8
+#: How probable hum of either mains, a drift that bends, a random walk and a change of the steps are
+#: beforehand.
+_HUM_ODDS, _BENT_ODDS, _WALK_ODDS, _CHANGE_ODDS = 0.01, 0.02, 0.2, 0.01
+#: Drift beforehand (m/s), as on a bench, and in steps over the record; part of a step by which it
+#: changes; times a drift by which one bends, and the highest order of such a one; how far (m) a
+#: walk gets over the record; waves of its series (of Karhunen and Loeve).
+_DRIFT, _DRIFT_STEPS, _CHANGES, _BENT, _BENDS = 3e-7, 0.2, 0.1, (1.0, 4.0), 5
 _WALKS, _WAVES = (3e-10, 1e-9, 3e-9, 1e-8, 3e-8, 1e-7), 24
-#: Standard errors from which on drift and hum are plainly there; m that a drift comes to, and that
-#: hum swings, at least.
-_PLAIN, _ADDS_UP, _SWINGS = 5.0, 2e-9, 5e-10
+#: Cycles from which on a change is looked for, and places in a run where it is.
+_MANY, _PLACES = 12, 9
 #: Part of a column that others do not have, from which on it is told apart.
 _INDEPENDENT = 1e-5
 #: Parts of a cycle at most, samples of one at least; rows of a run and of a rest at most.
 _PARTS, _SAMPLES, _RUN_ROWS, _REST_ROWS = 8, 3.0, 1500, 200
+#: Cycles from which on their motion shows the step.
+SHOW_STEP = 3
 #: Least change of a step in a short run, whose cycles have not settled, as part of it; how many
 #: cycles settle.
 _UNSETTLED, _SETTLED = 0.01, 8
-#: Differences in a group that show its scatter.
-_SCATTER = 3
-#: Cycles from which on their motion shows the step; part of a step of fewer by which the rise
-#: before a slip may bend; periods before the slip between which the runner rises towards it.
-_SHOW_STEP, _BENT_RISE = 3, 0.05
-_RISING = (-0.13, -0.08, -0.03)
-#: Variances of one mean in a rise that goes on as before: twice the second, less the first.
-_OF_TOPS = 5.0
 #: Part by which samples far apart miss a step, in squares of their distance in periods: a slip lies
 #: anywhere between two of them.
 _COARSE = 1.2
+#: Part of the ringing since the begin of a run that settled cycles may still show, and part of a
+#: step by which it may differ then.
+_LASTS, _RINGING_ON = 0.003, 0.002
 #: Precision of positions, m: of the solver of simulated ones, far below any sensor.
 PRECISION = 2e-12
 
@@ -82,30 +77,30 @@ class Disturbances:
     @property
     def drifts(self) -> bool:
         """Whether the drift is plainly there."""
-        clear = abs(self.drift) > _PLAIN * self.drift_error
-        return clear and abs(self.drift) * self.duration > _ADDS_UP
+        clear = abs(self.drift) > SETTINGS.step_errors * self.drift_error
+        return clear and abs(self.drift) * self.duration > 2e-9
 
     @property
     def hums(self) -> bool:
         """Whether the hum is plainly there."""
-        return self.hum > max(_PLAIN * self.hum_error, _SWINGS)
-
-    def at(self, t: Array, drift: bool = True, hum: bool = True) -> Array:
-        """Return drift and hum (m) at times (s); the drift counts from the first of them."""
-        total = self.drift * (t - t[0]) if drift else np.zeros_like(t)
-        return np.asarray(total + self.hum_at(t) if hum else total)
+        return self.hum > max(SETTINGS.step_errors * self.hum_error, 5e-10)
 
     @property
     def hum(self) -> float:
         """Amplitude of the strongest harmonic, m."""
         return max((math.hypot(*wave) for wave in self.waves), default=0.0)
 
-    def hum_at(self, t: Array, width: Array | float = 0.0) -> Array:
-        """Return the hum (m) at times (s), as means over a width (s)."""
-        total = np.zeros_like(t)
-        if self.mains is not None:
-            columns = np.stack(_hum_columns(self.mains, t, width), axis=-1)
-            total = columns @ np.ravel(self.waves)
+    def at(
+        self, t: Array, drift: bool = False, hum: bool = True, width: Array | float = 0.0
+    ) -> Array:
+        """Return drift and hum (m) at times (s), as means over a width (s).
+
+        The drift counts from the first of the times.
+        """
+        total = self.drift * (t - t[0]) if drift else np.zeros_like(t)
+        if self.mains is not None and hum:
+            columns = np.stack(hum_columns(t, (self.mains,), width=width), axis=-1)
+            total = total + columns @ np.ravel(self.waves)
         return np.asarray(total)
 
     def as_json(self) -> dict[str, float | None]:
@@ -121,6 +116,15 @@ class Disturbances:
 
 
 @dataclass(frozen=True)
+class Change:
+    """Steps that are not the same all over a run."""
+
+    t: float  #: when they change, s
+    before: float  #: step until then, m
+    after: float  #: step from then on, m
+
+
+@dataclass(frozen=True)
 class _Rows:
     """Block means and the columns of the regression that every model has."""
 
@@ -130,12 +134,14 @@ class _Rows:
     group: NDArray[np.int64]  #: number of the level that blocks share
     columns: Array  #: cycle numbers of each run; then jumps and ringing
     in_run: NDArray[np.bool_]  #: whether a block is part of a run
+    #: Of runs whose ringing since their begin has not died away: its first column, and the part of
+    #: it that is there at the last slip.
+    unsettled: dict[int, tuple[int, float]]
 
     def within_groups(self, values: Array) -> Array:
         """Return values without the mean of their group."""
-        group = self.group
-        count = np.maximum(np.bincount(group), 1)
-        return np.asarray(values - (np.bincount(group, values) / count)[group])
+        count = np.maximum(np.bincount(self.group), 1)
+        return np.asarray(values - (np.bincount(self.group, values) / count)[self.group])
 
 
 @dataclass(frozen=True)
@@ -143,130 +149,70 @@ class _Model:
     """A fit with some of the disturbances."""
 
     value: Array  # of each column; nan of those it does not have
-    covariance: Array  # the diagonal, for a variance of 1
-    left: float  # sum of squares
+    variance: Array  # of each, for a variance of 1
+    left: float  # sum of squares, with what the priors add
     unknowns: int
     persistence: float
-    slow: str = ""
+    volume: float  # logarithm of what is known of smooth columns over their prior
     mains: float | None = None
-    places: dict[str, NDArray[np.int64]] = field(default_factory=dict)  # of columns, by name
-    odds: float = 0.0  # twice the negative logarithm of its probability beforehand
-    volume: float = 0.0  # logarithm of what is known of a walk over its prior
     information: float = 0.0  # the smaller, the likelier
-
-    def informed(self, chance: float) -> _Model:
-        """Return the model with its information, by the variance of independent rows (m^2)."""
-        return replace(self, information=self.left / chance + self.volume + self.odds)
 
 
 def fit_steps(
     record: Record,
     mean: MeanPosition,
     grids: Sequence[SlipGrid],
-    ringings: Sequence[Ringing | None],
+    ringing: Ringing | None,
     rests: Sequence[tuple[Rest | None, Rest | None]],
-) -> tuple[list[MeasuredValue], Disturbances]:
-    """Return the steps (m, with their signs) of runs, and what disturbs the record."""
-    rows = _rows_of(record, mean, grids, ringings, rests)
-    few = [
-        _step_between_rests(mean, grid, pair) if grid.count < _SHOW_STEP else MeasuredValue()
-        for grid, pair in zip(grids, rests, strict=True)
-    ]
-    nothing = few, Disturbances()
-    if rows is None:
-        return nothing
-    weight = _weights(rows, len(grids), record.resolution)
-    free = len(rows.x) - int(np.count_nonzero(np.bincount(rows.group)))
+) -> tuple[list[MeasuredValue], list[Change | None], Disturbances]:
+    """Return the steps (m, with their signs) of runs, their changes, and what disturbs the record.
+
+    Raises nothing: a step that rows do not tell is nan.
+    """
+    unknown: list[MeasuredValue] = [MeasuredValue()] * len(grids)
+    unchanged: list[Change | None] = [None] * len(grids)
+    rows = _rows_of(record, mean, grids, ringing, rests)
     resting = sum(one is not None for pair in rests for one in pair)
-    models, chance = _fits(record, rows, weight, grids, resting, free)
-    if not models:
-        return nothing
-    share = _shares(models)
+    fit = None if rows is None else _Regression(record, rows, grids, resting > 0)
+    if fit is None or not fit.models:
+        return unknown, unchanged, Disturbances()
     longest = max((b - a for pair in rests for a, b in filter(None, pair)), default=math.inf)
-    drifting = 1.0 if resting else 0.0
     steps = []
     for j, grid in enumerate(grids):
-        if grid.count < _SHOW_STEP:
-            steps.append(few[j])
-            continue
-        value = float(sum(p * one.value[j] for p, one in zip(share, models, strict=True)))
-        spread = 0.0
-        for p, one in zip(share, models, strict=True):
-            freedom = max(free / one.persistence - one.unknowns, 1.0)
-            own = one.left / max(free - one.unknowns, 1) * one.persistence
-            variance = max(chance, own) * float(one.covariance[j]) * (1.0 + 2.0 / freedom)
-            spread += p * (variance + (one.value[j] - value) ** 2)
-        unsettled = _UNSETTLED * value if grid.count < _SETTLED else 0.0
+        value, spread = fit.mean_of(j)
+        unsettled = _UNSETTLED * value if SHOW_STEP <= grid.count < _SETTLED else 0.0
+        if j in fit.unsettled:
+            column, left = fit.unsettled[j]
+            waves = [fit.mean_of(column + k)[0] for k in (0, 1)]
+            unsettled = math.hypot(unsettled, left * math.hypot(*waves), _RINGING_ON * value)
         coarse = _COARSE * value * (record.spacing / grid.period) ** 2
         # A rest may lie within one step of the converter, which hides a drift.
-        hidden = 0.5 * record.resolution * grid.period / longest * drifting
-        steps.append(MeasuredValue(value, math.sqrt(spread + unsettled**2 + coarse**2 + hidden**2)))
-    best = models[int(np.argmax(share))]
-    return steps, _disturbances(best, chance, record.duration)
-
-
-def _step_between_rests(
-    mean: MeanPosition, grid: SlipGrid, rests: tuple[Rest | None, Rest | None]
-) -> MeasuredValue:
-    """Return the step (m) of one or two cycles: to the last slip from the rest, or from the first.
-
-    The rests beside them show a drift, if there is one.
-    """
-    before, after = rests
-    if before is None or after is None:
-        return MeasuredValue()
-    t, x, side = [], [], []
-    for k, rest in enumerate((before, after)):
-        edges = np.linspace(*rest, 65)
-        t.append(0.5 * (edges[1:] + edges[:-1]) - grid.last)
-        x.append(mean.between(edges[:-1], edges[1:]))
-        side.append(np.full(64, float(k)))
-    times, place, later = (np.concatenate(one) for one in (t, x, side))
-    # Just before the slip, the place of the runner goes on as it went before.
-    ends = grid.slips[:, None] + grid.period * np.array(_RISING)
-    first, second = mean.between(ends[:, :-1], ends[:, 1:]).T
-    tops = second + (second - first)
-    # Each top is two means of a few samples, and noise as that of the blocks of the rests.
-    block = max(b - a for a, b in (before, after)) / 64.0
-    window = grid.period * float(np.diff(_RISING).min())
-    of_tops = max(2.0, _OF_TOPS * block / window)
-    fits = []
-    for slow in ([], [times / float(np.ptp(times))]):
-        design = np.column_stack([np.ones_like(later), later, *slow])
-        found, *_ = np.linalg.lstsq(design, place, rcond=None)
-        left = place - design @ found
-        free = max((len(left) - design.shape[1]) / persistence(left), 1.0)
-        variance = max(float(left @ left) / free, PRECISION**2)
-        error = variance * float(np.linalg.inv(design.T @ design)[0, 0]) * (1.0 + 2.0 / free)
-        information = free * math.log(variance) + design.shape[1] * math.log(max(free, 3.0))
-        step = float(tops[-1] - found[0])
-        if len(tops) > 1:
-            rate = float(found[2]) / float(np.ptp(times)) if slow else 0.0
-            step = float(tops[-1] - tops[-2]) - rate * grid.period
-        fits.append((information, step, error + of_tops * variance))
-    least = min(one[0] for one in fits)
-    share = np.exp([-0.5 * (one[0] - least) for one in fits])
-    share /= share.sum()
-    value = float(sum(p * one[1] for p, one in zip(share, fits, strict=True)))
-    spread = sum(p * (one[2] + (one[1] - value) ** 2) for p, one in zip(share, fits, strict=True))
-    return MeasuredValue(value, math.hypot(math.sqrt(spread), _BENT_RISE * abs(value)))
+        hidden = 0.5 * record.resolution * grid.period / longest if resting else 0.0
+        error = math.sqrt(spread + unsettled**2 + coarse**2 + hidden**2)
+        steps.append(MeasuredValue(value, error))
+    changes = [fit.change_of(j, grid) for j, grid in enumerate(grids)]
+    return steps, changes, fit.disturbances(record.duration)
 
 
 def _rows_of(
     record: Record,
     mean: MeanPosition,
     grids: Sequence[SlipGrid],
-    ringings: Sequence[Ringing | None],
+    ringing: Ringing | None,
     rests: Sequence[tuple[Rest | None, Rest | None]],
 ) -> _Rows | None:
-    """Return the rows of all runs and rests; None where no run has a settled cycle."""
+    """Return the rows of all runs and rests; None where no cycle and no rest shows a step."""
     begins: list[Array] = []
     ends: list[Array] = []
     numbers: list[Array] = []
-    rings: list[tuple[int, float, Ringing]] = []  # group of a rest, begin of its ringing
+    groups: list[int] = []
+    # First and last blocks, begin of the ringing in them, and their run, if it is one.
+    rings: list[tuple[int, int, float, int | None]] = []
+    level = 0
     for j, grid in enumerate(grids):
-        first = max(grid.settling - 1, 0)
-        cycles = np.arange(first, grid.count - 1 if grid.count >= _SHOW_STEP else first)
+        if grid.count < SHOW_STEP:
+            continue
+        cycles = np.arange(max(grid.settling - 1, 0), grid.count - 1)
         parts = int(np.clip(grid.period / record.spacing / _SAMPLES, 1, _PARTS))
         cycles = cycles[:: max(1, len(cycles) * parts // _RUN_ROWS)]
         for part in range(parts):
@@ -274,12 +220,17 @@ def _rows_of(
             begins.append(begin)
             ends.append(begin + grid.period / parts)
             numbers.append(np.where(np.arange(len(grids)) == j, cycles[:, None], 0.0))
-    runs = len(begins)
-    if not sum(map(len, begins)):
-        return None
+            groups.append(level := level + 1)
+        if ringing is not None and math.exp(-ringing.decay * grid.period * grid.settling) > _LASTS:
+            rings.append((len(begins) - parts, len(begins), grid.first - grid.period, j))
+    runs, went = level, np.zeros(len(grids))
     seen: set[Rest] = set()
-    for grid, ringing, pair in zip(grids, ringings, rests, strict=True):
+    for j, (grid, pair) in enumerate(zip(grids, rests, strict=True)):
         for k, rest in enumerate(pair):
+            if k == 1 and grid.count < SHOW_STEP:
+                went = went + np.where(np.arange(len(grids)) == j, float(grid.count), 0.0)
+            elif k == 1 or j == 0:
+                level += 1
             if rest is None or rest in seen:
                 continue
             seen.add(rest)
@@ -289,23 +240,36 @@ def _rows_of(
             if count < 2:
                 continue
             if k == 1 and count > 8 and ringing is not None:
-                rings.append((len(begins), rest[0], ringing))
+                rings.append((len(begins), len(begins) + 1, rest[0], None))
             edges: Array = np.linspace(*rest, count + 1, dtype=np.float64)
             begins.append(edges[:-1])
             ends.append(edges[1:])
-            numbers.append(np.zeros((count, len(grids))))
+            numbers.append(np.tile(went, (count, 1)))
+            groups.append(level)
+    if not begins:
+        return None
     begin, end = np.concatenate(begins), np.concatenate(ends)
-    group = np.repeat(np.arange(len(begins)), [len(one) for one in begins])
+    block = np.repeat(np.arange(len(begins)), [len(one) for one in begins])
     columns = [np.concatenate(numbers)]
     if record.jumps:
         columns.append(np.sum([
             one.fringes * np.clip((end - one.t) / (end - begin), 0.0, 1.0) for one in record.jumps
         ], axis=0)[:, None])  # fmt: skip
-    for number, since, ringing in rings:
-        columns.append(_mean_ringing(group == number, begin - since, end - since, ringing))
+    unsettled = {}
+    for low, high, since, run in rings:
+        assert ringing is not None
+        if run is not None:
+            left = math.exp(-ringing.decay * (grids[run].last - since))
+            unsettled[run] = sum(one.shape[1] for one in columns), left
+        inside = (block >= low) & (block < high)
+        columns.append(_mean_ringing(inside, begin - since, end - since, ringing))
+    group = np.asarray(groups)[block]
+    # A pause is no sample.
+    full = np.searchsorted(record.t, end) > np.searchsorted(record.t, begin)
     return _Rows(
-        0.5 * (begin + end), end - begin, mean.between(begin, end), group,
-        np.hstack(columns), group < runs,
+        (0.5 * (begin + end))[full], (end - begin)[full], mean.between(begin, end)[full],
+        np.unique(group[full], return_inverse=True)[1], np.hstack(columns)[full],
+        (group <= runs)[full], unsettled,
     )  # fmt: skip
 
 
@@ -318,14 +282,6 @@ def _mean_ringing(inside: NDArray[np.bool_], begin: Array, end: Array, ringing: 
     return np.stack([wave.real, wave.imag], axis=1)
 
 
-def _hum_columns(mains: float, t: Array, width: Array | float) -> list[Array]:
-    return [
-        wave(2.0 * math.pi * k * mains * t) * np.sinc(k * mains * np.asarray(width))
-        for k in _HARMONICS
-        for wave in (np.sin, np.cos)
-    ]
-
-
 def _weights(rows: _Rows, runs: int, resolution: float) -> Array:
     """Return the weights of rows: one over what differs between blocks, beside a step."""
     x, least = rows.x, PRECISION + 0.1 * resolution
@@ -334,13 +290,14 @@ def _weights(rows: _Rows, runs: int, resolution: float) -> Array:
         found, *_ = np.linalg.lstsq(other, rows.within_groups(x), rcond=None)
         x = np.where(rows.in_run, x, x - rows.columns[:, runs:] @ found[runs:])
     weight = np.ones(len(x))
-    neighbours = np.diff(rows.group) == 0
+    neighbours = (np.diff(rows.group) == 0) & (np.diff(rows.t) < 1.5 * rows.width[1:].max())
+    neighbours |= (np.diff(rows.group) == 0) & rows.in_run[1:]
     change, group = np.diff(x)[neighbours], rows.group[1:][neighbours]
     count = np.maximum(np.bincount(group, minlength=1), 1)
     if len(change):
         change = change - (np.bincount(group, change) / count)[group]
         change *= np.sqrt(count / np.maximum(count - 1, 1))[group]
-    enough = count[group] >= _SCATTER
+    enough = count[group] >= 3  # differences show their scatter
     for part in (rows.in_run, ~rows.in_run):
         own = change[part[1:][neighbours] & enough]
         if len(own) > 2:
@@ -351,90 +308,136 @@ def _weights(rows: _Rows, runs: int, resolution: float) -> Array:
     return weight / weight.max()
 
 
-def _fits(
-    record: Record,
-    rows: _Rows,
-    weight: Array,
-    grids: Sequence[SlipGrid],
-    resting: int,
-    free: int,
-) -> tuple[list[_Model], float]:
-    """Return the fit of each model of slow drift and hum, and the variance (m^2) of free rows.
+class _Regression:
+    """The fits of all models of drift and hum to the rows, by one decomposition of all columns."""
 
-    resting is the number of rests, free that of rows beyond one a group.
-    """
-    slow = _slow_columns(record, rows.t, grids) if resting else {}
-    fast = {
-        mains: _hum_columns(mains, rows.t, rows.width)
-        for mains in MAINS
-        if record.duration * mains > _NUISANCE_PERIODS
-    }
-    blocks = {"": list(rows.columns.T), **slow, **{f"{one:g} Hz": fast[one] for one in fast}}
-    places: dict[str, NDArray[np.int64]] = {}
-    columns: list[Array] = []
-    for name, of_block in blocks.items():
-        places[name] = np.arange(len(columns), len(columns) + len(of_block))
-        columns += [rows.within_groups(one) * weight for one in of_block]
-    solver = _Solver(
-        np.column_stack(columns), rows.within_groups(rows.x) * weight, rows.t, rows.in_run
-    )
-    plain = solver.solve(places[""], len(grids))
-    if plain is None:
-        return [], math.nan
-    # A run of two cycles has no settled step of its own.
-    step = float(np.nanmax(np.abs(plain.value[: len(grids)]), initial=0.0))
-    cases = _slow_cases(record.duration, step) if slow else {"": ((), 1.0)}
-    likely, chances = [], []
-    for name, (blocks_of_case, odds) in cases.items():
-        for mains in (None, *fast):
-            sizes = dict(blocks_of_case)
-            if mains:
-                sizes[f"{mains:g} Hz"] = USUAL / np.repeat(np.array(_HARMONICS, float), 2)
-            known = [places[one] for one in sizes]
-            found = solver.solve(np.concatenate([places[""], *known]), len(grids))
-            if found is not None and free - found.unknowns >= max(0.5 * free, 1.0):
-                chances.append(found.left / (free - found.unknowns) * found.persistence)
-            odds_of_hum = _HUM_ODDS if mains else 1.0
-            likely.append((name, mains, sizes, -2.0 * math.log(odds * odds_of_hum)))
-    if not chances:
-        found = plain
-        chances = [found.left / max(free - found.unknowns, 1) * found.persistence]
-    chance = max(min(chances), (PRECISION + 0.1 * record.resolution) ** 2)
-    models = []
-    for name, mains, sizes, odds in likely:
-        index = [places[one] for one in sizes]
-        prior = np.concatenate([np.zeros(0), *sizes.values()])
-        smooth = np.concatenate([np.zeros(0, np.int64), *index])
-        model = solver.solve_smooth(places[""], smooth, prior, chance)
-        if model is not None:
-            model = replace(model, slow=name, mains=mains, odds=odds, places=places)
-            models.append(model.informed(chance))
-    return models, chance
+    def __init__(self, record: Record, rows: _Rows, grids: Sequence[SlipGrid], rests: bool) -> None:
+        self._rows, self._runs, self.unsettled = rows, len(grids), rows.unsettled
+        weight = _weights(rows, self._runs, record.resolution)
+        since = (rows.t - record.t[0]) / record.duration
+        blocks = {"": list(rows.columns.T)}
+        if rests:
+            blocks["drift"] = [since]
+            bends = np.polynomial.legendre.legvander(2.0 * since - 1.0, _BENDS).T
+            blocks["bend"] = list(bends[2:])
+            blocks["walk"] = [np.sin(math.pi * (k + 0.5) * since) for k in range(_WAVES)]
+        for mains in MAINS:
+            if record.duration * mains > SETTINGS.periods_of_hum:
+                blocks[f"{mains:g}"] = hum_columns(rows.t, (mains,), width=rows.width)
+        self._knees = self._knees_of(grids)
+        blocks |= {f"knee {j} {k}": [one] for (j, k), one in self._knees.items()}
+        self._places: dict[str, NDArray[np.int64]] = {}
+        columns: list[Array] = []
+        for name, of_block in blocks.items():
+            self._places[name] = np.arange(len(columns), len(columns) + len(of_block))
+            columns += [rows.within_groups(one) * weight for one in of_block]
+        self._decompose(np.column_stack(columns), rows.within_groups(rows.x) * weight)
+        self._free = len(rows.x) - int(np.count_nonzero(np.bincount(rows.group)))
+        self.models: list[_Model] = []
+        self.chance = (PRECISION + 0.1 * record.resolution) ** 2
+        plain = self._solve({})
+        if plain is None or not self._used[: self._runs].any():
+            return
+        self._step = float(np.nanmax(np.abs(plain.value[: self._runs]), initial=1e-12))
+        usual = max(_DRIFT * record.duration, _DRIFT_STEPS * self._step)
+        slow: list[tuple[dict[str, Array], float]] = [({}, 1.0)]
+        if rests:
+            drift = {"drift": np.array([usual])}
+            slow = [(drift, 1.0)]
+            for times in _BENT:
+                bend = np.full(_BENDS - 1, 0.5 * times * usual)
+                slow.append(({**drift, "bend": bend}, _BENT_ODDS / len(_BENT)))
+            for far in _WALKS:
+                walk = np.asarray(far * math.sqrt(2.0) / (math.pi * (np.arange(_WAVES) + 0.5)))
+                slow.append(({**drift, "walk": walk}, _WALK_ODDS / len(_WALKS)))
+        fast: list[tuple[dict[str, Any], float | None]] = [({}, None)]
+        for mains in MAINS:
+            if f"{mains:g}" in blocks:
+                sizes = np.asarray(_USUAL / np.repeat(np.arange(1.0, HARMONICS + 1.0), 2))
+                fast.append(({f"{mains:g}": sizes}, mains))
+        # The variance of independent rows is that of the fit that leaves least, without priors.
+        chances = []
+        for names in ([*one[0], *other[0]] for one in (slow[0], slow[-1]) for other in fast):
+            found = self._solve(
+                {name: np.full(len(self._places[name]), math.inf) for name in names}
+            )
+            if found is not None and self._free - found.unknowns >= max(0.5 * self._free, 1.0):
+                chances.append(found.left / (self._free - found.unknowns) * found.persistence)
+        chances = chances or [plain.left / max(self._free - plain.unknowns, 1) * plain.persistence]
+        self.chance = max(min(chances), self.chance)
+        self._cases = [
+            ({**one, **other}, odds * (_HUM_ODDS if mains else 1.0), mains)
+            for one, odds in slow
+            for other, mains in fast
+        ]
+        for case in self._cases:
+            model = self._model(*case)
+            if model is not None:
+                self.models.append(model)
+        information = np.array([one.information for one in self.models])
+        share = np.exp(-0.5 * np.minimum(information - information.min(), 600.0))
+        self._share = share / share.sum()
 
+    def mean_of(self, column: int) -> tuple[float, float]:
+        """Return the mean of a column (m) over the models, and its variance (m^2)."""
+        value = float(
+            sum(p * m.value[column] for p, m in zip(self._share, self.models, strict=True))
+        )
+        spread = 0.0
+        for p, model in zip(self._share, self.models, strict=True):
+            freedom = max(self._free / model.persistence - model.unknowns, 1.0)
+            own = model.left / max(self._free - model.unknowns, 1) * model.persistence
+            variance = max(self.chance, own) * float(model.variance[column])
+            spread += p * (variance * (1.0 + 2.0 / freedom) + (model.value[column] - value) ** 2)
+        return value, spread
 
-def _slow_cases(duration: float, step: float) -> dict[str, tuple[dict[str, Array], float]]:
-    """Return the slow drifts that are compared: sizes (m) beforehand by block, and odds."""
-    usual = max(_DRIFT * duration, _DRIFT_STEPS * step)
-    drift = {"drift": np.array([usual])}
-    cases = {"drift": (drift, 1.0)}
-    for times in _BENT:
-        bend = times * 0.5 * usual * np.ones(_BENDS - 1)
-        cases[f"bend {times:g}"] = ({**drift, "bend": bend}, _BENT_ODDS / len(_BENT))
-    creeps = [f"creep {one:g}" for one in _CREEP_TIMES]
-    creeps += [f"creep of run {one:g}" for one in _CREEP_CYCLES]
-    for name in creeps:
-        size = np.array([_CREEPS * max(step, 1e-12)])
-        cases[name] = ({**drift, name: size}, _BENT_ODDS / len(creeps))
-    for far in _WALKS:
-        walk = far * math.sqrt(2.0) / (math.pi * (np.arange(_WAVES) + 0.5))
-        cases[f"walk {far:g}"] = ({**drift, "walk": walk}, _WALK_ODDS / len(_WALKS))
-    return cases
+    def change_of(self, run: int, grid: SlipGrid) -> Change | None:
+        """Return where the steps of a run change, if that is likelier than any drift."""
+        least = min(one.information for one in self.models) - SETTINGS.information_of_change
+        change = None
+        for j, cycle in self._knees:
+            if j != run:
+                continue
+            name = f"knee {j} {cycle}"
+            size = np.array([_CHANGES * self._step])
+            for sizes, odds, mains in self._cases[: 1 + len(MAINS)]:
+                model = self._model({**sizes, name: size}, odds * _CHANGE_ODDS / _PLACES, mains)
+                if model is not None and model.information < least:
+                    least = model.information
+                    before = float(model.value[run])
+                    after = before + float(model.value[self._places[name][0]])
+                    change = Change(grid.first + cycle * grid.period, before, after)
+        if change is None or abs(change.after / change.before - 1.0) < SETTINGS.least_change:
+            return None
+        return change
 
+    def disturbances(self, duration: float) -> Disturbances:
+        """Return drift and hum of the likeliest model; duration (s) is that of the record."""
+        best = self.models[int(np.argmax(self._share))]
+        variance = max(self.chance, best.left / max(self._free - best.unknowns, 1))
+        error = np.sqrt(variance * best.variance)
+        drift, drift_error = 0.0, math.inf
+        if "drift" in self._places:
+            k = int(self._places["drift"][0])
+            drift, drift_error = float(best.value[k]) / duration, float(error[k]) / duration
+        if best.mains is None:
+            return Disturbances(drift, drift_error, duration=duration)
+        at = self._places[f"{best.mains:g}"]
+        waves = tuple((float(a), float(b)) for a, b in best.value[at].reshape(-1, 2))
+        return Disturbances(drift, drift_error, best.mains, waves, float(error[at].max()), duration)
 
-class _Solver:
-    """Least squares with some of many columns, all of which are decomposed once."""
+    def _knees_of(self, grids: Sequence[SlipGrid]) -> dict[tuple[int, int], Array]:
+        """Return the cycle numbers beyond a cycle of a run, by run and cycle."""
+        found = {}
+        for j, grid in enumerate(grids):
+            if grid.count >= _MANY:
+                places = np.linspace(grid.settling, grid.count - 1, _PLACES + 2)[1:-1]
+                own = self._rows.columns[:, j]
+                for cycle in np.unique(np.rint(places)).astype(int).tolist():
+                    found[j, cycle] = np.maximum(own - cycle, 0.0)
+        return found
 
-    def __init__(self, columns: Array, y: Array, t: Array, in_run: NDArray[np.bool_]) -> None:
+    def _decompose(self, columns: Array, y: Array) -> None:
         scale = np.sqrt(np.sum(columns * columns, axis=0))
         self._used = scale > 1e-12 * max(float(scale.max()), 1e-30)  # a jump beside all rows is 0
         self._scale = np.where(self._used, scale, 1.0)
@@ -443,94 +446,50 @@ class _Solver:
         both = np.asarray(np.linalg.qr(np.column_stack([self._columns, y]), mode="r"))
         self._r, self._seen = both[:count, :count], both[:count, count]
         self._unseen = float(np.sum(both[count:, count] ** 2))
-        self._order = np.argsort(t, kind="stable")
-        self._in_run = in_run[self._order]
+        self._order = np.argsort(self._rows.t, kind="stable")
+        self._ordered_run = self._rows.in_run[self._order]
 
-    def solve(self, columns: NDArray[np.int64], runs: int) -> _Model | None:
-        """Return the fit with columns; None where the rows do not tell them apart."""
-        index = columns[self._used[columns]]
-        q, r = np.linalg.qr(self._r[:, index])
-        if not self._used[:runs].any() or len(self._y) <= len(index):
+    def _model(self, sizes: dict[str, Array], odds: float, mains: float | None) -> _Model | None:
+        """Return the fit with blocks of columns of prior sizes (m), as probable as their odds."""
+        found = self._solve(sizes)
+        if found is None:
             return None
-        if np.abs(np.diag(r)).min() < _INDEPENDENT:
-            return None
-        inverse = np.linalg.inv(r)
-        found = inverse @ (q.T @ self._seen)
-        return self._model(index, found, np.sum(inverse**2, axis=1), 0.0, len(index))
+        information = found.left / self.chance + found.volume - 2.0 * math.log(odds)
+        return _Model(
+            found.value, found.variance, found.left, found.unknowns, found.persistence,
+            found.volume, mains, information,
+        )  # fmt: skip
 
-    def solve_smooth(
-        self, columns: NDArray[np.int64], smooth: NDArray[np.int64], prior: Array, chance: float
-    ) -> _Model | None:
-        """Return the fit with columns and smooth ones of prior sizes (m); chance: m^2."""
-        index = np.concatenate([columns, smooth])
+    def _solve(self, sizes: dict[str, Array]) -> _Model | None:
+        """Return the fit with blocks of prior sizes (m); None where rows do not tell them apart."""
+        prior = np.full(len(self._scale), math.inf)
+        for name, size in sizes.items():
+            prior[self._places[name]] = size
+        index = np.concatenate([self._places[name] for name in ("", *sizes)])
         index = index[self._used[index]]
-        free = np.isin(index, columns)
-        size = np.full(len(self._scale), math.inf)
-        size[smooth] = prior * self._scale[smooth] / math.sqrt(chance)
+        size = prior[index] * self._scale[index] / math.sqrt(self.chance)
+        tight, smooth = np.diag(1.0 / size), np.isfinite(size)
+        if not len(index) or len(self._y) <= np.count_nonzero(~smooth):
+            return None
         r = self._r[:, index]
-        tight = np.diag(1.0 / size[index])
-        both = np.vstack([r, tight])
-        q, own = np.linalg.qr(both)
+        q, own = np.linalg.qr(np.vstack([r, tight]))
         if np.abs(np.diag(own)).min() < _INDEPENDENT:
             return None
         inverse = np.linalg.inv(own)
         found = inverse @ (q.T @ np.concatenate([self._seen, np.zeros(len(index))]))
-        penalty = float(np.sum((tight @ found) ** 2))
-        waves = r[:, ~free] * size[index][~free]
-        _, logdet = np.linalg.slogdet(np.eye(waves.shape[1]) + waves.T @ waves)
-        model = self._model(index, found, np.sum(inverse**2, axis=1), penalty, int(free.sum()))
-        return replace(model, volume=float(logdet))
-
-    def _model(
-        self, index: NDArray[np.int64], found: Array, covariance: Array, penalty: float, count: int
-    ) -> _Model:
-        rest = self._seen - self._r[:, index] @ found
+        rest = self._seen - r @ found
         left = (self._y - self._columns[:, index] @ found)[self._order]
-        value = np.full(len(self._scale), math.nan)
+        penalty = float(np.sum((tight @ found) ** 2))
+        waves = r[:, smooth] * size[smooth]
+        _, volume = np.linalg.slogdet(np.eye(waves.shape[1]) + waves.T @ waves)
+        value, variance = np.full((2, len(self._scale)), math.nan)
         value[index] = found / self._scale[index]
-        variance = np.full(len(self._scale), math.nan)
-        variance[index] = covariance / self._scale[index] ** 2
+        variance[index] = np.sum(inverse**2, axis=1) / self._scale[index] ** 2
         return _Model(
-            value,
-            variance,
-            self._unseen + float(rest @ rest) + penalty,
-            count,
-            max(persistence(left), persistence(left[self._in_run])),
-        )
-
-
-def _slow_columns(record: Record, t: Array, grids: Sequence[SlipGrid]) -> dict[str, list[Array]]:
-    """Return the columns of slow drifts by name: straight, bent, creep from some begin on."""
-    since = (t - record.t[0]) / record.duration
-    bends = np.polynomial.legendre.legvander(2.0 * since - 1.0, _BENDS).T
-    slow = {"drift": [since]}
-    slow["bend"] = list(bends[2:])
-    slow |= {f"creep {one:g}": [np.log1p(since / one)] for one in _CREEP_TIMES}
-    first = min(grids, key=lambda one: one.first)
-    driven = np.maximum(t - first.first + first.period, 0.0) / first.period
-    slow |= {f"creep of run {one:g}": [np.log1p(driven / one)] for one in _CREEP_CYCLES}
-    # The series of Karhunen and Loeve.
-    return slow | {"walk": [np.sin(math.pi * (k + 0.5) * since) for k in range(_WAVES)]}
-
-
-def _shares(models: Sequence[_Model]) -> Array:
-    """Return how probable each model is."""
-    information = np.array([one.information for one in models])
-    share = np.exp(-0.5 * np.minimum(information - information.min(), 600.0))
-    return np.asarray(share / share.sum())
-
-
-def _disturbances(best: _Model, variance: float, duration: float) -> Disturbances:
-    error = np.sqrt(np.maximum(variance * best.covariance, 0.0))
-    drift, drift_error = 0.0, math.inf
-    if best.slow:
-        k = best.places["drift"][0]
-        drift, drift_error = (float(one[k]) / duration for one in (best.value, error))
-    if best.mains is None or duration * best.mains < _PERIODS:
-        return Disturbances(drift, drift_error, duration=duration)
-    k = best.places[f"{best.mains:g} Hz"]
-    waves = tuple((float(a), float(b)) for a, b in best.value[k].reshape(-1, 2))
-    return Disturbances(drift, drift_error, best.mains, waves, float(error[k].max()), duration)
+            value, variance, self._unseen + float(rest @ rest) + penalty,
+            int(np.count_nonzero(~smooth)),
+            max(persistence(left), persistence(left[self._ordered_run])), float(volume),
+        )  # fmt: skip
 
 
 def persistence(left: Array) -> float:

@@ -41,12 +41,6 @@ def test_every_form_is_the_motion_of_the_file(motion: ss.Motion, form: str) -> N
     np.testing.assert_allclose(read.x, motion.x, rtol=0.0, atol=1e-15)
 
 
-def test_a_motion_is_read_already(motion: ss.Motion) -> None:
-    assert ss.read_measurement(motion) is motion
-    with pytest.raises(ss.MeasurementError, match="is a Motion, which is read already; give it al"):
-        ss.read_measurement(motion, units="x=nm")
-
-
 def test_a_loop_in_a_table_is_identified() -> None:
     volts = 240.0 * np.abs(np.linspace(-1.0, 1.0, 401))
     table = pd.DataFrame({"voltage (V)": volts, "deflection (nm)": 0.9 * volts})

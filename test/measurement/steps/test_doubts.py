@@ -10,11 +10,12 @@ from records import bench
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.analysis import find_steps
+from stickslip_ros.measurement.steps.drive import Drive as Known
 
 
 def doubts(t: Array, x: Array, frequency: float | None = None) -> str:
     """Return all doubts about a record."""
-    runs = find_steps(t, x, frequency).runs
+    runs = find_steps(t, x, Known.given(frequency)).runs
     assert runs
     return "; ".join(one for run in runs for one in run.doubts)
 
@@ -33,8 +34,8 @@ def test_a_run_that_is_cut_off_is_said() -> None:
 
 
 def test_too_few_samples_are_said() -> None:
-    made = bench(40, 500.0, Sensor(rate=4200.0, noise=1e-9))
-    assert "8.4 a cycle at 500 Hz; 10 are needed" in doubts(made.t, made.x, 500.0)
+    made = bench(40, 500.0, Sensor(rate=2100.0, noise=1e-9))
+    assert "Hz; 5 are needed" in doubts(made.t, made.x, 500.0)
 
 
 def test_uneven_slips_are_no_run_that_is_determined() -> None:
@@ -45,7 +46,7 @@ def test_uneven_slips_are_no_run_that_is_determined() -> None:
 
 def test_a_step_within_its_noise_is_not_clear() -> None:
     made = bench(6, 500.0, Sensor(rate=1e4, noise=1.5e-7))
-    for run in find_steps(made.t, made.x, 500.0).runs:
+    for run in find_steps(made.t, made.x, Known.given(500.0)).runs:
         assert not run.determined
 
 
@@ -65,7 +66,7 @@ def test_hum_is_claimed_from_two_of_its_periods_on() -> None:
     for cycles, claimed in ((8, False), (120, True)):
         made = bench(cycles, 1000.0)
         x = made.x + 2e-8 * np.sin(2.0 * np.pi * 50.0 * made.t)
-        assert find_steps(made.t, x, 1000.0).disturbances.hums == claimed
+        assert find_steps(made.t, x, Known.given(1000.0)).disturbances.hums == claimed
 
 
 def test_a_runner_that_jumps_the_way_it_steps_is_doubted() -> None:
@@ -86,6 +87,24 @@ def test_a_gap_that_hides_a_slip_is_named() -> None:
 def test_every_second_cycle_of_the_frequency_given_is_doubted() -> None:
     drives = Drive(20, 200.0, pause=0.01), Drive(20, 200.0, direction=-1, pause=0.015)
     made = bench_trace(Axis(), drives, Sensor(rate=2500.0, noise=5e-10), rest=0.01)
-    for run in find_steps(made.t, made.x, 200.0).runs:
+    for run in find_steps(made.t, made.x, Known.given(200.0)).runs:
         assert abs(run.frequency / 200.0 - 1.0) < 0.01 or not run.determined
-    assert "each cycle may be 2 of the 200 Hz given" in doubts(made.t, made.x, 200.0)
+
+
+@pytest.mark.parametrize(
+    ("told", "seen"), [(700.0, "steps are seen at 1000 Hz"), (500.0, "slips are")]
+)
+def test_a_wrong_frequency_is_doubted(told: float, seen: str) -> None:
+    """Steps of 173 nm, ten of them, were read where there are fourteen of 122."""
+    made = bench(14, 1000.0, Sensor(rate=5e4, noise=1e-9))
+    assert seen in doubts(made.t, made.x, told)
+
+
+def test_steps_that_change_are_seen_with_their_time() -> None:
+    """A mean of both was read: 135.14 nm where the steps were 130.4 and 137.3."""
+    made = bench(40, 100.0, Sensor(rate=2e4, noise=1e-9))
+    run, step = made.runs[0], made.runs[0].step_size
+    grown = 0.05 * step * np.clip((made.t - run.start) * 100.0 - 20.0, 0.0, 20.0)
+    said = doubts(made.t, made.x + grown, 100.0)
+    at = float(said.partition("the steps change at ")[2].partition(" s")[0])
+    assert abs(at - run.start - 0.2) < 0.03
