@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_outputs(parser, "run, measurement and difference", "the metrics")
     simulation = parser.add_argument_group("a run that is simulated")
     add_assignments(simulation)
-    add_drive_known(parser, "--config")
+    add_drive_known(parser, config=False)
     add_measurement_options(parser)
     fitting = parser.add_argument_group("bringing both together")
     yes_no: Any = argparse.BooleanOptionalAction
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     if args.config and args.measurement:
         raise UsageError(f"--config {args.config} is the run already: leave out {args.simulation}")
     if args.config:
-        args.simulation, args.measurement = args.config, args.simulation
+        args.simulation, args.measurement, args.config = args.config, args.simulation, None
     if not args.measurement:
         raise UsageError(f"{args.simulation} with what? give RUN and MEASUREMENT, or --config")
     check_outputs(args)

@@ -58,17 +58,16 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     flag(reading, "--remove-hum", "take hum of 50 or 60 Hz and its harmonics out")
 
 
-def add_drive_known(parser: argparse.ArgumentParser, own: str = "") -> None:
-    """Add the options that say how the axis was driven; own: those that the command has."""
+def add_drive_known(parser: argparse.ArgumentParser, config: bool = True) -> None:
+    """Add the options that say how the axis was driven; config: whether --config is one."""
     known = parser.add_argument_group("how the axis was driven, as far as it is known")
     for name, metavar, text, kind in (
         ("--frequency", "HZ", "frequency of the drive", quantity("Hz")),
         ("--steps", "N", "steps that were sent, the sign is the direction", int),
     ):
-        if name not in own.split():
-            text += "; one for all runs, or one a run"
-            option(known, name, f"{metavar}[,{metavar}]", text, several(kind))
-    if "--config" not in own.split():
+        text += "; one for all runs, or one a run"
+        option(known, name, f"{metavar}[,{metavar}]", text, several(kind))
+    if config:
         option(known, "--config", "FILE.yaml", "the parameters of its drive", Path)
 
 
@@ -86,11 +85,7 @@ def drive_of(args: argparse.Namespace, motion: Motion, recorded: Drive | None = 
     try:
         if frequency is None and args.config is not None:
             frequency = Parameters.of(args.config).drive.frequency
-        if frequency is None and args.steps is None:
-            if motion.voltage is not None:
-                return Drive.of_voltage(motion.t, motion.voltage)
-            return recorded or Drive()
-        return Drive.given(frequency, args.steps)
+        return Drive.given(frequency, args.steps).or_recorded(motion, recorded)
     except TraceError as error:
         raise UsageError(str(error)) from None
 

@@ -315,12 +315,9 @@ def _driven(source: MotionSource, given: Drive, *arrays: ArrayLike) -> tuple[Mot
     """
     if arrays or not isinstance(source, str | PathLike) or not is_bag(Path(source)):
         motion = _motion(source, *arrays)
-        if motion.voltage is None or given != Drive():
-            return motion, given
-        return motion, Drive.of_voltage(motion.t, motion.voltage)
+        return motion, given.or_recorded(motion, None)
     loaded = load_motion(Path(source))
-    drive = loaded.drive if loaded.drive is not None and given == Drive() else given
-    return finest_motion(Path(source), loaded), drive
+    return finest_motion(Path(source), loaded), given.or_recorded(loaded.motion, loaded.drive)
 
 
 def _motion(source: MotionSource, *arrays: ArrayLike) -> Motion:

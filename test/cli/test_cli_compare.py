@@ -77,12 +77,14 @@ def test_the_file_of_the_drive_is_named_as_everywhere(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """By --config; by position still works."""
-    results = []
-    for words in ([str(CONFIG), str(folder / "axis.csv")],
-                  ["--config", str(CONFIG), str(folder / "axis.csv")]):  # fmt: skip
-        assert main(["compare", *words, "--json"]) == 0
-        results.append(capsys.readouterr().out)
-    assert results[0] == results[1]
+    for more in ([], ["--set", "frequency=200"]):  # the drive that is searched for is that, too
+        results = []
+        for words in ([str(CONFIG), str(folder / "axis.csv")],
+                      ["--config", str(CONFIG), str(folder / "axis.csv")]):  # fmt: skip
+            code = main(["compare", *words, *more, "--json"])
+            results.append((code, *capsys.readouterr()))
+        assert results[0] == results[1]
+        assert more or results[0][0] == 0
     for words, complaint in (
         (["--config", str(CONFIG), "a.csv", "b.csv"], "is the run already: leave out a.csv"),
         (["a.csv"], "a.csv with what? give RUN and MEASUREMENT, or --config"),

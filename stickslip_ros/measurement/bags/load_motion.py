@@ -130,8 +130,9 @@ def _drive_in(bag: BagReader, joint: str, origin_ns: int) -> Drive | None:
                 elif event.outcome != "refused" and event.name not in _WITHOUT_STEPS:
                     return None
         sent = [one for one in sent if one[1]]
-        frequencies, steps, begins = zip(*sent, strict=True) if sent else ((), (), ())
-        return Drive(frequencies, steps, begins) if sent else None
+        if sent:
+            frequencies, steps, begins = zip(*sent, strict=True)
+            return Drive(frequencies, steps, begins)
     return None
 
 

@@ -25,7 +25,7 @@ _EXPECTED = (
 
 
 def given_motion(source: Any, *more: Any, how: Reading | None = None) -> Motion:
-    """Return the motion in arrays, a DataFrame or an xarray object; a Motion is one already.
+    """Return the motion in arrays, a DataFrame or an xarray object.
 
     source: times in s, (samples,), with positions and, where it was measured, the deflection of the
     actuator in m in more; or one object with times and positions as its columns, index or
@@ -34,13 +34,6 @@ def given_motion(source: Any, *more: Any, how: Reading | None = None) -> Motion:
     Raises MeasurementError: there is no motion in them; the message says what was expected.
     """
     how = how or Reading()
-    if isinstance(source, Motion):
-        if more or how != Reading():
-            raise MeasurementError(
-                f"{source.source} is a Motion, which is read already; give it alone, without "
-                "options, or its arrays"
-            )
-        return source
     with _naming("table" if not more and hasattr(source, "columns") else "arrays"):
         return motion_of(given_table(source, *more), "arrays", how)
 

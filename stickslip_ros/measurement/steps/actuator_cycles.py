@@ -13,6 +13,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.base.arrays import Array
+from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import Cycles
 from stickslip_ros.simulation.settled import settled_mean
 
@@ -29,8 +30,14 @@ def runs_of_signal(t: Array, u: Array) -> list[Cycles]:
     """Return the whole cycles of each run in a signal that moves: times t (s), deflection u (m).
 
     Slips that are equally far apart but for the resolution of the samples are made so. A rest is
-    far longer than the time from stroke to stroke on either side.
+    far longer than the time from stroke to stroke on either side. None where it stands still.
+    Raises TraceError for a sample that is no number.
     """
+    bad = np.flatnonzero(~np.isfinite(u))
+    if len(bad):
+        raise TraceError(f"actuator sample {bad[0]} is {u[bad[0]]}; leave such samples out")
+    if not len(u) or not np.ptp(u) > 0.0:
+        return []
     strokes = find_strokes(t, _share_of(u))
     gaps = np.diff(strokes[:, :2].mean(axis=1))
     usual = np.maximum(np.append(gaps[1:], 0.0), np.append(0.0, gaps[:-1])) if len(gaps) else gaps

@@ -122,7 +122,7 @@ def _find_steps(t: ArrayLike, x: ArrayLike, drive: Drive, u: ArrayLike | None) -
         f"a sample at {at:g} s is left out, as its time is far from all others" for at in strays[:3]
     )
     by_actuator: list[Run] = []
-    if u is not None and np.ptp(u) > 0.0:
+    if u is not None:
         cycles = runs_of_signal(np.asarray(t, np.float64), np.asarray(u, np.float64))
         by_actuator = analyse_cycles(time, position, cycles) if cycles else []
         if any(one.determined for one in by_actuator):
@@ -165,7 +165,7 @@ class _Analysis:
         if not grids or all(comes_back(self.mean, one) for one in grids):
             return Findings([])
         if self.drive.steps:
-            grids = [as_sent(self.pyramid, self.mean, one, ringing) for one in grids]
+            grids = [as_sent(self.pyramid, self.record, one, ringing) for one in grids]
         found = self.measured(grids, ringing)
         # What falls most need not be a slip, nor need what repeats be a run of steps.
         runs = [one for one in found.runs if one.is_clear or (one.steps > 2 and self._is_told(one))]
@@ -181,18 +181,10 @@ class _Analysis:
         if self.drive.frequencies:
             # The shortest first: several of its cycles are one of a longer one, too.
             periods = sorted(1.0 / one for one in set(self.drive.frequencies))
-            quick = None
-            for _ in range(2):
-                found: list[SlipGrid] = []
-                for one in periods:
-                    found += find_grids(self.pyramid, one, quick, taken=found)
-                found = _apart(found) or [single_slip(self.pyramid, periods[0])]
-                grids, ringing = self._timed(found, quick)
-                if ringing is not None and ringing.frequency * min(periods) > _FAST_RINGING:
-                    break
-                quick = quick or ringing_at_the_end(self.record, min(periods))
-                if quick is None:
-                    break
+            grids, ringing = self._told(periods)
+            if ringing is None or ringing.frequency * periods[0] <= _FAST_RINGING:
+                quick = ringing_at_the_end(self.record, periods[0])
+                grids, ringing = (grids, ringing) if quick is None else self._told(periods, quick)
             return grids, ringing
         grids, ringing = self._estimated()
         for _ in range(_ROUNDS if grids else 0):
@@ -201,6 +193,15 @@ class _Analysis:
             if not others:
                 break
         return grids, ringing
+
+    def _told(
+        self, periods: Sequence[float], quick: Ringing | None = None
+    ) -> tuple[list[SlipGrid], Ringing | None]:
+        """Return the same for known periods (s), and for ringing that hides the slips, if known."""
+        found: list[SlipGrid] = []
+        for one in periods:
+            found += find_grids(self.pyramid, one, quick, taken=found)
+        return self._timed(_apart(found) or [single_slip(self.pyramid, periods[0])], quick)
 
     def _estimated(self) -> tuple[list[SlipGrid], Ringing | None]:
         """Return the same for a period that is estimated."""
@@ -298,10 +299,9 @@ class _Analysis:
         """Return the runs of grids with all numbers; known: their cycles, if these are known."""
         rests = find_rests(grids, self.record.t[0], self.record.t[-1])
         steps, changes, disturbances = fit_steps(self.record, self.mean, grids, ringing, rests)
-        told = known is not None or bool(self.drive.frequencies)
         evidence = Evidence(
             self.record, self.pyramid, self.mean, grids, ringing, rests, steps, changes,
-            disturbances, told, known is not None,
+            disturbances, bool(self.drive.frequencies), known is not None,
         )  # fmt: skip
         runs = []
         for k, (grid, step) in enumerate(zip(grids, steps, strict=True)):

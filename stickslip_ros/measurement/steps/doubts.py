@@ -29,7 +29,7 @@ from stickslip_ros.measurement.steps.record import (
 )
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.measurement.steps.slips import SlipGrid, cycle_rows
+from stickslip_ros.measurement.steps.slips import SlipGrid, SlipSizes, cycle_rows
 from stickslip_ros.measurement.steps.step_fit import PRECISION, Change, Disturbances
 
 #: What leaves the cycles sure, if not how many they are.
@@ -51,7 +51,7 @@ class Evidence:
     steps: Sequence[MeasuredValue]
     changes: Sequence[Change | None]
     disturbances: Disturbances
-    told: bool  #: whether the frequency of the drive is known
+    told: bool  #: whether the frequency of the drive is known beforehand
     known: bool = False  #: whether the cycles are known, by an actuator
 
     def doubts(self, k: int) -> tuple[str, ...]:
@@ -64,7 +64,7 @@ class Evidence:
 
     def _sampling(self, k: int) -> list[str]:
         grid, spacing, found = self.grids[k], self.record.spacing, []
-        few = too_few_samples(grid.period, spacing, self.told and not self.known)
+        few = too_few_samples(grid.period, spacing, self.told)
         if few:
             found.append(few)
         if self.record.cut_samples:
@@ -200,8 +200,9 @@ class Evidence:
             near = min(near, abs(0.5 * other / grid.period - 1.0))  # two cycles explain as much
             if near > 0.05 and 0.4 < other / grid.period < 2.5 and own < 0.4 * explained(other):
                 return [f"steps are seen at {1.0 / other:.4g} Hz, {named}"]
+        sizes = SlipSizes(self.pyramid, grid.slips, grid.period, self.ringing)
         for m in (2, 3):
-            if slips_between(self.pyramid, grid, self.ringing, self.record.spacing, m) > 0.75:
+            if slips_between(sizes, grid, self.record.spacing, m) > 0.75:
                 return [f"slips are seen at {m / grid.period:.6g} Hz, {named}"]
         return []
 

@@ -14,6 +14,7 @@ from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.actuator_cycles import runs_of_signal
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.slips import SlipGrid
+from stickslip_ros.simulation.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,7 @@ class Drive:
     signed: bool = True  #: whether the directions are known
 
     @classmethod
-    def given(
-        cls,
-        frequency: ArrayLike | None,
-        steps: ArrayLike | None = None,
-    ) -> Drive:
+    def given(cls, frequency: ArrayLike | None, steps: ArrayLike | None = None) -> Drive:
         """Return the drive of frequencies (Hz) and steps, each one or one a run, or unknown.
 
         Raises TraceError for a frequency that is not above 0, no steps, or numbers that differ.
@@ -83,6 +80,17 @@ class Drive:
     def or_at(self, frequency: float) -> Drive:
         """Return the drive with a frequency (Hz) where none is known."""
         return self if self.frequencies else replace(self, frequencies=(frequency,))
+
+    def or_recorded(self, motion: Motion, recorded: Drive | None) -> Drive:
+        """Return the drive, if anything is known of it, else that of a motion or of its bag.
+
+        Raises TraceError where the voltage of the motion has no whole cycle.
+        """
+        if self != Drive():
+            return self
+        if motion.voltage is not None:
+            return Drive.of_voltage(motion.t, motion.voltage)
+        return recorded or self
 
     def sent_to(self, grids: Sequence[SlipGrid]) -> list[SlipGrid]:
         """Return runs with the steps that were sent for each.

@@ -140,8 +140,7 @@ def period_factor(
     explained = explained_by(record, mean, grid)
     own = explained(grid.period)
     sizes = SlipSizes(pyramid, grid.slips, grid.period, ringing)
-    slips = grid.slips[grid.settling :][:_CYCLES]
-    size, _ = sizes.at(slips)
+    size, _ = sizes.at(grid.slips[grid.settling :][:_CYCLES])
     for m in (2, 3, 4, 5):
         if len(size) > m:
             groups = [_median(size[j::m]) for j in range(m)]
@@ -150,7 +149,7 @@ def period_factor(
             if differ > 1.5 or (differ > SETTINGS.least_amplitude and likelier):
                 return float(m)
     for m in (5, 3, 2):
-        between = slips_between(pyramid, grid, ringing, record.spacing, m)
+        between = slips_between(sizes, grid, record.spacing, m)
         if between > 0.6:
             return 1.0 / m
         possible = ringing is None or between > 0.5 * SETTINGS.least_amplitude
@@ -159,16 +158,13 @@ def period_factor(
     return 1.0
 
 
-def slips_between(
-    pyramid: Pyramid, grid: SlipGrid, ringing: Ringing | None, spacing: float, parts: int
-) -> float:
+def slips_between(sizes: SlipSizes, grid: SlipGrid, spacing: float, parts: int) -> float:
     """Return the size of slips at parts of a period, 1 where they are as large as those of a run.
 
     0 where samples so far apart (s) do not resolve these parts.
     """
     if grid.period / parts < 20.0 * spacing:
         return 0.0
-    sizes = SlipSizes(pyramid, grid.slips, grid.period, ringing)
     slips = grid.slips[grid.settling :][:_CYCLES][:-1]
     parted = [sizes.at(slips + j * grid.period / parts)[0] for j in range(1, parts)]
     return min(_median(one) for one in parted)

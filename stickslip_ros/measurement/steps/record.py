@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -60,7 +61,7 @@ class Record:
     jumps: tuple[FringeJump, ...] = ()
     fringe: float = 0.0  #: length of a jump, m
 
-    @property
+    @cached_property
     def spacing(self) -> float:
         """Median time (s) between samples."""
         return float(np.median(np.diff(self.t)))
@@ -73,8 +74,7 @@ class Record:
     def between_pauses(self) -> list[Record]:
         """Return the parts that pauses separate, which last as long as much of what was sampled."""
         gaps = np.diff(self.t)
-        usual = float(np.median(gaps)) if len(gaps) else 0.0
-        pauses = np.flatnonzero(gaps > max(0.25 * usual * len(gaps), 100.0 * usual)) + 1
+        pauses = np.flatnonzero(gaps > self.spacing * max(0.25 * len(gaps), 100.0)) + 1
         edges = [0, *pauses.tolist(), len(self.t)]
         parts = [
             replace(self, t=self.t[a:b], x=self.x[a:b], jumps=tuple(
@@ -206,7 +206,6 @@ class MeanPosition:
 
     def __init__(self, record: Record) -> None:
         self._t, self._x = record.t, record.x - record.x[0]
-        self.begin, self.end = float(record.t[0]), float(record.t[-1])  # s
         areas = 0.5 * (self._x[1:] + self._x[:-1]) * np.diff(record.t)
         self._area = np.concatenate([[0.0], np.cumsum(areas)])
 

@@ -24,8 +24,8 @@ from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.noise import robust_std
 from stickslip_ros.measurement.steps.record import (
     Level,
-    MeanPosition,
     Pyramid,
+    Record,
     beside_line,
     smooth,
 )
@@ -34,7 +34,7 @@ from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.simulation.settled import SETTLING
 
 #: Samples of a period at which slips are matched, and where noise hides single samples.
-SAMPLES_A_PERIOD, _NOISY_SAMPLES = 200, 25.0
+_SAMPLES_A_PERIOD, _NOISY_SAMPLES = 200, 25.0
 #: Periods before and after a slip that are matched; part of one by which a slip may be off.
 _WINDOW, _OFF = (0.35, 0.12), 0.03
 #: Cycles in a row that the first template may come from; how many times it is made; runs at most.
@@ -107,7 +107,7 @@ def find_grids(
 
     Ringing that is known is taken out before, as that of quick drives hides their slips.
     """
-    level = unrung(pyramid.level_for(period, SAMPLES_A_PERIOD), ringing, period)
+    level = unrung(pyramid.level_for(period, _SAMPLES_A_PERIOD), ringing, period)
     slips, direction, noise = _loudest_slips(level, period, taken)
     if noise > SETTINGS.noise_in_cycle and ringing is None:
         level = pyramid.level_for(period, _NOISY_SAMPLES)
@@ -283,7 +283,7 @@ def _likeliest_part(seen: Array) -> tuple[float, int, int, int]:
 
 def single_slip(pyramid: Pyramid, period: float) -> SlipGrid:
     """Return the steepest fall of a record as a run of one slip, for a given period (s)."""
-    level = pyramid.level_for(period, SAMPLES_A_PERIOD)
+    level = pyramid.level_for(period, _SAMPLES_A_PERIOD)
     x = level.x
     edge = max(1, min(len(x) // 10, round(0.5 * period / level.spacing)))
     direction = 1 if x[-edge:].mean() >= x[:edge].mean() else -1
@@ -306,7 +306,7 @@ def timed(pyramid: Pyramid, grid: SlipGrid) -> SlipGrid:
     number = np.unique(np.linspace(0, grid.count - 1, min(grid.count, _TIMED)).astype(int))
     own = grid.slips[number]
     best = replace(grid, unevenness=math.inf)
-    coarse = pyramid.number_for(grid.period, SAMPLES_A_PERIOD)
+    coarse = pyramid.number_for(grid.period, _SAMPLES_A_PERIOD)
     for finer in sorted({max(coarse - k, 0) for k in _FINER}, reverse=True):
         level = pyramid.levels[finer]
         window = int(np.clip(_WINDOW[1] * grid.period / level.spacing, *_FINE_WINDOW))
@@ -392,7 +392,7 @@ class SlipSizes:
     def __init__(
         self, pyramid: Pyramid, slips: Array, period: float, ringing: Ringing | None
     ) -> None:
-        number = pyramid.number_for(period, SAMPLES_A_PERIOD)
+        number = pyramid.number_for(period, _SAMPLES_A_PERIOD)
         if ringing is not None:
             number = min(number, pyramid.number_for(ringing.swing, 12.0))
         self._level = unrung(pyramid.levels[number], ringing, period, 0.6)
@@ -466,9 +466,7 @@ def counted(
     return found
 
 
-def as_sent(
-    pyramid: Pyramid, mean: MeanPosition, grid: SlipGrid, ringing: Ringing | None
-) -> SlipGrid:
+def as_sent(pyramid: Pyramid, record: Record, grid: SlipGrid, ringing: Ringing | None) -> SlipGrid:
     """Return the grid with as many slips as were sent, if the record may hold them.
 
     It may where none that is added is clearly none, and none that is left out is clearly one.
@@ -486,12 +484,12 @@ def as_sent(
     for first in range(min(2 * beyond, len(likelier) - count) + 1):
         sent = (number >= first) & (number < first + count)
         part = grid.part(first - beyond, first - beyond + count - 1)
-        begins = part.first - part.period > mean.begin - 0.05 * part.period
+        begins = part.first - part.period > record.t[0] - 0.05 * part.period
         possible = (
             likelier[sent & ~inside].min(initial=math.inf) > -SETTINGS.sure
             and likelier[inside & ~sent].max(initial=-math.inf) < SETTINGS.sure
         )
-        if possible and begins and part.last < mean.end + 0.05 * part.period:
+        if possible and begins and part.last < record.t[-1] + 0.05 * part.period:
             return replace(part, sureness=math.inf)
     return grid
 

@@ -6,17 +6,18 @@ a level of its own, which is the shape of the cycle, and one step from cycle to 
 one level; those beside a run of one or two cycles differ by its steps. Jumps of a fringe counter,
 ringing into the rests, drift and hum are common to all. A record hardly determines drift and hum,
 so these have normal priors with a mean of zero (ridge regression), as wide as usual on a bench. The
-step is averaged over drifts that are straight or walk at random, with and without hum of either
-mains, weighted by how probable these are (J. Hoeting et al., Statistical Science 14 (1999) 382),
-with the effective number of rows (C. Geyer, Statistical Science 7 (1992) 473: the initial positive
-sequence of the correlation). Steps that change within a run are told by the same comparison.
+step is averaged over drifts that are straight, bend or walk at random, with and without hum of
+either mains, weighted by how probable these are (J. Hoeting et al., Statistical Science 14 (1999)
+382), with the effective number of rows (C. Geyer, Statistical Science 7 (1992) 473: the initial
+positive sequence of the correlation). Steps that change within a run are told by the same
+comparison.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,7 @@ _INDEPENDENT = 1e-5
 #: Parts of a cycle at most, samples of one at least; rows of a run and of a rest at most.
 _PARTS, _SAMPLES, _RUN_ROWS, _REST_ROWS = 8, 3.0, 1500, 200
 #: Cycles from which on their motion shows the step.
-SHOW_STEP = 3
+_SHOW_STEP = 3
 #: Least change of a step in a short run, whose cycles have not settled, as part of it; how many
 #: cycles settle.
 _UNSETTLED, _SETTLED = 0.01, 8
@@ -69,7 +70,7 @@ class Disturbances:
     drift: float = 0.0  #: m/s
     drift_error: float = math.inf  #: standard error, m/s
     mains: float | None = None  #: Hz; None: no hum is seen
-    waves: tuple[tuple[float, float], ...] = ()  #: sine and cosine (m) of each harmonic
+    waves: tuple[tuple[float, float], ...] = ()  #: cosine and sine (m) of each harmonic
     hum_error: float = math.inf  #: standard error of the amplitude, m
 
     duration: float = 0.0  #: of the measurement, s
@@ -180,7 +181,7 @@ def fit_steps(
     steps = []
     for j, grid in enumerate(grids):
         value, spread = fit.mean_of(j)
-        unsettled = _UNSETTLED * value if SHOW_STEP <= grid.count < _SETTLED else 0.0
+        unsettled = _UNSETTLED * value if _SHOW_STEP <= grid.count < _SETTLED else 0.0
         if j in fit.unsettled:
             column, left = fit.unsettled[j]
             waves = [fit.mean_of(column + k)[0] for k in (0, 1)]
@@ -210,7 +211,7 @@ def _rows_of(
     rings: list[tuple[int, int, float, int | None]] = []
     level = 0
     for j, grid in enumerate(grids):
-        if grid.count < SHOW_STEP:
+        if grid.count < _SHOW_STEP:
             continue
         cycles = np.arange(max(grid.settling - 1, 0), grid.count - 1)
         parts = int(np.clip(grid.period / record.spacing / _SAMPLES, 1, _PARTS))
@@ -227,7 +228,7 @@ def _rows_of(
     seen: set[Rest] = set()
     for j, (grid, pair) in enumerate(zip(grids, rests, strict=True)):
         for k, rest in enumerate(pair):
-            if k == 1 and grid.count < SHOW_STEP:
+            if k == 1 and grid.count < _SHOW_STEP:
                 went = went + np.where(np.arange(len(grids)) == j, float(grid.count), 0.0)
             elif k == 1 or j == 0:
                 level += 1
@@ -455,10 +456,7 @@ class _Regression:
         if found is None:
             return None
         information = found.left / self.chance + found.volume - 2.0 * math.log(odds)
-        return _Model(
-            found.value, found.variance, found.left, found.unknowns, found.persistence,
-            found.volume, mains, information,
-        )  # fmt: skip
+        return replace(found, mains=mains, information=information)
 
     def _solve(self, sizes: dict[str, Array]) -> _Model | None:
         """Return the fit with blocks of prior sizes (m); None where rows do not tell them apart."""

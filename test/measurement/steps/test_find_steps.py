@@ -258,6 +258,18 @@ def test_pauses_and_stray_times_are_no_samples() -> None:
     assert not found.disturbances.drifts
 
 
+def test_a_deflection_that_is_no_number_is_refused() -> None:
+    """The actuator was left out in silence, and one step with it."""
+    made = bench(12, 200.0)
+    deflection = np.where(np.arange(len(made.t)) == 100, np.nan, made.u)
+    with pytest.raises(StickslipError, match="actuator sample 100 is nan; leave such samples out"):
+        find_steps(made.t, made.x, None, deflection)
+    with pytest.raises(StickslipError, match="actuator sample 100 is nan; leave such samples out"):
+        Known.of_voltage(made.t, deflection)
+    with pytest.raises(StickslipError, match="the voltage makes no whole cycle"):
+        Known.of_voltage(made.t, 0.0 * made.t)
+
+
 @pytest.mark.parametrize(
     ("frequency", "steps", "words"),
     [
