@@ -19,6 +19,8 @@ GAIN = 160e-9 / 300.0  #: of the actuator, m/V
 SLEWRATE = 100e6  #: of the slip, V/s
 #: Longest Runge-Kutta step (s), and least number of steps in a slip.
 _LONGEST, _IN_SLIP = 0.5e-6, 60
+#: Decays of the ringing after which a runner is at rest.
+_DIES_AWAY = 30.0
 #: Times in a swing at which a backstep is looked for.
 _LOOKS = 300
 
@@ -240,12 +242,14 @@ def _motion(
             rates += [reach / (period - slip), -reach / slip]
             longest += [_LONGEST, slip / _IN_SLIP]
     kinks.append(kinks[-1] + rest)
-    rates.append(0.0)
-    longest.append(_LONGEST)
+    watched = kinks[-1]
+    kinks.append(watched + _DIES_AWAY / axis.ringing[1])
+    rates += [0.0, 0.0]
+    longest += [_LONGEST, _LONGEST]
     if drives[0].lag:
         kinks, rates, longest = _behind_amplifier(kinks, rates, longest, drives[0].lag)
     random = np.random.default_rng(seed)
-    t = np.arange(0.0, kinks[-1], 1.0 / rate)
+    t = np.arange(0.0, watched, 1.0 / rate)
     if jitter:
         t = np.sort(t + jitter / rate * random.uniform(-0.5, 0.5, len(t)))
     ends = [
@@ -253,23 +257,22 @@ def _motion(
         for start, drive in zip(starts, drives, strict=True)
     ]
     falls = [_falls(axis, drive, of) for drive, of in zip(drives, ends, strict=True)]
-    every = np.concatenate([t, *ends, *(fall.ravel() for fall in falls)])
+    every = np.concatenate([t, *ends, *(fall.ravel() for fall in falls), kinks[-1:]])
     order = np.argsort(every, kind="stable")
     found = np.empty((2, len(every)))
     found[:, order] = _integrated(
         np.array(kinks), np.array(rates), np.array(longest), every[order], axis.constants
     )
-    each = np.split(found[0, len(t) :], np.cumsum([one.size for one in [*ends, *falls]])[:-1])
+    each = np.split(found[0, len(t) : -1], np.cumsum([one.size for one in [*ends, *falls]])[:-1])
     runs = []
-    nexts = [*starts[1:], math.inf]
+    nexts = [*(float(x[0]) for x in each[1 : len(drives)]), float(found[0, -1])]
     for drive, times, x, fall, after in zip(
         drives, ends, each, each[len(ends) :], nexts, strict=False
     ):
         steps = np.diff(x)
         settled = steps[7:] if len(steps) > 7 else steps[len(steps) // 2 :]
         if len(steps) < 3:  # they have not settled: the way from rest to rest over their number
-            rests = found[0, np.searchsorted(t, [times[0], after]) - 1]
-            settled = np.diff(rests) / len(steps)
+            settled = np.array([(after - x[0]) / len(steps)])
         deep = drive.direction * fall.reshape(-1, _LOOKS)
         runs.append(
             TrueRun(
