@@ -34,7 +34,7 @@ _COLUMNS = {
     "start": "start (s)", "end": "end (s)", "frequency": "frequency (Hz)",
     "direction": "direction", "steps": "steps", "step_size": "step size (m)",
     "step_size_error": "standard error of the step size (m)", "from_cycle": "from cycle",
-    "to_cycle": "to cycle", "explained": "explained",
+    "to_cycle": "to cycle",
     "determined": "determined", "scatter": "scatter (m)",
     "backstep": "backstep (m)",
     "backstep_error": "standard error of the backstep (m)",

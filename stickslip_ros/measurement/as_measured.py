@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from stickslip_ros.measurement.reading import MeasurementError
-from stickslip_ros.measurement.steps.motions import determined_part, runs_of
+from stickslip_ros.measurement.steps.analysis import determined_part, runs_of
 from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.motion import Motion

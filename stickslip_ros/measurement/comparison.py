@@ -36,8 +36,8 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     low_pass,
 )
+from stickslip_ros.measurement.steps.analysis import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.drive import Drive
-from stickslip_ros.measurement.steps.motions import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.run import Run, main_run
 from stickslip_ros.simulation.motion import Motion

@@ -27,9 +27,8 @@ from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.measurement.reading.given import given_loop, given_motion
-from stickslip_ros.measurement.steps.analysis import find_steps
+from stickslip_ros.measurement.steps.analysis import find_steps, runs_of
 from stickslip_ros.measurement.steps.drive import Drive
-from stickslip_ros.measurement.steps.motions import runs_of
 from stickslip_ros.measurement.steps.run import Run, main_run
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.motion import Motion

@@ -24,15 +24,13 @@ import scipy  # its parts load when they are used, which takes half a second
 from stickslip_ros.measurement.metric import COUNT, METRICS, ComparisonMetric
 from stickslip_ros.measurement.motion_pair import Alignment, MotionPair, Pairs
 from stickslip_ros.measurement.steps.actuator_cycles import runs_of_signal
-from stickslip_ros.measurement.steps.analysis import analyse_cycles
+from stickslip_ros.measurement.steps.analysis import analyse_cycles, has_actuator, runs_of
+from stickslip_ros.measurement.steps.cycle_values import EXACT
 from stickslip_ros.measurement.steps.doubts import NO_REST, UNSURE_END
 from stickslip_ros.measurement.steps.drive import Drive
-from stickslip_ros.measurement.steps.exact import EXACT
-from stickslip_ros.measurement.steps.measured_value import COVERAGE
-from stickslip_ros.measurement.steps.motions import has_actuator, runs_of
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.record import TraceError
-from stickslip_ros.measurement.steps.run import Run, main_run
+from stickslip_ros.measurement.steps.run import COVERAGE, Run, main_run
 from stickslip_ros.simulation.motion import Motion
 
 #: Samples of a cycle that both have in common, at least.

@@ -26,9 +26,8 @@ from stickslip_ros.measurement.as_measured import simulate_as_measured, simulate
 from stickslip_ros.measurement.comparison import compare
 from stickslip_ros.measurement.metric import METRICS
 from stickslip_ros.measurement.metrics import significant
-from stickslip_ros.measurement.steps.analysis import find_steps
+from stickslip_ros.measurement.steps.analysis import find_steps, runs_of
 from stickslip_ros.measurement.steps.drive import Drive as Known
-from stickslip_ros.measurement.steps.motions import runs_of
 from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.simulation.motion import Motion

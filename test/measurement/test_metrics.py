@@ -20,9 +20,8 @@ from stickslip_ros.measurement.motion_pair import (
     Pairs,
     low_pass,
 )
-from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.ringing import Ringing
-from stickslip_ros.measurement.steps.run import Cycles, Run
+from stickslip_ros.measurement.steps.run import Run, even_cycles
 from stickslip_ros.simulation.motion import Motion
 
 Array = NDArray[np.float64]
@@ -33,8 +32,9 @@ T: Array = np.arange(0.0, 0.1, 1e-4)
 def _steps(count: int = 8, **changed: Any) -> Run:
     ends = PERIOD * np.arange(1.0, count + 1.0)
     found = Run(
-        Cycles.even(ends, PERIOD, 1), MeasuredValue(1e-7, 0.0), MeasuredValue(2e-8, 0.0),
-        Ringing(7e3, 600.0), np.full(count, 1e-7), np.full(count, 2e-8), {},
+        **vars(even_cycles(ends, PERIOD, 1)), step_size=1e-7, step_size_error=0.0, backstep=2e-8,
+        backstep_error=0.0, ringing=Ringing(7e3, 600.0), step_sizes=np.full(count, 1e-7),
+        backsteps=np.full(count, 2e-8), points={},
     )  # fmt: skip
     return replace(found, **changed)
 
@@ -93,7 +93,7 @@ def test_a_decay_that_few_samples_leave_open_is_as_uncertain_as_the_frequency() 
 
 def test_a_length_by_a_wrong_gain_is_scaled_and_so_is_its_error() -> None:
     motion = Motion("axis", T, _wave(T))
-    run, sensor = _steps(), _steps(mean_step=MeasuredValue(2e-7, 1e-9))
+    run, sensor = _steps(), _steps(step_size=2e-7, step_size_error=1e-9)
     found = step_metrics(run, sensor, motion.spacing, 2.0, 3.0)
     step = next(one for one in found if one.name == "step size")
     assert (step.measured, step.tolerance) == pytest.approx((1e-7, 3.0 * 0.5e-9))
@@ -101,8 +101,8 @@ def test_a_length_by_a_wrong_gain_is_scaled_and_so_is_its_error() -> None:
 
 def test_a_tolerance_holds_what_the_samples_do_to_the_run() -> None:
     """Of 57.6 nm that few samples show of a backstep of 87.1 nm, 89.0 nm measured differed."""
-    run, sensor = (_steps(mean_backstep=MeasuredValue(x, 2e-9)) for x in (57.6e-9, 89e-9))
-    whole = _steps(mean_backstep=MeasuredValue(87.1e-9, 0.0))
+    run, sensor = (_steps(backstep=x, backstep_error=2e-9) for x in (57.6e-9, 89e-9))
+    whole = _steps(backstep=87.1e-9)
     blurred = step_metrics(run, sensor, 1e-4, 1.0, 3.0, None, [whole])
     for others, found in ((True, None), (False, True)):
         metrics = blurred if others else step_metrics(run, sensor, 1e-4, 1.0, 3.0)

@@ -29,12 +29,15 @@ from stickslip_ros.base.reporting.page import (
     thin_columns,
 )
 from stickslip_ros.measurement.steps.analysis import Findings
-from stickslip_ros.measurement.steps.run import Run, after_slip
+from stickslip_ros.measurement.steps.fold import fold_slips
+from stickslip_ros.measurement.steps.record import MeanPosition, Record
+from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.simulation.motion import Motion
 from stickslip_ros.simulation.settled import settled_from
 
-#: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
-_OVERVIEW, _ROWS = 6000, 400
+#: Points of a line over the whole measurement; rows of the table of cycles; cycles whose slips are
+#: laid over each other; colours of runs.
+_OVERVIEW, _ROWS, _CYCLES = 6000, 400, 200
 TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
 RESIDUAL = "#5b4a8a"
 
@@ -187,9 +190,14 @@ def _settled(run: Run, first: int) -> tuple[Array, Array]:
 def _slips(motion: Motion, runs: Sequence[Run]) -> Figure:
     colors = (MEASURED, SIMULATED, ACTUATOR)
     data = []
+    record = Record(motion.t, motion.x)
+    mean = MeanPosition(record)
     for k, run in enumerate(runs):
-        since, x = after_slip(motion.t, motion.x, run)
-        if len(since):
+        kept = run.slips[run.first_cycle :][:_CYCLES]
+        fold = fold_slips(record, mean, kept, run.period, run.direction)
+        if fold.enough:
+            since, x = fold.binned()
+            x -= float(np.interp(0.0, since, x))
             data.append(line_of(1e6 * since, 1e9 * x, f"run {k + 1}", colors[k % 3], "nm", "µs"))
     frame = layout_of(
         380, xaxis=axis_of("time after the slip (µs)"), yaxis=axis_of("displacement (nm)")

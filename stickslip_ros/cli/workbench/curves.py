@@ -17,8 +17,8 @@ from stickslip_ros.base.reporting import format_si, scale_of, to_json
 from stickslip_ros.base.reporting.page import thin_columns
 from stickslip_ros.cli.pages.compared import PHASES
 from stickslip_ros.cli.workbench.controls import recipes, set_names, shown_values
+from stickslip_ros.measurement.steps.analysis import runs_of
 from stickslip_ros.measurement.steps.drive import Drive
-from stickslip_ros.measurement.steps.motions import runs_of
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.run import main_run
 from stickslip_ros.physics.model import Plant, drive_of

@@ -21,9 +21,9 @@ from stickslip_ros.axis.sensor import low_pass_of
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.base.reporting import format_si
+from stickslip_ros.measurement.steps.analysis import determined_part, runs_of, why_left_out
+from stickslip_ros.measurement.steps.disturbances import HARMONICS, MAINS
 from stickslip_ros.measurement.steps.drive import Drive
-from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS
-from stickslip_ros.measurement.steps.motions import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Run

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.identification.experiment import Experiment, bend_of
-from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS, hum_columns
+from stickslip_ros.measurement.steps.disturbances import HARMONICS, MAINS, hum_columns
 from stickslip_ros.measurement.steps.noise import noise_of, without_spikes
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.parameters import Parameters

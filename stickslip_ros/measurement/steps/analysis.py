@@ -6,6 +6,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,12 +16,16 @@ from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.steps.actuator_cycles import runs_of_signal
 from stickslip_ros.measurement.steps.backstep import find_ringing, measure_slip, ringing_at_the_end
-from stickslip_ros.measurement.steps.cycle_values import cycle_values
+from stickslip_ros.measurement.steps.cycle_values import (
+    EXACT,
+    as_simulated,
+    points_of_cycles,
+    steps_of_cycles,
+)
+from stickslip_ros.measurement.steps.disturbances import Disturbances
 from stickslip_ros.measurement.steps.doubts import Evidence, comes_back
 from stickslip_ros.measurement.steps.drive import Drive
-from stickslip_ros.measurement.steps.exact import EXACT, as_simulated
 from stickslip_ros.measurement.steps.fold import find_rests, fold_cycles, move_to_fall
-from stickslip_ros.measurement.steps.measured_value import COVERAGE
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.period import estimate_periods, period_factor
 from stickslip_ros.measurement.steps.record import (
@@ -34,10 +40,11 @@ from stickslip_ros.measurement.steps.record import (
     clean_record,
 )
 from stickslip_ros.measurement.steps.ringing import Ringing
-from stickslip_ros.measurement.steps.run import Cycles, Run
+from stickslip_ros.measurement.steps.run import COVERAGE, Cycles, Run, even_cycles
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.slips import (
     SlipGrid,
+    SlipSizes,
     as_sent,
     counted,
     find_grids,
@@ -45,21 +52,20 @@ from stickslip_ros.measurement.steps.slips import (
     single_slip,
     timed,
 )
-from stickslip_ros.measurement.steps.step_fit import Disturbances, fit_steps
+from stickslip_ros.measurement.steps.step_fit import fit_steps
+from stickslip_ros.simulation.motion import Motion
 
 #: No stick-slip drive steps by more (m): its unit is another one.
 WIDEST_STEP = 1e-3
 #: Part of the actuator's stroke that a step never exceeds, gains of both sensors included.
 _OUTRUN = 1.1
+_HUMS = 0.05
 #: Swings in a cycle from which on ringing hides no slips.
 _FAST_RINGING = 6.0
 #: Part by which an estimated period may be off.
 _ESTIMATED = 0.06
-#: How many times an estimated period that is a part of the right one is corrected.
-_CORRECTIONS = 3
-#: Steps that the runner moves beside a run where there may be another one; how often that is asked;
-#: part of that move that the steps of another run have to explain.
-_OTHER_STEPS, _ROUNDS, _EXPLAINED = 1.5, 4, 0.5
+#: How many times an estimated period is tried, as it may be a part of the right one.
+_CORRECTIONS = 4
 
 
 @dataclass(frozen=True)
@@ -140,12 +146,18 @@ def _find_steps(t: ArrayLike, x: ArrayLike, drive: Drive, u: ArrayLike | None) -
                 f"Hz; {FASTER}"
             )
     parts = [_Analysis(one, drive) for one in record.between_pauses()]
-    searched = [one.search() for one in parts]
-    sent = iter(drive.sent_to([grid for grids, _ in searched for grid in grids]))
-    each = [
-        part.findings([next(sent) for _ in grids], ringing)
-        for part, (grids, ringing) in zip(parts, searched, strict=True)
+    each = _read(parts, drive)
+    hums = [
+        one.disturbances.hums
+        and any(one.disturbances.hum > _HUMS * abs(r.step_size) for r in one.runs)
+        for one in each
     ]
+    if any(hums):
+        quiet = [
+            _Analysis(part.record, drive, one.disturbances if hum else None)
+            for part, one, hum in zip(parts, each, hums, strict=True)
+        ]
+        each = _read(quiet, drive)
     longest = max(each, key=lambda one: one.disturbances.duration)
     found = replace(longest, runs=[run for one in each for run in one.runs], notes=notes)
     if by_actuator and not any(one.determined for one in found.runs):
@@ -153,12 +165,23 @@ def _find_steps(t: ArrayLike, x: ArrayLike, drive: Drive, u: ArrayLike | None) -
     return found
 
 
+def _read(parts: Sequence[_Analysis], drive: Drive) -> list[Findings]:
+    """Return what parts of a record hold, of which each has the steps that were sent to it."""
+    searched = [one.search() for one in parts]
+    sent = iter(drive.sent_to([grid for grids, _ in searched for grid in grids]))
+    return [
+        part.findings([next(sent) for _ in grids], ringing)
+        for part, (grids, ringing) in zip(parts, searched, strict=True)
+    ]
+
+
 class _Analysis:
     """The steps of the analysis of one record."""
 
-    def __init__(self, record: Record, drive: Drive) -> None:
-        self.record, self.drive = record, drive
-        self.pyramid, self.mean = Pyramid(record), MeanPosition(record)
+    def __init__(self, record: Record, drive: Drive, hum: Disturbances | None = None) -> None:
+        self.raw, self.drive = record, drive
+        self.record = record if hum is None else replace(record, x=record.x - hum.at(record.t))
+        self.pyramid, self.mean = Pyramid(self.record), MeanPosition(self.record)
 
     def findings(self, grids: list[SlipGrid], ringing: Ringing | None) -> Findings:
         """Return runs and disturbances by the grids and the ringing that a search has found."""
@@ -186,13 +209,7 @@ class _Analysis:
                 quick = ringing_at_the_end(self.record, periods[0])
                 grids, ringing = (grids, ringing) if quick is None else self._told(periods, quick)
             return grids, ringing
-        grids, ringing = self._estimated()
-        for _ in range(_ROUNDS if grids else 0):
-            others = self._others_beside(grids)
-            grids = sorted([*grids, *others], key=lambda one: one.first)
-            if not others:
-                break
-        return grids, ringing
+        return self._estimated()
 
     def _told(
         self, periods: Sequence[float], quick: Ringing | None = None
@@ -214,18 +231,16 @@ class _Analysis:
         most = max((one[0] for one in trials), default=0.0)
         if not most > 0.0:
             return [], None
-        _, _, found = min((one for one in trials if one[0] > 0.85 * most), key=lambda one: one[1])
-        period = max(found, key=lambda one: one.count).period
-        grids, ringing = self._timed(find_grids(self.pyramid, period) or found)
-        for _ in range(_CORRECTIONS if grids else 0):
+        _, _, grids = min((one for one in trials if one[0] > 0.85 * most), key=lambda one: one[1])
+        period, ringing = max(grids, key=lambda one: one.count).period, None
+        for _ in range(_CORRECTIONS):
+            found = find_grids(self.pyramid, period, near=_ESTIMATED)
+            grids, ringing = self._timed(found or grids)
             longest = max(grids, key=lambda one: one.count)
             factor = period_factor(self.record, self.mean, self.pyramid, longest, ringing)
             if factor == 1.0:
                 break
-            other = factor * longest.period
-            grids, ringing = self._timed(find_grids(self.pyramid, other, near=_ESTIMATED))
-            if not grids:
-                return [], None
+            period = factor * longest.period
         return grids, ringing
 
     def _timed(
@@ -258,38 +273,6 @@ class _Analysis:
         known = [one for one in found if one is not None]
         return min(known, key=lambda one: one.frequency_error, default=None)
 
-    def _others_beside(self, grids: Sequence[SlipGrid]) -> list[SlipGrid]:
-        """Return runs of other periods in the stretches beside those that are known."""
-        begins = [float(self.record.t[0]), *(one.last + 1.1 * one.period for one in grids)]
-        ends = [*(one.first - 1.1 * one.period for one in grids), float(self.record.t[-1])]
-        step = min(self._mean_step(one) for one in grids)
-        found = []
-        for begin, end in zip(begins, ends, strict=True):
-            first, last = np.searchsorted(self.record.t, [begin, end])
-            if last - first < FEWEST_SAMPLES:
-                continue
-            edges = np.linspace(begin, end, 33)
-            moved = float(np.ptp(self.mean.between(edges[:-1], edges[1:])))
-            if moved > _OTHER_STEPS * step:
-                part = slice(first, last)
-                record = replace(
-                    self.record, t=self.record.t[part], x=self.record.x[part], jumps=()
-                )
-                other = _Analysis(record, Drive())._estimated()[0]
-                went = sum(one.count * self._mean_step(one) for one in other)
-                found += other if went > _EXPLAINED * moved else []
-        return found
-
-    def _mean_step(self, grid: SlipGrid) -> float:
-        """Return the size (m) of the mean step of a run, roughly."""
-        ends = np.array([grid.first, grid.last])
-        if grid.count > 2:
-            first, last = self.mean.between(ends - grid.period, ends)
-            return abs(float(last - first)) / (grid.count - 1)
-        ends += grid.period * np.array([-1.5, 0.5])
-        first, last = self.mean.between(ends, ends + 0.5 * grid.period)
-        return abs(float(last - first)) / grid.count
-
     def measured(
         self,
         grids: Sequence[SlipGrid],
@@ -298,26 +281,27 @@ class _Analysis:
     ) -> Findings:
         """Return the runs of grids with all numbers; known: their cycles, if these are known."""
         rests = find_rests(grids, self.record.t[0], self.record.t[-1])
-        steps, changes, disturbances = fit_steps(self.record, self.mean, grids, ringing, rests)
+        mean = MeanPosition(self.raw)
+        steps, changes, disturbances = fit_steps(self.raw, mean, grids, ringing, rests)
         evidence = Evidence(
-            self.record, self.pyramid, self.mean, grids, ringing, rests, steps, changes,
+            self.record, self.pyramid, mean, grids, ringing, rests, steps, changes,
             disturbances, bool(self.drive.frequencies), known is not None,
         )  # fmt: skip
         runs = []
         for k, (grid, step) in enumerate(zip(grids, steps, strict=True)):
             fold = fold_cycles(self.record, self.mean, grid)
             slip = measure_slip(self.record, fold, grid.period, grid.unevenness, ringing)
-            if known is None:
-                cycles = Cycles.even(grid.slips + slip.begin, grid.period, grid.direction)
-                slip = replace(slip, begin=0.0, deepest=slip.deepest - slip.begin)
-            else:
-                cycles = known[k]
-            values = cycle_values(
-                self.record, self.pyramid, cycles, ringing, slip, step.value, known is not None
-            )
+            begin = slip.begin if known is None else 0.0
+            cycles = even_cycles(grid.slips + begin, grid.period, grid.direction)
+            cycles = cycles if known is None else known[k]
+            sizes = SlipSizes(self.pyramid, cycles.slips, cycles.period, ringing)
             runs.append(Run(
-                cycles, step, slip.backstep, ringing, values.step_sizes, values.backsteps,
-                values.points, slip.regained, cycles.excitation, doubts=evidence.doubts(k),
+                **vars(cycles), step_size=step.value, step_size_error=step.error,
+                backstep=slip.backstep.value, backstep_error=slip.backstep.error,
+                ringing=ringing, step_sizes=steps_of_cycles(self.record, cycles, step.value),
+                backsteps=slip.backstep.value * sizes.at(cycles.slips)[0],
+                points=points_of_cycles(cycles, ringing, slip.deepest - begin, known is not None),
+                regained=slip.regained, doubts=evidence.doubts(k),
                 why_no_backstep=slip.why_unknown,
             ))  # fmt: skip
         return Findings(runs, disturbances)
@@ -348,3 +332,44 @@ def analyse_cycles(
     ]
     runs = analysis.measured(grids, analysis.ringing(grids), cycles).runs
     return [as_simulated(record, one) for one in runs] if noise < EXACT else runs
+
+
+def has_actuator(u: Array | None) -> TypeGuard[Array]:
+    """Return True if the deflection u (m) of an actuator was measured and moves."""
+    return u is not None and len(u) > 0 and bool(np.ptp(u) > 0.0)
+
+
+def determined_part(motion: Motion, runs: Sequence[Run]) -> tuple[Motion, list[Run]]:
+    """Return the part of a motion without its runs that are not determined, and its other runs.
+
+    Of several such parts, that with most steps; all of the motion where no run is determined.
+    """
+    if all(one.determined for one in runs) or not any(one.determined for one in runs):
+        return motion, list(runs)
+    edges = [-1, *(k for k, one in enumerate(runs) if not one.determined), len(runs)]
+    before, after = max(
+        pairwise(edges), key=lambda edge: sum(one.steps for one in runs[edge[0] + 1 : edge[1]])
+    )
+    begin = runs[before].end if before >= 0 else -math.inf
+    end = runs[after].start if after < len(runs) else math.inf
+    return motion.between(begin, end), list(runs[before + 1 : after])
+
+
+def why_left_out(runs: Sequence[Run], kept: Sequence[Run]) -> list[str]:
+    """Return of each run why it is in no part that is determined; "" for those kept."""
+    return [
+        ""
+        if any(one is other for other in kept)
+        else "; ".join(one.doubts) or "beyond a run that is not determined"
+        for one in runs
+    ]
+
+
+def runs_of(motion: Motion, drive: Drive | None = None) -> list[Run]:
+    """Return the runs of a motion in the order of time, none where it does not step.
+
+    Its actuator gives the cycles where that was measured and moves. Raises TraceError.
+    """
+    if len(motion.t) < FEWEST_SAMPLES or not np.ptp(motion.x) > 0.0:
+        return []
+    return find_steps(motion.t, motion.x, drive, motion.u).runs

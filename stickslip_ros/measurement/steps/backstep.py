@@ -13,13 +13,12 @@ takes one sample cannot be told from an alias.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.fold import Fold, Rest
-from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.record import Level, Record, smooth
 from stickslip_ros.measurement.steps.ringing import (
     SWINGS_IN_CYCLE,
@@ -27,43 +26,31 @@ from stickslip_ros.measurement.steps.ringing import (
     combine,
     fit_later_ringing,
 )
+from stickslip_ros.measurement.steps.run import MeasuredValue
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.slips import SlipGrid, unrung
 
-#: Samples of a fold and of a rest in which ringing is sought, periods of the rest, its samples.
-_FEW_BINS, _FEW_REST, _REST_PERIODS, _REST_SAMPLES = 20, 40, 12.0, 2000
-#: Times from the begin of a slip to its deepest point that the rest is looked at first.
-_REST_FALLS = 80.0
-#: Swings after the begin of a slip in which the deepest point lies; part of a period.
-_DEEPEST_SWINGS, _DEEPEST_PERIODS = 1.2, 0.5
-#: Swings about the deepest point, and before the begin, through which parabolas are fitted.
-_ABOUT_DEEPEST, _BEFORE_BEGIN, _AFTER_BEGIN = 0.1, 0.15, 0.01
-#: Samples of these fits at least; samples of a quarter of a swing in the fold at least.
-#: Swings before the begin that show how the runner rises, those about it that need not, places of
-#: samples there at least; deviations from the rise that are none.
-_RISE_SWINGS, _GUARD_SWINGS, _RISE_PLACES, _FALLEN = 2.5, 0.15, 5, 4.0
-#: Distance of samples in a fold, in swings, from which on cycles are sampled at the same places;
-#: swings that a fall takes.
-_ALIKE_SWINGS, _FALLS = 0.035, (0.2, 0.9)
-#: Distances of samples in such a fold between which its deepest point is fitted.
-_ALIKE_PLACES = 2.1
-#: Part of the backstep by which a deepest point between samples is missed, in squares of their
-#: distance in swings: half a distance of a cosine has pi^2 / 2 of it, of its height to both sides.
-_BETWEEN = 8.0
-_DEEPEST_SAMPLES, _BEGIN_SAMPLES, _QUARTER_SAMPLES = 8, 6, 6.0
-#: Swings after the deepest point that show about where the runner rings.
-_CENTRE_SWINGS = 1.25
-#: Places of a swing at which all cycles together are sampled, at least.
-_PLACES = 8.0
+#: Samples of a fold and of a rest in which ringing is sought; times from the begin of a slip to its
+#: deepest point that the rest is looked at; samples of it at most.
+_FEW_BINS, _FEW_REST, _REST_FALLS, _REST_SAMPLES = 20, 40, 80.0, 2000
 #: Parts of a record that may be the rest at its end; swings in a cycle, or cycles in a swing, of a
 #: quick drive.
 _ENDS, _QUICK = (0.6, 0.45, 0.34, 0.25, 0.19, 0.14, 0.1, 0.06), 4.0
-#: Swings by which the begin of the slip may miss.
-_BEGIN_ERROR = 0.02
-#: Length that the shape of a fold may miss, m; parts of the step of the converter.
-_SHAPE, _CONVERTER = 1e-10, 0.15
-#: Backstep below which its error is not judged as part of it, m.
-_SMALL = 2e-8
+#: Samples of a quarter of a swing in the fold, places of a swing at which all cycles together are
+#: sampled, samples of the parabola at the deepest point, and at the begin, at least.
+_QUARTER_SAMPLES, _PLACES, _DEEPEST_SAMPLES, _BEGIN_SAMPLES = 6.0, 8.0, 8, 6
+#: Distance of samples in a fold, in swings, from which on cycles are sampled at the same places;
+#: swings that a fall takes there; distances of samples within which its deepest point is fitted.
+_ALIKE_SWINGS, _FALLS, _ALIKE_PLACES = 0.035, (0.2, 0.9), 2.1
+#: Swings before the begin that show how the runner rises, those about it that need not, places of
+#: samples there at least; deviations from the rise that are none.
+_RISE_SWINGS, _GUARD_SWINGS, _RISE_PLACES, _FALLEN = 2.5, 0.15, 5, 4.0
+#: Part of the backstep by which a deepest point between samples is missed, in squares of their
+#: distance in swings: half a distance of a cosine has pi^2 / 2 of it, of its height to both sides.
+_BETWEEN = 8.0
+#: Swings by which the begin of the slip may miss; length (m) that the shape of a fold may miss, and
+#: parts of the step of the converter; backstep (m) below which its error is not judged as part.
+_BEGIN_ERROR, _SHAPE, _CONVERTER, _SMALL = 0.02, 1e-10, 0.15, 2e-8
 
 
 def find_ringing(record: Record, fold: Fold, grid: SlipGrid, rest: Rest | None) -> Ringing | None:
@@ -76,22 +63,18 @@ def find_ringing(record: Record, fold: Fold, grid: SlipGrid, rest: Rest | None) 
     deepest = float(t[falling][np.argmin(x[falling])]) if falling.any() else 0.0
     later = (t > deepest) & (t < 0.9 * period)
     in_cycle = in_rest = None
-    looked_at = [0.0, 0.0]
     if later.sum() > _FEW_BINS:
-        looked_at[0] = period
         in_cycle = fit_later_ringing(t[later], x[later], 0.9 * period)
         if in_cycle is not None and in_cycle.frequency * period <= SWINGS_IN_CYCLE:
             in_cycle = None
     begin = grid.last + deepest
     # The fall takes about half a swing; more than some swings add noise and other frequencies.
-    limit = begin if rest is None else rest[1]
-    for longest in (_REST_FALLS * deepest, _REST_PERIODS * period):
-        first, last = np.searchsorted(record.t, [begin, min(limit, begin + longest)])
-        if last - first > _FEW_REST and in_rest is None:
-            looked_at[1] = float(record.t[last - 1] - begin)
-            part = slice(first, last, max(1, (last - first) // _REST_SAMPLES))
-            in_rest = fit_later_ringing(record.t[part] - grid.last, record.x[part], period, 2)
-    return combine(in_cycle, in_rest, (looked_at[0], looked_at[1]), period)
+    end = min(begin if rest is None else rest[1], begin + _REST_FALLS * deepest)
+    first, last = np.searchsorted(record.t, [begin, end])
+    if last - first > _FEW_REST:
+        part = slice(first, last, max(1, (last - first) // _REST_SAMPLES))
+        in_rest = fit_later_ringing(record.t[part] - grid.last, record.x[part], period, 2)
+    return combine(in_cycle, in_rest, period)
 
 
 def ringing_at_the_end(record: Record, period: float) -> Ringing | None:
@@ -100,20 +83,18 @@ def ringing_at_the_end(record: Record, period: float) -> Ringing | None:
     Its slips are hidden by ringing that lasts longer than its cycles, which the rest after the last
     one shows alone.
     """
-    best = None
+    found = []
     for part in _ENDS:
         first = int(len(record.t) * (1.0 - part))
         stride = max(1, (len(record.t) - first) // (2 * _REST_SAMPLES))
         t, x = record.t[first::stride], record.x[first::stride]
-        found = fit_later_ringing(t, x, _QUICK * period, 1)
-        if found is None or found.swing < period / _QUICK:
+        one = fit_later_ringing(t, x, _QUICK * period, 1)
+        if one is None or one.swing < period / _QUICK:
             continue
-        turns = found.frequency * period  # near a whole number it is the drive itself
-        if abs(turns - round(turns)) * (t[-1] - t[0]) < period and round(turns) > 0:
-            continue
-        if best is None or found.frequency_error < best.frequency_error:
-            best = found
-    return best
+        turns = one.frequency * period  # near a whole number it is the drive itself
+        if abs(turns - round(turns)) * (t[-1] - t[0]) > period or round(turns) == 0:
+            found.append(one)
+    return min(found, key=lambda one: one.frequency_error, default=None)
 
 
 def begin_of_slip(t: Array, x: Array, ringing: Ringing, period: float) -> float:
@@ -144,17 +125,15 @@ def measure_slip(
     """Return the mean slip of the settled cycles of a run; unevenness (s) is that of its slips."""
     if ringing is None or not fold.enough:
         return MeanSlip(why_unknown="no ringing is seen that shows where slips begin")
-    swing = ringing.swing
-    a_swing = swing / record.spacing
-    quarter = len(fold.t) * 0.25 * swing / float(fold.t[-1] - fold.t[0])
-    if a_swing < SETTINGS.samples_a_swing or quarter < _QUARTER_SAMPLES:
-        least = SETTINGS.samples_a_swing
+    swing, span = ringing.swing, float(np.ptp(fold.t))
+    # Cycles may be sampled at the same places.
+    apart = span / max(len(np.unique(np.round(fold.t / (0.2 * record.spacing)))), 1)
+    samples, places, least = swing / record.spacing, swing / apart, SETTINGS.samples_a_swing
+    if samples < least or 0.25 * swing * len(fold.t) / span < _QUARTER_SAMPLES:
         return MeanSlip(
-            why_unknown=f"{a_swing:.1f} samples a swing of the ringing, in {fold.cycles} cycles; "
+            why_unknown=f"{samples:.1f} samples a swing of the ringing, in {fold.cycles} cycles; "
             f"{least:g} are needed, and {_QUARTER_SAMPLES:g} in a quarter swing of all cycles"
         )
-    apart = _distance_of_places(record, fold)
-    places = swing / apart
     if places < _PLACES:
         return MeanSlip(
             why_unknown=f"all cycles are sampled at {places:.1f} places a swing of the ringing; "
@@ -162,65 +141,48 @@ def measure_slip(
         )
     t, x = fold.binned()
     begin = begin_of_slip(t, x, ringing, period)
-    longest = min(_DEEPEST_SWINGS * swing, _DEEPEST_PERIODS * period)
-    inside = np.flatnonzero((t > begin) & (t <= begin + longest))
+    inside = np.flatnonzero((t > begin) & (t <= begin + min(1.2 * swing, 0.5 * period)))
     if len(inside) < 4:
         return MeanSlip(begin=begin, why_unknown="too few samples in the slip")
-    width = max(0.02 * swing * len(t) / float(t[-1] - t[0]), 0.5)
-    deepest = float(t[inside[np.argmin(smooth(x, width)[inside])]])
-    alike = apart > _ALIKE_SWINGS * swing  # all cycles are sampled at the same places
-    reach = max(_ABOUT_DEEPEST * swing, _ALIKE_PLACES * apart if alike else 0.0)
-    about = np.abs(fold.t - deepest) < reach
-    if alike:
-        high = _rise_before(fold, begin, ringing, record.resolution)
-    else:
-        high = _rise_about(fold, begin, ringing, apart)
-    if about.sum() < _DEEPEST_SAMPLES or high is None:
-        return MeanSlip(
-            begin=begin, deepest=deepest,
-            why_unknown="too few samples where slips begin and end",
-        )  # fmt: skip
-    fall = (deepest - begin) / swing
+    smoothed = smooth(x, max(0.02 * swing * len(t) / float(np.ptp(t)), 0.5))
+    deepest = float(t[inside[np.argmin(smoothed[inside])]])
+    slip, fall = MeanSlip(begin=begin, deepest=deepest), (deepest - begin) / swing
+    alike = apart > _ALIKE_SWINGS * swing
     if alike and not _FALLS[0] < fall < _FALLS[1]:
-        return MeanSlip(
-            begin=begin, deepest=deepest,
-            why_unknown=f"all cycles are sampled at the same places, {places:.1f} in a swing of "
-            f"the ringing, and the fall takes {fall:.2g} swings: a faster one looks alike",
-        )  # fmt: skip
+        why = (
+            f"all cycles are sampled at the same places, {places:.1f} in a swing of the ringing, "
+            f"and the fall takes {fall:.2g} swings: a faster one looks alike"
+        )
+        return replace(slip, why_unknown=why)
+    reach = max(0.1 * swing, _ALIKE_PLACES * apart if alike else 0.0)
+    about = np.abs(fold.t - deepest) < reach
+    rise = _rise_before(fold, begin, ringing, record.resolution) if alike else None
+    high = rise if alike else _rise_about(fold, begin, swing, apart)
+    if about.sum() < _DEEPEST_SAMPLES or high is None:
+        return replace(slip, why_unknown="too few samples where slips begin and end")
     low, low_error, _ = _vertex(fold.t[about] - deepest, fold.x[about], reach)
     value = high.value - low
-    smear = 0.5 * (2.0 * math.pi * ringing.frequency * unevenness) ** 2 * value
-    between = _BETWEEN * (apart / swing) ** 2 * value if alike else 0.0
-    error = math.sqrt(
-        low_error**2
-        + high.error**2
-        + smear**2
-        + between**2
-        + (_CONVERTER * record.resolution) ** 2
-        + _SHAPE**2
+    error = math.hypot(
+        low_error,
+        high.error,
+        0.5 * (2.0 * math.pi * unevenness / swing) ** 2 * value,
+        _BETWEEN * (apart / swing) ** 2 * value if alike else 0.0,
+        _CONVERTER * record.resolution,
+        _SHAPE,
     )
-    regained = _centre(fold, deepest, ringing) - low
+    slip = replace(slip, regained=_centre(fold, deepest, ringing) - low)
     if error > SETTINGS.backstep_error * max(value, _SMALL) or value < 0.0:
-        why = f"its error, {1e9 * error:.2g} nm, is too large"
-        return MeanSlip(MeasuredValue(), begin, deepest, regained, why)
-    return MeanSlip(MeasuredValue(value, error), begin, deepest, regained)
+        return replace(slip, why_unknown=f"its error, {1e9 * error:.2g} nm, is too large")
+    return replace(slip, backstep=MeasuredValue(value, error))
 
 
-def _distance_of_places(record: Record, fold: Fold) -> float:
-    """Return the distance (s) of samples in a fold; cycles may be sampled at the same places."""
-    places = len(np.unique(np.round(fold.t / (0.2 * record.spacing))))
-    return float(fold.t[-1] - fold.t[0]) / max(places, 1)
-
-
-def _rise_about(fold: Fold, begin: float, ringing: Ringing, apart: float) -> MeasuredValue | None:
+def _rise_about(fold: Fold, begin: float, swing: float, apart: float) -> MeasuredValue | None:
     """Return the place (m) where the slip begins, from samples just before and about it."""
-    swing = ringing.swing
-    about = (fold.t > begin - _BEFORE_BEGIN * swing) & (fold.t < begin + _AFTER_BEGIN * swing)
+    about = (fold.t > begin - 0.15 * swing) & (fold.t < begin + 0.01 * swing)
     if about.sum() < _BEGIN_SAMPLES:
         return None
     high, error, speed = _vertex(fold.t[about] - begin, fold.x[about], 0.0)
-    late = max(_BEGIN_ERROR * swing, 0.3 * apart)
-    return MeasuredValue(high, math.hypot(error, speed * late))
+    return MeasuredValue(high, math.hypot(error, speed * max(_BEGIN_ERROR * swing, 0.3 * apart)))
 
 
 def _rise_before(
@@ -248,27 +210,24 @@ def _rise_before(
     fallen = np.flatnonzero((t >= -guard) & (left < -max(_FALLEN * scatter, resolution, _SHAPE)))
     if not len(fallen):
         return None
-    first = float(t[fallen[0]])
-    last = float(t[t < first - 1e-6 * swing][-1])
-    columns = design[[int(np.searchsorted(t, last)), int(fallen[0])]]
+    last = int(np.searchsorted(t, t[fallen[0]] - 1e-6 * swing)) - 1
+    columns = design[[int(np.searchsorted(t, t[last])), int(fallen[0])]]
     ends = columns @ found
     inverse = np.linalg.pinv(design[before].T @ design[before])
     chance = scatter**2 * float(columns[0] @ inverse @ columns[0])
     return MeasuredValue(
-        float(ends.mean()),
-        math.hypot(math.sqrt(max(chance, 0.0)), float(ends[1] - ends[0]) / math.sqrt(12.0)),
+        float(ends.mean()), math.sqrt(max(chance, 0.0) + float(ends[1] - ends[0]) ** 2 / 12.0)
     )
 
 
 def _centre(fold: Fold, deepest: float, ringing: Ringing) -> float:
     """Return the place (m) about which the runner rings at the deepest point of a fold."""
-    part = (fold.t > deepest) & (fold.t < deepest + _CENTRE_SWINGS * ringing.swing)
+    part = (fold.t > deepest) & (fold.t < deepest + 1.25 * ringing.swing)
     if part.sum() < _DEEPEST_SAMPLES:
         return math.nan
     since = fold.t[part] - deepest
     design = np.column_stack([np.ones_like(since), since, ringing.columns(since)])
-    found, *_ = np.linalg.lstsq(design, fold.x[part], rcond=None)
-    return float(found[0])
+    return float(np.linalg.lstsq(design, fold.x[part], rcond=None)[0][0])
 
 
 def _vertex(t: Array, x: Array, reach: float) -> tuple[float, float, float]:

@@ -11,9 +11,8 @@ import numpy as np
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import format_si
+from stickslip_ros.measurement.steps.disturbances import MAINS, Change, Disturbances
 from stickslip_ros.measurement.steps.fold import Rest
-from stickslip_ros.measurement.steps.hum import MAINS
-from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.period import (
     estimate_periods,
     explained_by,
@@ -28,9 +27,10 @@ from stickslip_ros.measurement.steps.record import (
     beside_line,
 )
 from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.run import MeasuredValue
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.slips import SlipGrid, SlipSizes, cycle_rows
-from stickslip_ros.measurement.steps.step_fit import PRECISION, Change, Disturbances
+from stickslip_ros.measurement.steps.step_fit import PRECISION
 
 #: What leaves the cycles sure, if not how many they are.
 UNSURE_END = "first or last slip is not clear: give the steps that were sent (--steps)"
@@ -82,27 +82,27 @@ class Evidence:
         grid, found = self.grids[k], []
         if grid.sureness < SETTINGS.sure:
             found.append(UNSURE_END)
-        if grid.sent and grid.sent != grid.count * grid.direction:
+        seen = grid.count * grid.direction
+        if grid.sent and grid.sent != seen:
             where = ""
-            if abs(grid.sent) < grid.count:
-                pass
-            elif self.rests[k][0] is None or self.record.t[0] > grid.first - 1.5 * grid.period:
+            begins = self.record.t[0] > grid.first - 1.5 * grid.period
+            if abs(grid.sent) > grid.count and (begins or self.rests[k][0] is None):
                 where = ": the record begins within the first"
-            elif self.rests[k][1] is None:
+            elif abs(grid.sent) > grid.count and self.rests[k][1] is None:
                 where = ": the record ends before the last"
-            seen = grid.count * grid.direction
             found.append(f"{grid.sent:+d} steps were sent, {seen:+d} are seen{where}")
-        for j, other in enumerate(self.grids):
-            sooner, later = sorted((grid, other), key=lambda one: one.first)
-            apart = (later.first - sooner.last) / grid.period
-            if j == k or apart > 2.5:
+        for j in (k - 1, k + 1):
+            if not 0 <= j < len(self.grids):
                 continue
-            if other.direction != grid.direction:
+            sooner, later = self.grids[min(j, k)], self.grids[max(j, k)]
+            apart = (later.first - sooner.last) / grid.period
+            if apart > 2.5:
+                continue
+            if sooner.direction != later.direction:
                 if abs(apart - 1.0) > 0.2 and not grid.sent:
                     found.append(f"{apart - 1.0:.1f} periods between this run and another one")
             elif not self._alike(j, k):
-                at = later.first - later.period
-                found.append(f"the steps change at {at:.6g} s: analyse both parts (--to, --from)")
+                found.append(_change_at(later.first - later.period))
             else:
                 found.append(
                     "another run of the same steps is so near that both may be one"
@@ -133,20 +133,17 @@ class Evidence:
         if not math.isfinite(step.error):
             return ["too few settled cycles or rests for an error of the step"]
         found = []
-        if not abs(step.value) > SETTINGS.step_errors * step.error:
+        if step.error > SETTINGS.step_error * abs(step.value):
             size, error = 1e9 * step.value, 1e9 * step.error
             found.append(f"the step, {size:.2f} nm \u00b1 {error:.2f} nm, is not clear")
-        lasts = self.ringing is not None and self.ringing.decay * grid.period * grid.count < 2.0
-        if lasts and step.error > 0.1 * abs(step.value):
-            found.append("the ringing lasts as long as the run, so its steps have not settled")
+            if self.ringing is not None and self.ringing.decay * grid.period * grid.count < 2.0:
+                found[-1] += ": the ringing lasts as long as the run, so it has not settled"
         if step.value * grid.direction < 0.0:
             found.append("the runner jumps the way it steps, where a slip throws it back")
         changed = self.changes[k]
         if changed is not None:
-            found.append(
-                f"the steps change at {changed.t:.6g} s, from {1e9 * changed.before:.2f} nm to "
-                f"{1e9 * changed.after:.2f} nm: analyse both parts (--to, --from)"
-            )
+            sizes = f", from {1e9 * changed.before:.2f} nm to {1e9 * changed.after:.2f} nm"
+            found.append(_change_at(changed.t, sizes))
         if before is None or after is None or not step.value:
             return found
         near = 0.5 * grid.period
@@ -233,6 +230,10 @@ class Evidence:
                 other = 1.0 / (factor * grid.period)
                 found.append(f"{other:.6g} Hz explains the motion as well; {_NAME_IT}")
         return found
+
+
+def _change_at(t: float, sizes: str = "") -> str:
+    return f"the steps change at {t:.6g} s{sizes}: analyse both parts (--to, --from)"
 
 
 def too_few_samples(period: float, spacing: float, told: bool) -> str:

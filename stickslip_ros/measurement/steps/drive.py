@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.actuator_cycles import runs_of_signal
 from stickslip_ros.measurement.steps.record import TraceError
+from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.slips import SlipGrid
 from stickslip_ros.simulation.motion import Motion
 
@@ -98,29 +99,31 @@ class Drive:
         Raises TraceError where other runs were sent than are seen.
         """
         runs = max(len(self.frequencies), len(self.steps))
+        number = list(range(len(grids)))
         if self.begins:
-            near = [
-                min(
-                    range(len(self.begins)),
-                    key=lambda k: abs(self.begins[k] - one.first + one.period),
+            starts = [[one.first - one.period] for one in grids]
+            number = np.argmin(np.abs(np.subtract(starts, self.begins)), axis=-1).tolist()
+        elif runs > 1 and grids:
+            wrong = runs != len(grids) or (
+                len(self.frequencies) > 1
+                and any(
+                    abs(one.period * hertz - 1.0) > SETTINGS.period_error
+                    for one, hertz in zip(grids, self.frequencies, strict=True)
                 )
-                for one in grids
-            ]
-        elif runs > 1 and runs != len(grids) and grids:
-            seen = ", ".join(
-                f"{one.count * one.direction:+d} at {1.0 / one.period:.6g} Hz" for one in grids
             )
-            raise TraceError(
-                f"{runs} runs of steps were sent, {len(grids)} are seen ({seen}): give the drive "
-                "of those in the record (--frequency, --steps), or cut it (--from, --to)"
-            )
-        else:
-            near = list(range(len(grids)))
+            if wrong:
+                seen = ", ".join(
+                    f"{one.count * one.direction:+d} at {1.0 / one.period:.6g} Hz" for one in grids
+                )
+                raise TraceError(
+                    f"{runs} runs of steps were sent, {len(grids)} are seen ({seen}): give the "
+                    "drive of those in the record, in their order (--frequency, --steps), or cut "
+                    "it (--from, --to)"
+                )
         if not self.steps:
             return list(grids)
-        found = []
-        for grid, k in zip(grids, near, strict=True):
-            sent = self.steps[min(k, len(self.steps) - 1)]
-            sent = sent if self.signed else abs(sent) * grid.direction
-            found.append(replace(grid, sent=sent))
-        return found
+        sent = [self.steps[min(k, len(self.steps) - 1)] for k in number]
+        return [
+            replace(grid, sent=steps if self.signed else abs(steps) * grid.direction)
+            for grid, steps in zip(grids, sent, strict=True)
+        ]

@@ -14,7 +14,6 @@ from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.base.reporting.tables import frame
 from stickslip_ros.base.reporting.terminal import format_rows, nanometres
-from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.record import TraceError
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
@@ -24,11 +23,16 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
-#: Cycles that the mean slip comes from at most, samples of one at least, points of it at most.
-_CYCLES, _SAMPLES, _POINTS = 200, 8, 1000
-#: Parts of a period that it shows before and after the slip at most; swings of the ringing after
-#: it, and part of a period that counts as one where there is none.
-_BEFORE, _AFTER, _SWINGS, _NO_SWING = 0.2, 0.5, 8.0, 0.05
+#: Standard errors of a significant difference: 0.3 % of a normal distribution lie beyond.
+COVERAGE = 3.0
+
+
+@dataclass(frozen=True)
+class MeasuredValue:
+    """A value with its standard error; both nan where it cannot be determined."""
+
+    value: float = math.nan
+    error: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -40,12 +44,39 @@ class Cycles:
     starts: Array  #: begin of each cycle, s
     slips: Array  #: begin of the slip of each cycle, s
     ends: Array  #: end of the slip and of the cycle, s; the begin of the slip where that is unknown
-    excitation: float = math.nan  #: deflection of the actuator, peak to peak, m
+    excitation: float = math.nan  #: deflection of the actuator, peak to peak, m; nan if unknown
 
-    @classmethod
-    def even(cls, slips: Array, period: float, direction: int) -> Cycles:
-        """Return cycles of one period (s) before slips (s) whose ends are unknown."""
-        return cls(period, direction, slips - period, slips, slips)
+    @property
+    def frequency(self) -> float:
+        """Frequency of the drive, Hz."""
+        return 1.0 / self.period
+
+    @property
+    def start(self) -> float:
+        """Begin of the first cycle, s."""
+        return float(self.starts[0])
+
+    @property
+    def end(self) -> float:
+        """End of the last slip, s."""
+        return float(self.ends[-1])
+
+    @property
+    def span(self) -> str:
+        """Begin and end as text, to a hundredth of a cycle: ``0.02 s to 0.12 s``."""
+        places = 2 - math.floor(math.log10(self.period))
+        begin, end = (f"{round(at, places):.15g} s" for at in (self.start, self.end))
+        return f"{begin} to {end}"
+
+    @property
+    def steps(self) -> int:
+        """Number of cycles."""
+        return len(self.slips)
+
+
+def even_cycles(slips: Array, period: float, direction: int) -> Cycles:
+    """Return cycles of one period (s) before slips (s) whose ends are unknown."""
+    return Cycles(period, direction, slips - period, slips, slips)
 
 
 @dataclass(frozen=True)
@@ -62,12 +93,12 @@ class Balance:
     backstep: float  #: 0 where the runner never falls back
     regained: float  #: part of the backstep that ringing gives back; nan where none is visible
     left: float  #: excitation - step - backstep, which Eq. 9 gives to the 0-amplitude
-    zero_amplitude: float  #: as measured on its own; nan where unknown
+    zero_amplitude: float  #: as measured by itself; nan where unknown
     remainder: float  #: left - zero_amplitude: what Eq. 9 does not account for
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, kw_only=True)
+class Run(Cycles):
     """Steps between two rests, or between two changes of the drive.
 
     Lengths in m, times in s; nan if a value cannot be determined. Arrays have shape (cycles,).
@@ -76,9 +107,10 @@ class Run:
     positive.
     """
 
-    cycles: Cycles
-    mean_step: MeasuredValue  #: of the settled cycles, by all samples of the record
-    mean_backstep: MeasuredValue  #: of the settled cycles, from the begin of the slip on
+    step_size: float  #: mean of the settled cycles, by all samples of the record
+    step_size_error: float  #: standard error
+    backstep: float  #: mean of the settled cycles, from the begin of the slip on
+    backstep_error: float  #: standard error, method included
     ringing: Ringing | None  #: after the slips; None where none is visible
     step_sizes: Array  #: from just before a slip to just before the next one
     backsteps: Array  #: from just before the slip to the deepest point after it
@@ -88,57 +120,9 @@ class Run:
     #: cycle. D needs the asperity deflection and is nan; B needs the actuator; B and F the ringing.
     points: dict[str, Array]
     regained: float = math.nan  #: part of the backstep that ringing gives back
-    excitation: float = math.nan  #: actuator deflection, peak to peak
-    zero_amplitude: float = math.nan  #: as measured on its own
+    zero_amplitude: float = math.nan  #: as measured by itself
     doubts: tuple[str, ...] = ()  #: why the steps are not determined, in words; none if they are
     why_no_backstep: str = ""  #: why the backstep is not determined, in words
-
-    @property
-    def period(self) -> float:
-        """Period of the drive, s."""
-        return self.cycles.period
-
-    @property
-    def frequency(self) -> float:
-        """Frequency of the drive, Hz."""
-        return 1.0 / self.cycles.period
-
-    @property
-    def direction(self) -> int:
-        """Direction of the steps, +1 or -1."""
-        return self.cycles.direction
-
-    @property
-    def starts(self) -> Array:
-        """Begin of each cycle, s."""
-        return self.cycles.starts
-
-    @property
-    def slips(self) -> Array:
-        """Begin of the slip of each cycle, s."""
-        return self.cycles.slips
-
-    @property
-    def start(self) -> float:
-        """Begin of the first cycle, s."""
-        return float(self.cycles.starts[0])
-
-    @property
-    def end(self) -> float:
-        """End of the last slip, s."""
-        return float(self.cycles.ends[-1])
-
-    @property
-    def span(self) -> str:
-        """Begin and end as text, to a hundredth of a cycle: ``0.02 s to 0.12 s``."""
-        places = 2 - math.floor(math.log10(self.period))
-        begin, end = (f"{round(at, places):.15g} s" for at in (self.start, self.end))
-        return f"{begin} to {end}"
-
-    @property
-    def steps(self) -> int:
-        """Number of cycles."""
-        return len(self.cycles.slips)
 
     @property
     def first_cycle(self) -> int:
@@ -146,29 +130,9 @@ class Run:
         return settled_from(self.steps)
 
     @property
-    def step_size(self) -> float:
-        """Mean step of the settled cycles, with the sign of the direction, m."""
-        return self.mean_step.value
-
-    @property
-    def step_size_error(self) -> float:
-        """Standard error of the step size, m."""
-        return self.mean_step.error
-
-    @property
     def is_clear(self) -> bool:
         """Whether the step is no chance."""
         return abs(self.step_size) > SETTINGS.step_errors * self.step_size_error
-
-    @property
-    def backstep(self) -> float:
-        """Mean backstep of the settled cycles, m."""
-        return self.mean_backstep.value
-
-    @property
-    def backstep_error(self) -> float:
-        """Standard error of the mean backstep, method included, m."""
-        return self.mean_backstep.error
 
     @property
     def mean_speed(self) -> float:
@@ -191,11 +155,6 @@ class Run:
         return math.nan if self.ringing is None else self.ringing.damping_ratio
 
     @property
-    def explained(self) -> bool:
-        """Whether equal steps explain the motion; other runs are not returned."""
-        return True
-
-    @property
     def determined(self) -> bool:
         """Whether the record determines the run; if not, see `doubts`."""
         return not self.doubts
@@ -215,9 +174,9 @@ class Run:
         size = format_si(self.step_size, "m", uncertainty=self.step_size_error)
         return f"Run({self.steps} steps at {self.frequency:.6g} Hz from {self.span}: {size} a step)"
 
-    def report(self) -> str:
-        """Return cycles, step size, backstep, ringing and Eq. 9 as text."""
-        balance, unknown = self.balance, "not determined"
+    def _rows(self) -> list[tuple[str, str]]:
+        """Return names and values as text."""
+        unknown = "not determined"
         rings, damps, backstep = "none visible", "-", unknown
         if self.ringing is not None:
             rings = f"{self.ringing_frequency:.1f} Hz"
@@ -228,7 +187,7 @@ class Run:
             backstep = nanometres(self.backstep, self.backstep_error)
         elif self.why_no_backstep:
             backstep += f": {self.why_no_backstep}"
-        rows = [
+        return [
             ("cycles", f"{self.steps} of {format_si(self.period, 's')}, from {self.span}"),
             ("step size", nanometres(self.step_size, self.step_size_error)),
             ("backstep", backstep),
@@ -236,50 +195,36 @@ class Run:
             ("decay", damps),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
         ]
-        if math.isnan(balance.excitation):
-            rows.append(("Eq. 9", "needs the deflection of the actuator, which is not known"))
-            return format_rows(rows)
-        rows += [
-            ("excitation", nanometres(balance.excitation)),
-            ("regained", nanometres(balance.regained)),
-            ("left (Eq. 9)", nanometres(balance.left)),
-            ("0-amplitude", nanometres(balance.zero_amplitude)),
-            ("remainder", nanometres(balance.remainder)),
-        ]
-        return format_rows(rows)
+
+    def report(self) -> str:
+        """Return cycles, step size, backstep, ringing and Eq. 9 as text."""
+        parts = asdict(self.balance)
+        del parts["step"], parts["backstep"]
+        names = ("excitation", "regained", "left (Eq. 9)", "0-amplitude", "remainder")
+        balance = zip(names, map(nanometres, parts.values()), strict=True)
+        unknown = [("Eq. 9", "needs the deflection of the actuator, which is not known")]
+        return format_rows([*self._rows(), *(unknown if math.isnan(self.excitation) else balance)])
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with one row for each cycle, SI units; needs pandas."""
         columns = {
-            "start (s)": self.starts,
-            "slip (s)": self.slips,
-            "step (m)": self.step_sizes,
-            "backstep (m)": self.backsteps,
-        }
+            "start (s)": self.starts, "slip (s)": self.slips,
+            "step (m)": self.step_sizes, "backstep (m)": self.backsteps,
+        }  # fmt: skip
         return frame(columns, "cycle")
 
     def plot(self, axes: Axes | None = None) -> Axes:
         """Draw steps and backsteps, cycle by cycle, into axes of Matplotlib, or new ones."""
         cycle = np.arange(1, self.steps + 1)
         lines = [
-            (cycle, sizes, "o-", colour, name)
-            for sizes, colour, name in (
-                (self.step_sizes, SIMULATED, "step"),
-                (self.backsteps, MEASURED, "backstep"),
-            )
+            (cycle, self.step_sizes, "o-", SIMULATED, "step"),
+            (cycle, self.backsteps, "o-", MEASURED, "backstep"),
         ]
         return draw_lines(axes, lines, "cycle", "size (m)")
 
     def _repr_html_(self) -> str:
-        told = self.as_json()
-        rows = [
-            ("cycles", f"{self.steps} at {self.frequency:.6g} Hz"),
-            ("step size", format_si(self.step_size, "m", uncertainty=self.step_size_error)),
-            ("backstep", format_si(told["backstep"], "m", uncertainty=told["backstep_error"])),
-            ("ringing", format_si(told["ringing_frequency"], "Hz")),
-            *(("not determined", doubt) for doubt in self.doubts),
-        ]
-        return html_table(f"Steps from {self.span}", rows)
+        doubts = [("not determined", doubt) for doubt in self.doubts]
+        return html_table(f"Steps from {self.span}", [*self._rows(), *doubts])
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
@@ -296,13 +241,11 @@ class Run:
             "step_size_error": self.step_size_error,
             "from_cycle": self.first_cycle + 1,
             "to_cycle": self.steps,
-            "explained": self.explained,
             "determined": self.determined,
             "doubts": list(self.doubts),
             "scatter": float(np.std(self.step_sizes[self.first_cycle :])),
             "backstep": self.backstep,
             "backstep_error": self.backstep_error,
-            "backstep_from": "fold",
             "ringing_frequency": ringing.frequency,
             "ringing_frequency_error": ringing.frequency_error,
             "damping_ratio": ringing.damping_ratio,
@@ -316,8 +259,8 @@ class Run:
             "period", "direction", "starts", "slips", "step_sizes", "step_size", "backsteps",
             "backstep", "ringing_frequency", "decay", "damping_ratio", "mean_speed", "points",
         )  # fmt: skip
-        own = {name: getattr(self, name) for name in names} | {"balance": asdict(self.balance)}
-        return own | {name: told for name, told in self.as_json().items() if name in own}
+        values = {name: getattr(self, name) for name in names} | {"balance": asdict(self.balance)}
+        return values | {name: one for name, one in self.as_json().items() if name in values}
 
 
 def main_run(runs: Sequence[Run]) -> Run:
@@ -328,24 +271,3 @@ def main_run(runs: Sequence[Run]) -> Run:
             "three steps with rests of two periods around them"
         )
     return max(runs, key=lambda one: one.steps)
-
-
-def after_slip(t: Array, x: Array, run: Run) -> tuple[Array, Array]:
-    """Return times (s) about the slip and the displacement (m) there, mean of the settled cycles.
-
-    t (s) and x (m) are the measurement, (samples,). Positive is the direction of the run. Empty
-    where there are too few samples; at most half a period of the drive, eight of the ringing.
-    """
-    period, ringing = run.period, run.ringing_frequency
-    swing = 1.0 / ringing if ringing > 0.0 else _NO_SWING * period
-    slips = run.slips[run.first_cycle : run.first_cycle + _CYCLES]
-    begin, end = -min(swing, _BEFORE * period), min(_SWINGS * swing, _AFTER * period)
-    inside = [slice(*np.searchsorted(t, [slip + begin, slip + end])) for slip in slips]
-    parts = [(t[one] - slip, x[one]) for one, slip in zip(inside, slips, strict=True)]
-    parts = [(since, place) for since, place in parts if len(since) > _SAMPLES]
-    if not parts:
-        return np.empty(0), np.empty(0)
-    grid = np.linspace(begin, end, min(_POINTS, int(np.median([len(one[0]) for one in parts]))))
-    rows = [np.interp(grid, since, place) for since, place in parts]
-    before = np.mean([row - np.interp(0.0, grid, row) for row in rows], axis=0)
-    return grid, np.asarray(run.direction * before)

@@ -11,7 +11,6 @@ class StepSettings:
     """Limits of the analysis; each name ends with the unit, or says what it is a part of."""
 
     # Slips, see `slips`.
-    noise_in_cycle: float = 0.2  #: power that differs between cycles, over what they have in common
     period_error: float = 0.02  #: part by which a period may be off
     least_amplitude: float = 0.45  #: of a slip, where the mean one has 1
     slip_scatter: float = 0.2  #: standard deviation of their sizes, at least, as part of one
@@ -42,7 +41,8 @@ class StepSettings:
     samples_a_cycle_told: float = 5.0  #: where the frequency is known
     unevenness_periods: float = 0.004
     change_of_cycles: float = 0.5  #: part of the motion, below which it counts as periodic
-    step_errors: float = 5.0  #: that a step is away from none
+    step_errors: float = 5.0  #: that a step, a drift or hum is away from none
+    step_error: float = 0.1  #: part of a step from which on it is not determined
     moves_in_rest: float = 0.6  #: part of a step
 
 

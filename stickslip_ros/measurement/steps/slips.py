@@ -33,16 +33,16 @@ from stickslip_ros.measurement.steps.ringing import Ringing, without_ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.simulation.settled import SETTLING
 
-#: Samples of a period at which slips are matched, and where noise hides single samples.
-_SAMPLES_A_PERIOD, _NOISY_SAMPLES = 200, 25.0
+#: Samples of a period at which slips are matched; fewer where it may be off by some parts of it.
+_SAMPLES_A_PERIOD, _ESTIMATED_SAMPLES = 200, 25
 #: Periods before and after a slip that are matched; part of one by which a slip may be off.
 _WINDOW, _OFF = (0.35, 0.12), 0.03
 #: Cycles in a row that the first template may come from; how many times it is made; runs at most.
 _IN_A_ROW, _ROUNDS, _MOST_RUNS = (2, 4, 8, 16, 32, 64), 3, 60
 #: Slips of a run that are timed at most: more do not tell period and phase better.
 _TIMED = 1500
-#: Levels finer than that of the match at which slips are timed; samples of the window.
-_FINER, _FINE_WINDOW = (0, 2, 4, 6, 20), (4, 24)
+#: Samples of the window in which a slip is timed.
+_TIMED_WINDOW = (4, 24)
 #: Largest shift of a slip in a round, samples; part of the slips that a line has to hold.
 _SHIFT, _HELD = 1.5, 0.7
 #: Swings over which the record is smoothed where ringing is taken out; samples of a swing there;
@@ -107,11 +107,9 @@ def find_grids(
 
     Ringing that is known is taken out before, as that of quick drives hides their slips.
     """
-    level = unrung(pyramid.level_for(period, _SAMPLES_A_PERIOD), ringing, period)
-    slips, direction, noise = _loudest_slips(level, period, taken)
-    if noise > SETTINGS.noise_in_cycle and ringing is None:
-        level = pyramid.level_for(period, _NOISY_SAMPLES)
-        slips, direction, _ = _loudest_slips(level, period, taken)
+    samples = _SAMPLES_A_PERIOD if near <= SETTINGS.period_error else _ESTIMATED_SAMPLES
+    level = unrung(pyramid.level_for(period, samples), ringing, period)
+    slips, direction = _loudest_slips(level, period, taken)
     if not len(slips):
         return []
     template = _mean_slip(level, slips, period)
@@ -145,19 +143,17 @@ def _leave_out(amplitude: Level, grid: SlipGrid) -> None:
     amplitude.x[begin : end + 1] = 0.0
 
 
-def _loudest_slips(
-    level: Level, period: float, taken: Sequence[SlipGrid]
-) -> tuple[Array, int, float]:
+def _loudest_slips(level: Level, period: float, taken: Sequence[SlipGrid]) -> tuple[Array, int]:
     """Return the slips (s) of the cycles in a row that have most in common, and their direction.
 
-    The last value is what differs between them over what they have in common. They are judged by
-    that (an analysis of variance), so that neither noise nor hum stands out, nor a few large moves.
+    They are judged by what differs between them over what they have in common (an analysis of
+    variance), so that neither noise nor hum stands out, nor a few large moves.
     """
     length = max(round(period / level.spacing), 2)
     number = np.arange(int(len(level.x) * level.spacing / period), dtype=np.float64)
     starts = level.start + period * number
     if len(starts) < 2:
-        return np.zeros(0), 1, 0.0
+        return np.zeros(0), 1
     rows = level.rows(starts, 0, length - 1)
     rows = beside_line(np.nan_to_num(rows, nan=float(level.x[-1])))
     for other in taken:
@@ -173,14 +169,14 @@ def _loudest_slips(
         k = int(np.argmax(ratio))
         if ratio[k] > best[0]:
             best = float(ratio[k]), k, count
-    ratio, first, count = best
+    _, first, count = best
     mean = (sums[first + count] - sums[first]) / count
     way = level.at(starts[[first, first + count - 1]])
     direction = -1 if way[1] < way[0] else 1
     inside = np.repeat([False, True, False], length)
     fall = steepest_fall(direction * np.tile(mean, 3), inside) % length
     slips = starts[first : first + count] + fall * level.spacing
-    return slips, direction, count / max(ratio, 1e-40)
+    return slips, direction
 
 
 def steepest_fall(fold: Array, inside: NDArray[np.bool_]) -> int:
@@ -300,26 +296,20 @@ def cycle_rows(pyramid: Pyramid, grid: SlipGrid) -> Array:
 
 
 def timed(pyramid: Pyramid, grid: SlipGrid) -> SlipGrid:
-    """Return the grid with slips timed at ever finer levels while they get evener."""
+    """Return the grid with its slips timed against the mean of all."""
     if grid.count < 2:
         return grid
     number = np.unique(np.linspace(0, grid.count - 1, min(grid.count, _TIMED)).astype(int))
-    own = grid.slips[number]
-    best = replace(grid, unevenness=math.inf)
-    coarse = pyramid.number_for(grid.period, _SAMPLES_A_PERIOD)
-    for finer in sorted({max(coarse - k, 0) for k in _FINER}, reverse=True):
-        level = pyramid.levels[finer]
-        window = int(np.clip(_WINDOW[1] * grid.period / level.spacing, *_FINE_WINDOW))
-        for _ in range(_ROUNDS):
-            base = own if grid.unevenness > 2.0 * level.spacing else grid.slips[number]
-            late = _lateness(level, base, window, grid.settling)
-            if late is None:
-                break
-            own = base + late
-            grid = _fit_grid(number, own, grid)
-            if grid.unevenness < best.unevenness:
-                best = grid
-    return best if math.isfinite(best.unevenness) else grid
+    level = pyramid.level_for(grid.period, _SAMPLES_A_PERIOD)
+    window = int(np.clip(_WINDOW[1] * grid.period / level.spacing, *_TIMED_WINDOW))
+    due, found = grid.slips[number], [grid]
+    for _ in range(_ROUNDS):
+        late = _lateness(level, due, window, grid.settling)
+        if late is None:
+            break
+        due = due + late
+        found.append(_fit_grid(number, due, grid))
+    return min(found[1:] or found, key=lambda one: one.unevenness)
 
 
 def _lateness(level: Level, times: Array, window: int, settled: int) -> Array | None:

@@ -24,11 +24,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
+from stickslip_ros.measurement.steps.disturbances import (
+    HARMONICS,
+    MAINS,
+    Change,
+    Disturbances,
+    hum_columns,
+)
 from stickslip_ros.measurement.steps.fold import Rest
-from stickslip_ros.measurement.steps.hum import HARMONICS, MAINS, hum_columns
-from stickslip_ros.measurement.steps.measured_value import MeasuredValue
 from stickslip_ros.measurement.steps.record import MeanPosition, Record
 from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.run import MeasuredValue
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.measurement.steps.slips import SlipGrid
 
@@ -61,68 +67,6 @@ _COARSE = 1.2
 _LASTS, _RINGING_ON = 0.003, 0.002
 #: Precision of positions, m: of the solver of simulated ones, far below any sensor.
 PRECISION = 2e-12
-
-
-@dataclass(frozen=True)
-class Disturbances:
-    """Drift and hum of a measured position, of the likeliest model."""
-
-    drift: float = 0.0  #: m/s
-    drift_error: float = math.inf  #: standard error, m/s
-    mains: float | None = None  #: Hz; None: no hum is seen
-    waves: tuple[tuple[float, float], ...] = ()  #: cosine and sine (m) of each harmonic
-    hum_error: float = math.inf  #: standard error of the amplitude, m
-
-    duration: float = 0.0  #: of the measurement, s
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the drift is plainly there."""
-        clear = abs(self.drift) > SETTINGS.step_errors * self.drift_error
-        return clear and abs(self.drift) * self.duration > 2e-9
-
-    @property
-    def hums(self) -> bool:
-        """Whether the hum is plainly there."""
-        return self.hum > max(SETTINGS.step_errors * self.hum_error, 5e-10)
-
-    @property
-    def hum(self) -> float:
-        """Amplitude of the strongest harmonic, m."""
-        return max((math.hypot(*wave) for wave in self.waves), default=0.0)
-
-    def at(
-        self, t: Array, drift: bool = False, hum: bool = True, width: Array | float = 0.0
-    ) -> Array:
-        """Return drift and hum (m) at times (s), as means over a width (s).
-
-        The drift counts from the first of the times.
-        """
-        total = self.drift * (t - t[0]) if drift else np.zeros_like(t)
-        if self.mains is not None and hum:
-            columns = np.stack(hum_columns(t, (self.mains,), width=width), axis=-1)
-            total = total + columns @ np.ravel(self.waves)
-        return np.asarray(total)
-
-    def as_json(self) -> dict[str, float | None]:
-        """Return drift (m/s) and hum (Hz, m) with their standard errors; None if unknown."""
-        known = math.isfinite(self.drift_error)
-        return {
-            "position_drift": self.drift if known else None,
-            "position_drift_error": self.drift_error if known else None,
-            "mains": self.mains,
-            "hum": self.hum if self.mains else None,
-            "hum_error": self.hum_error if self.mains else None,
-        }
-
-
-@dataclass(frozen=True)
-class Change:
-    """Steps that are not the same all over a run."""
-
-    t: float  #: when they change, s
-    before: float  #: step until then, m
-    after: float  #: step from then on, m
 
 
 @dataclass(frozen=True)
@@ -182,6 +126,11 @@ def fit_steps(
     for j, grid in enumerate(grids):
         value, spread = fit.mean_of(j)
         unsettled = _UNSETTLED * value if _SHOW_STEP <= grid.count < _SETTLED else 0.0
+        before, after = rests[j]
+        if grid.count == _SHOW_STEP and before and after:  # the way from rest to rest is another
+            near = np.array([before[1] - 0.5 * grid.period, after[0]])
+            first, last = mean.between(near, near + 0.5 * grid.period)
+            unsettled = max(unsettled, 0.5 * abs(float(last - first) / grid.count - value))
         if j in fit.unsettled:
             column, left = fit.unsettled[j]
             waves = [fit.mean_of(column + k)[0] for k in (0, 1)]
@@ -203,110 +152,82 @@ def _rows_of(
     rests: Sequence[tuple[Rest | None, Rest | None]],
 ) -> _Rows | None:
     """Return the rows of all runs and rests; None where no cycle and no rest shows a step."""
-    begins: list[Array] = []
-    ends: list[Array] = []
-    numbers: list[Array] = []
-    groups: list[int] = []
-    # First and last blocks, begin of the ringing in them, and their run, if it is one.
-    rings: list[tuple[int, int, float, int | None]] = []
-    level = 0
+    blocks: list[tuple[Array, float, Array, int]] = []  # begins, width, cycle numbers, level
+    rings: dict[int, tuple[int, int]] = {}  # first and last blocks of runs that have not settled
+    level, each = 0, np.eye(len(grids))
     for j, grid in enumerate(grids):
         if grid.count < _SHOW_STEP:
             continue
-        cycles = np.arange(max(grid.settling - 1, 0), grid.count - 1)
+        cycles = np.arange(max(grid.settling - 1, 0), grid.count - 1, dtype=np.float64)
         parts = int(np.clip(grid.period / record.spacing / _SAMPLES, 1, _PARTS))
         cycles = cycles[:: max(1, len(cycles) * parts // _RUN_ROWS)]
+        width = grid.period / parts
         for part in range(parts):
-            begin = np.asarray(grid.first + (cycles + part / parts) * grid.period, np.float64)
-            begins.append(begin)
-            ends.append(begin + grid.period / parts)
-            numbers.append(np.where(np.arange(len(grids)) == j, cycles[:, None], 0.0))
-            groups.append(level := level + 1)
+            begins = grid.first + cycles * grid.period + part * width
+            blocks.append((begins, width, cycles[:, None] * each[j], level := level + 1))
         if ringing is not None and math.exp(-ringing.decay * grid.period * grid.settling) > _LASTS:
-            rings.append((len(begins) - parts, len(begins), grid.first - grid.period, j))
-    runs, went = level, np.zeros(len(grids))
-    seen: set[Rest] = set()
+            rings[j] = len(blocks) - parts, len(blocks)
+    runs, went, seen = level, np.zeros(len(grids)), set()
+    swing = math.inf if ringing is None else 0.3 * ringing.swing
     for j, (grid, pair) in enumerate(zip(grids, rests, strict=True)):
-        for k, rest in enumerate(pair):
-            if k == 1 and grid.count < _SHOW_STEP:
-                went = went + np.where(np.arange(len(grids)) == j, float(grid.count), 0.0)
-            elif k == 1 or j == 0:
+        for after, rest in enumerate(pair):
+            if after and grid.count < _SHOW_STEP:
+                went = went + grid.count * each[j]
+            elif after or j == 0:
                 level += 1
-            if rest is None or rest in seen:
+            width = max(min(grid.period / 8.0, swing), 2.0 * record.spacing)
+            count = 0 if rest is None else min(int((rest[1] - rest[0]) / width), _REST_ROWS)
+            if rest is None or rest in seen or count < 2:
                 continue
             seen.add(rest)
-            swing = math.inf if ringing is None else 0.3 * ringing.swing
-            width = max(min(grid.period / 8.0, swing), 2.0 * record.spacing)
-            count = min(int((rest[1] - rest[0]) / width), _REST_ROWS)
-            if count < 2:
-                continue
-            if k == 1 and count > 8 and ringing is not None:
-                rings.append((len(begins), len(begins) + 1, rest[0], None))
-            edges: Array = np.linspace(*rest, count + 1, dtype=np.float64)
-            begins.append(edges[:-1])
-            ends.append(edges[1:])
-            numbers.append(np.tile(went, (count, 1)))
-            groups.append(level)
-    if not begins:
+            width = (rest[1] - rest[0]) / count
+            begins = rest[0] + width * np.arange(count, dtype=np.float64)
+            blocks.append((begins, width, np.tile(went, (count, 1)), level))
+    if not blocks:
         return None
-    begin, end = np.concatenate(begins), np.concatenate(ends)
-    block = np.repeat(np.arange(len(begins)), [len(one) for one in begins])
-    columns = [np.concatenate(numbers)]
+    sizes = [len(one[0]) for one in blocks]
+    block = np.repeat(np.arange(len(blocks)), sizes)
+    begin = np.concatenate([one[0] for one in blocks])
+    long = np.repeat([one[1] for one in blocks], sizes)
+    group = np.repeat([one[3] for one in blocks], sizes)
+    columns = [np.concatenate([one[2] for one in blocks])]
     if record.jumps:
         columns.append(np.sum([
-            one.fringes * np.clip((end - one.t) / (end - begin), 0.0, 1.0) for one in record.jumps
+            one.fringes * np.clip((begin + long - one.t) / long, 0.0, 1.0)
+            for one in record.jumps
         ], axis=0)[:, None])  # fmt: skip
     unsettled = {}
-    for low, high, since, run in rings:
+    for j, (first, last) in rings.items():
         assert ringing is not None
-        if run is not None:
-            left = math.exp(-ringing.decay * (grids[run].last - since))
-            unsettled[run] = sum(one.shape[1] for one in columns), left
-        inside = (block >= low) & (block < high)
-        columns.append(_mean_ringing(inside, begin - since, end - since, ringing))
-    group = np.asarray(groups)[block]
+        start = grids[j].first - grids[j].period
+        fades = math.exp(-ringing.decay * (grids[j].last - start))
+        unsettled[j] = sum(one.shape[1] for one in columns), fades
+        inside = (block >= first) & (block < last)
+        power = 2j * math.pi * ringing.frequency - ringing.decay
+        wave = np.exp(np.where(inside, power * (begin - start), 0.0))
+        wave = np.where(inside, wave * np.expm1(power * long) / (power * long), 0.0)
+        columns.append(np.stack([wave.real, wave.imag], axis=1))
     # A pause is no sample.
-    full = np.searchsorted(record.t, end) > np.searchsorted(record.t, begin)
+    full = np.searchsorted(record.t, begin + long) > np.searchsorted(record.t, begin)
     return _Rows(
-        (0.5 * (begin + end))[full], (end - begin)[full], mean.between(begin, end)[full],
+        (begin + 0.5 * long)[full], long[full], mean.between(begin, begin + long)[full],
         np.unique(group[full], return_inverse=True)[1], np.hstack(columns)[full],
         (group <= runs)[full], unsettled,
     )  # fmt: skip
 
 
-def _mean_ringing(inside: NDArray[np.bool_], begin: Array, end: Array, ringing: Ringing) -> Array:
-    """Return the means of cosine and sine of ringing over blocks (s), 0 outside."""
-    power = 2j * math.pi * ringing.frequency - ringing.decay
-    begin, end = np.where(inside, begin, 0.0), np.where(inside, end, 1.0)
-    wave = np.exp(power * begin) * np.expm1(np.where(inside, power * (end - begin), 1.0))
-    wave = np.where(inside, wave / (power * (end - begin)), 0.0)
-    return np.stack([wave.real, wave.imag], axis=1)
+def _weights(rows: _Rows, design: Array, x: Array, least: float) -> Array:
+    """Return the weights of rows: one over what differs between neighbours, in runs and in rests.
 
-
-def _weights(rows: _Rows, runs: int, resolution: float) -> Array:
-    """Return the weights of rows: one over what differs between blocks, beside a step."""
-    x, least = rows.x, PRECISION + 0.1 * resolution
-    if rows.columns.shape[1] > runs:
-        other = np.stack([rows.within_groups(one) for one in rows.columns.T], axis=1)
-        found, *_ = np.linalg.lstsq(other, rows.within_groups(x), rcond=None)
-        x = np.where(rows.in_run, x, x - rows.columns[:, runs:] @ found[runs:])
-    weight = np.ones(len(x))
-    neighbours = (np.diff(rows.group) == 0) & (np.diff(rows.t) < 1.5 * rows.width[1:].max())
-    neighbours |= (np.diff(rows.group) == 0) & rows.in_run[1:]
-    change, group = np.diff(x)[neighbours], rows.group[1:][neighbours]
-    count = np.maximum(np.bincount(group, minlength=1), 1)
-    if len(change):
-        change = change - (np.bincount(group, change) / count)[group]
-        change *= np.sqrt(count / np.maximum(count - 1, 1))[group]
-    enough = count[group] >= 3  # differences show their scatter
+    design and x are columns and positions (m) within groups; least (m) is what differs at least.
+    """
+    left = x - design @ np.linalg.lstsq(design, x, rcond=None)[0]
+    scatter = np.full(len(x), math.nan)
     for part in (rows.in_run, ~rows.in_run):
-        own = change[part[1:][neighbours] & enough]
-        if len(own) > 2:
-            weight[part] = 1.0 / max(float(np.std(own)) / math.sqrt(2.0), least)
-        else:
-            weight[part] = math.nan
-    weight[np.isnan(weight)] = np.nanmin(weight) if np.isfinite(weight).any() else 1.0
-    return weight / weight.max()
+        if part.sum() > 3:
+            scatter[part] = max(float(np.std(np.diff(left[part]))) / math.sqrt(2.0), least)
+    scatter[np.isnan(scatter)] = np.nanmax(scatter, initial=least)
+    return np.asarray(scatter.min() / scatter)
 
 
 class _Regression:
@@ -314,7 +235,6 @@ class _Regression:
 
     def __init__(self, record: Record, rows: _Rows, grids: Sequence[SlipGrid], rests: bool) -> None:
         self._rows, self._runs, self.unsettled = rows, len(grids), rows.unsettled
-        weight = _weights(rows, self._runs, record.resolution)
         since = (rows.t - record.t[0]) / record.duration
         blocks = {"": list(rows.columns.T)}
         if rests:
@@ -331,11 +251,14 @@ class _Regression:
         columns: list[Array] = []
         for name, of_block in blocks.items():
             self._places[name] = np.arange(len(columns), len(columns) + len(of_block))
-            columns += [rows.within_groups(one) * weight for one in of_block]
-        self._decompose(np.column_stack(columns), rows.within_groups(rows.x) * weight)
+            columns += [rows.within_groups(one) for one in of_block]
+        design, x = np.column_stack(columns), rows.within_groups(rows.x)
+        precision = PRECISION + 0.1 * record.resolution
+        weight = _weights(rows, design[:, self._places[""]], x, precision)
+        self._decompose(design * weight[:, None], x * weight)
         self._free = len(rows.x) - int(np.count_nonzero(np.bincount(rows.group)))
         self.models: list[_Model] = []
-        self.chance = (PRECISION + 0.1 * record.resolution) ** 2
+        self.chance = precision**2
         plain = self._solve({})
         if plain is None or not self._used[: self._runs].any():
             return
