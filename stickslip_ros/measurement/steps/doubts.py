@@ -29,7 +29,7 @@ from stickslip_ros.measurement.steps.record import (
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import MeasuredValue
 from stickslip_ros.measurement.steps.settings import SETTINGS
-from stickslip_ros.measurement.steps.slips import SlipGrid, SlipSizes, cycle_rows
+from stickslip_ros.measurement.steps.slips import SlipGrid, SlipSizes
 from stickslip_ros.measurement.steps.step_fit import PRECISION
 
 #: What leaves the cycles sure, if not how many they are.
@@ -203,13 +203,20 @@ class Evidence:
                 return [f"slips are seen at {m / grid.period:.6g} Hz, {named}"]
         return []
 
+    def _cycles(self, grid: SlipGrid) -> Array:
+        """Return the settled cycles of a run beside straight lines, (cycles, samples)."""
+        level = self.pyramid.level_for(grid.period, 32)
+        half = int(0.5 * grid.period / level.spacing)
+        rows = level.rows(grid.settled, half, half)
+        return beside_line(rows[np.isfinite(rows).all(axis=1)])
+
     def _period(self, k: int) -> list[str]:
         """Return doubts about a period that the record alone has shown."""
         grid, found = self.grids[k], []
         least = SETTINGS.least_cycles
         if grid.count < least:
             found.append(f"{grid.count} cycles show no period; {_NAME_IT}")
-        rows = cycle_rows(self.pyramid, grid)
+        rows = self._cycles(grid)
         change = change_of_cycles(rows)
         if change > SETTINGS.change_of_cycles:
             found.append(

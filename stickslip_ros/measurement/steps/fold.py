@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,7 +76,7 @@ def move_to_fall(record: Record, mean: MeanPosition, grid: SlipGrid) -> SlipGrid
         return grid
     t, x = fold.binned()
     inside = (t > -0.45 * grid.period) & (t < 0.5 * grid.period)
-    return grid.moved(float(t[steepest_fall(x, inside)]))
+    return replace(grid, first=grid.first + float(t[steepest_fall(x, inside)]))
 
 
 def find_rests(

@@ -4,9 +4,8 @@
 The mean slip in a window is a template; its least-squares amplitude beside a straight line is near
 1 at slips and 0 elsewhere, whatever the drift. A run is where the amplitudes at even times, each
 less one half, add up to most: that is the likelier of slips and none in white noise. Its slips are
-timed at ever finer levels, each against the mean of all. Where the ringing is known, they are timed
-again, and counted, in the place towards which the runner rings, in which a slip is a step and no
-swing can be taken for one.
+timed against the mean of all. Where the ringing is known, they are timed again, and counted, in the
+place towards which the runner rings, in which a slip is a step and no swing can be taken for one.
 """
 
 from __future__ import annotations
@@ -22,13 +21,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.noise import robust_std
-from stickslip_ros.measurement.steps.record import (
-    Level,
-    Pyramid,
-    Record,
-    beside_line,
-    smooth,
-)
+from stickslip_ros.measurement.steps.record import Level, Pyramid, Record, beside_line, smooth
 from stickslip_ros.measurement.steps.ringing import Ringing, without_ringing
 from stickslip_ros.measurement.steps.settings import SETTINGS
 from stickslip_ros.simulation.settled import SETTLING
@@ -37,17 +30,17 @@ from stickslip_ros.simulation.settled import SETTLING
 _SAMPLES_A_PERIOD, _ESTIMATED_SAMPLES = 200, 25
 #: Periods before and after a slip that are matched; part of one by which a slip may be off.
 _WINDOW, _OFF = (0.35, 0.12), 0.03
-#: Cycles in a row that the first template may come from; how many times it is made; runs at most.
+#: Cycles in a row that the first template may come from; how many times one is made; runs at most.
 _IN_A_ROW, _ROUNDS, _MOST_RUNS = (2, 4, 8, 16, 32, 64), 3, 60
-#: Slips of a run that are timed at most: more do not tell period and phase better.
-_TIMED = 1500
-#: Samples of the window in which a slip is timed.
-_TIMED_WINDOW = (4, 24)
-#: Largest shift of a slip in a round, samples; part of the slips that a line has to hold.
-_SHIFT, _HELD = 1.5, 0.7
+#: Slips of a run that are timed at most: more do not tell period and phase better; samples of the
+#: window of each; largest shift in a round, samples; part of the slips that a line has to hold.
+_TIMED, _TIMED_WINDOW, _SHIFT, _HELD = 1500, (4, 24), 1.5, 0.7
 #: Swings over which the record is smoothed where ringing is taken out; samples of a swing there;
 #: part of the sampling rate up to which it is.
 _SMOOTH, _SWING_SAMPLES, _RESOLVED = 0.1, 24, 0.25
+#: Periods beyond the ends of a run in which further slips are looked for; slips that may be missing
+#: of those that were sent.
+_BEYOND, _MISSING = 8, 3
 
 
 @dataclass(frozen=True)
@@ -81,13 +74,15 @@ class SlipGrid:
     @property
     def settled(self) -> Array:
         """Slips after the first ones, without the last one if there are more; some of many, s."""
-        own = self.slips[self.settling :]
-        own = own[:-1] if len(own) > 1 else own
-        return own[:: max(1, len(own) // _TIMED)]
+        slips = self.slips[self.settling :]
+        slips = slips[:-1] if len(slips) > 1 else slips
+        return slips[:: max(1, len(slips) // _TIMED)]
 
-    def moved(self, shift: float) -> SlipGrid:
-        """Return the grid, later by a shift (s)."""
-        return replace(self, first=self.first + shift)
+    @property
+    def timed(self) -> NDArray[np.int64]:
+        """Numbers of the slips that are timed, some of many."""
+        places = np.linspace(0, self.count - 1, min(self.count, _TIMED))
+        return np.unique(places.astype(np.int64))
 
     def part(self, first: int, last: int) -> SlipGrid:
         """Return the grid from one slip to another one, by their numbers from 0; both included."""
@@ -103,18 +98,14 @@ def find_grids(
 ) -> list[SlipGrid]:
     """Return the slips of all runs with a period (s), but for a part near it, in the order of time.
 
-    taken are runs of other periods, whose time is left out.
-
-    Ringing that is known is taken out before, as that of quick drives hides their slips.
+    Ringing that is known is taken out before, as that of quick drives hides their slips. taken are
+    runs of other periods, whose time is left out.
     """
     samples = _SAMPLES_A_PERIOD if near <= SETTINGS.period_error else _ESTIMATED_SAMPLES
     level = unrung(pyramid.level_for(period, samples), ringing, period)
     slips, direction = _loudest_slips(level, period, taken)
-    if not len(slips):
-        return []
-    template = _mean_slip(level, slips, period)
-    main, amplitude = None, level
-    for turn in range(2 * _ROUNDS):
+    template, grids = _mean_slip(level, slips, period), list[SlipGrid]()
+    for _ in range(2 * _ROUNDS if len(slips) else 0):
         amplitude = _amplitudes(level, template, period)
         for other in taken:
             _leave_out(amplitude, other)
@@ -122,15 +113,16 @@ def find_grids(
         if main is None:
             return []
         template = main.direction * direction * _mean_slip(level, main.settled, period)
-        same = abs(main.period / period - 1.0) < 1e-4
-        period = main.period
-        if same and turn > 0:
+        same = bool(grids) and abs(main.period / period - 1.0) < 1e-4
+        period, grids = main.period, [main]
+        if same:
             break
-    grids: list[SlipGrid] = []
-    while main is not None and len(grids) < _MOST_RUNS:
-        grids.append(main)
-        _leave_out(amplitude, main)
+    while grids and len(grids) < _MOST_RUNS:
+        _leave_out(amplitude, grids[-1])
         main = _likeliest_grid(amplitude, level, period, direction, near)
+        if main is None:
+            break
+        grids.append(main)
     return sorted(grids, key=lambda one: one.first)
 
 
@@ -167,21 +159,19 @@ def _loudest_slips(level: Level, period: float, taken: Sequence[SlipGrid]) -> tu
         differ = np.maximum(power[count:] - power[:-count] - common, 0.0) / (count - 1)
         ratio = common / (differ + 0.01 * max(float(common.max()), 1e-40))
         k = int(np.argmax(ratio))
-        if ratio[k] > best[0]:
-            best = float(ratio[k]), k, count
+        best = max(best, (float(ratio[k]), k, count), key=lambda one: one[0])
     _, first, count = best
     mean = (sums[first + count] - sums[first]) / count
     way = level.at(starts[[first, first + count - 1]])
     direction = -1 if way[1] < way[0] else 1
     inside = np.repeat([False, True, False], length)
     fall = steepest_fall(direction * np.tile(mean, 3), inside) % length
-    slips = starts[first : first + count] + fall * level.spacing
-    return slips, direction
+    return starts[first : first + count] + fall * level.spacing, direction
 
 
 def steepest_fall(fold: Array, inside: NDArray[np.bool_]) -> int:
     """Return where positions at even times fall most, at the finest scale that noise allows."""
-    noise = 1.4826 * float(np.median(np.abs(np.diff(fold, 2)))) / math.sqrt(6.0)
+    noise = robust_std(np.diff(fold, 2)) / math.sqrt(6.0)
     at, width = 0, 1.5
     while width < len(fold) / 20:
         slope = smooth(fold, width, 1)
@@ -201,20 +191,21 @@ def _window(period: float, spacing: float) -> tuple[int, int]:
 
 
 def _mean_slip(level: Level, slips: Array, period: float) -> Array:
-    """Return the mean motion (m) about slips (s) in the window that is matched."""
+    """Return the mean motion (m) about slips (s) in the window that is matched; 0 without any."""
     rows = beside_line(level.rows(slips, *_window(period, level.spacing)))
-    return np.nan_to_num(np.mean(rows[np.isfinite(rows).all(axis=1)], axis=0))
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return np.sum(rows, axis=0) / max(len(rows), 1)
 
 
 def _amplitudes(level: Level, template: Array, period: float) -> Level:
     """Return the least-squares amplitudes of a template beside a line, by the time of its slip."""
-    power = max(float(template @ template), 1e-40)
     before, _ = _window(period, level.spacing)
     if len(level.x) < len(template):
         return Level(np.zeros(1), level.spacing, level.start)
     method = "fft" if len(template) > 64 else "direct"
     found = scipy.signal.correlate(level.x - level.x.mean(), template, "valid", method=method)
-    return Level(found / power, level.spacing, level.start + before * level.spacing)
+    found /= max(float(template @ template), 1e-40)
+    return Level(found, level.spacing, level.start + before * level.spacing)
 
 
 def _likeliest_grid(
@@ -226,12 +217,12 @@ def _likeliest_grid(
     """
     least, given, found = SETTINGS.least_cycles, period, None
     start = amplitude.start
-    for _ in range(6):
+    for _ in range(2 * _ROUNDS):
         count = int((amplitude.start + len(amplitude.x) * amplitude.spacing - start) / period)
-        phases = max(round(period / amplitude.spacing), 1)
         if count < 1:
             return None
         starts = start + period * np.arange(count, dtype=np.float64)
+        phases = max(round(period / amplitude.spacing), 1)
         seen = np.nan_to_num(amplitude.rows(starts, 0, phases - 1))
         parts = []
         for sign in (1, -1):
@@ -246,12 +237,11 @@ def _likeliest_grid(
             return None
         reach = max(round(_OFF * period / amplitude.spacing), 1)
         about = sign * np.nan_to_num(amplitude.rows(due, reach, reach))
-        at = np.argmax(about, axis=1)
-        own = due + (at - reach) * amplitude.spacing
-        clear = about[np.arange(len(at)), at] > 0.5
-        if clear.sum() < 2:
+        clear = np.flatnonzero(about.max(axis=1) > 0.5)
+        if len(clear) < 2:
             return None
-        slope, begin = np.polyfit(np.flatnonzero(clear), own[clear], 1)
+        late = (np.argmax(about, axis=1) - reach) * amplitude.spacing
+        slope, begin = np.polyfit(clear, (due + late)[clear], 1)
         if abs(slope / given - 1.0) > near + 0.5 * _OFF / len(due):
             return None
         same = found is not None and found.count == len(due) and abs(slope / period - 1.0) < 1e-5
@@ -270,8 +260,7 @@ def _likeliest_part(seen: Array) -> tuple[float, int, int, int]:
     """
     gain = np.clip(seen, -0.5, 1.0) - 0.5
     total = np.concatenate([np.zeros((1, seen.shape[1])), np.cumsum(gain, axis=0)])
-    least = np.minimum.accumulate(total, axis=0)
-    rise = total - least
+    rise = total - np.minimum.accumulate(total, axis=0)
     last, phase = np.unravel_index(int(np.argmax(rise)), rise.shape)
     first = int(np.argmin(total[: last + 1, phase]))
     return float(rise[last, phase]), int(phase), first, int(last) - 1
@@ -280,72 +269,50 @@ def _likeliest_part(seen: Array) -> tuple[float, int, int, int]:
 def single_slip(pyramid: Pyramid, period: float) -> SlipGrid:
     """Return the steepest fall of a record as a run of one slip, for a given period (s)."""
     level = pyramid.level_for(period, _SAMPLES_A_PERIOD)
-    x = level.x
-    edge = max(1, min(len(x) // 10, round(0.5 * period / level.spacing)))
-    direction = 1 if x[-edge:].mean() >= x[:edge].mean() else -1
-    fall = int(np.argmin(direction * np.gradient(smooth(x, 1.0))))
+    edge = max(1, min(len(level.x) // 10, round(0.5 * period / level.spacing)))
+    direction = 1 if level.x[-edge:].mean() >= level.x[:edge].mean() else -1
+    fall = int(np.argmin(direction * smooth(level.x, 1.0, 1)))
     return SlipGrid(level.start + level.spacing * fall, period, 1, direction)
-
-
-def cycle_rows(pyramid: Pyramid, grid: SlipGrid) -> Array:
-    """Return the settled cycles of a run beside straight lines, (cycles, samples)."""
-    level = pyramid.level_for(grid.period, 32)
-    half = int(0.5 * grid.period / level.spacing)
-    rows = level.rows(grid.settled[:2000], half, half)
-    return beside_line(rows[np.isfinite(rows).all(axis=1)])
 
 
 def timed(pyramid: Pyramid, grid: SlipGrid) -> SlipGrid:
     """Return the grid with its slips timed against the mean of all."""
     if grid.count < 2:
         return grid
-    number = np.unique(np.linspace(0, grid.count - 1, min(grid.count, _TIMED)).astype(int))
     level = pyramid.level_for(grid.period, _SAMPLES_A_PERIOD)
     window = int(np.clip(_WINDOW[1] * grid.period / level.spacing, *_TIMED_WINDOW))
-    due, found = grid.slips[number], [grid]
+    due, found = grid.slips[grid.timed], list[SlipGrid]()
     for _ in range(_ROUNDS):
-        late = _lateness(level, due, window, grid.settling)
-        if late is None:
+        rows = level.rows(due, window, window)
+        good = np.isfinite(rows).all(axis=1)
+        if good.sum() < 2:
             break
-        due = due + late
-        found.append(_fit_grid(number, due, grid))
-    return min(found[1:] or found, key=lambda one: one.unevenness)
+        flat = beside_line(rows[good])
+        mean = np.mean(flat[min(grid.settling, len(flat) - 1) :], axis=0)
+        slope = beside_line(np.gradient(mean))
+        late = -((flat - mean) @ slope) / max(float(slope @ slope), 1e-40)
+        if (np.abs(late) > _SHIFT).mean() > 1.0 - _HELD:  # these are not the slips of one run
+            break
+        due = due.copy()
+        due[good] += np.clip(late, -_SHIFT, _SHIFT) * level.spacing
+        found.append(_fit_grid(due, grid))
+    return min(found, key=lambda one: one.unevenness, default=grid)
 
 
-def _lateness(level: Level, times: Array, window: int, settled: int) -> Array | None:
-    """Return how much later (s) than the mean one the motion about times is; None if unknown."""
-    rows = level.rows(times, window, window)
-    good = np.isfinite(rows).all(axis=1)
-    if good.sum() < 2:
-        return None
-    flat = beside_line(rows[good])
-    mean = np.mean(flat[min(settled, len(flat) - 1) :], axis=0)
-    slope = beside_line(np.gradient(mean))
-    late = -((flat - mean) @ slope) / max(float(slope @ slope), 1e-40)
-    if (np.abs(late) > _SHIFT).mean() > 1.0 - _HELD:  # these are not the slips of one run
-        return None
-    found = np.zeros(len(times))
-    found[good] = np.clip(late, -_SHIFT, _SHIFT) * level.spacing
-    return found
-
-
-def _fit_grid(number: NDArray[np.int64], own: Array, grid: SlipGrid) -> SlipGrid:
-    """Fit even times to slips (s) with their numbers, without a few that miss them."""
+def _fit_grid(times: Array, grid: SlipGrid) -> SlipGrid:
+    """Fit even times to the timed slips (s) of a grid, without a few that miss them."""
+    number = grid.timed
     use = number >= min(grid.settling, grid.count - 3)
-    if use.sum() < 2:
-        use = np.ones(len(own), dtype=bool)
-    keep = use
-    slope, first = np.polyfit(number[keep], own[keep], 1)
-    for _ in range(4):
-        miss = np.abs(own - first - slope * number)
-        usual = 1.4826 * float(np.median(miss[use]))
-        good = use & (miss <= max(3.0 * usual, 1e-9))
+    use = use if use.sum() > 1 else np.ones(len(times), dtype=bool)
+    good = use
+    for _ in range(5):
+        keep = good
+        slope, first = np.polyfit(number[keep], times[keep], 1)
+        miss = np.abs(times - first - slope * number)
+        good = use & (miss <= max(3.0 * 1.4826 * float(np.median(miss[use])), 1e-9))
         if good.sum() < max(min(3, use.sum()), _HELD * use.sum()):
             break
-        keep = good
-        slope, first = np.polyfit(number[keep], own[keep], 1)
-    miss = (own - first - slope * number)[keep]
-    uneven = float(np.sqrt(np.mean(miss**2)))
+    uneven = float(np.sqrt(np.mean(miss[keep] ** 2)))
     return replace(grid, first=float(first), period=float(slope), unevenness=uneven)
 
 
@@ -358,18 +325,16 @@ def retimed(pyramid: Pyramid, grid: SlipGrid, ringing: Ringing | None) -> SlipGr
         return grid
     speed = np.gradient(unrung(level, ringing, grid.period).x)
     window = int(min(3.0 / ringing.frequency, 0.3 * grid.period) / level.spacing)
-    number = np.unique(np.linspace(0, grid.count - 1, min(grid.count, _TIMED)).astype(int))
-    due = grid.slips[number]
+    due = grid.slips[grid.timed]
     rows = replace(level, x=speed).rows(due, window, window) * grid.direction
     good = np.isfinite(rows).all(axis=1)
     if good.sum() < max(3, _HELD * len(rows)):
         return grid
-    own = due.copy()
-    own[good] += (np.argmin(rows[good], axis=1) - window) * level.spacing
-    found = _fit_grid(number, own, grid)
+    late = (np.argmin(rows, axis=1) - window) * level.spacing * good
+    found = _fit_grid(due + late, grid)
     # By 0.3 swings, it was another one; in a part of the slips, where the period was wrong.
-    off = float(np.quantile(np.abs(own - due), 0.75)) * ringing.frequency
-    limit = max(grid.unevenness, level.spacing) if off > 0.3 else grid.unevenness
+    other = float(np.quantile(np.abs(late), 0.75)) * ringing.frequency > 0.3
+    limit = max(grid.unevenness, level.spacing) if other else grid.unevenness
     return found if found.unevenness < limit else grid
 
 
@@ -382,23 +347,18 @@ class SlipSizes:
     def __init__(
         self, pyramid: Pyramid, slips: Array, period: float, ringing: Ringing | None
     ) -> None:
-        number = pyramid.number_for(period, _SAMPLES_A_PERIOD)
+        level = pyramid.level_for(period, _SAMPLES_A_PERIOD)
         if ringing is not None:
-            number = min(number, pyramid.number_for(ringing.swing, 12.0))
-        self._level = unrung(pyramid.levels[number], ringing, period, 0.6)
-        self._window = _window(period, self._level.spacing)
+            fine = pyramid.level_for(ringing.swing, 0.5 * _SWING_SAMPLES)
+            level = min(level, fine, key=lambda one: one.spacing)
+        self._level, self._period = unrung(level, ringing, period, 0.6), period
         # The rise before a slip is that from nine tenths of a cycle before it to just before it.
-        self._late, self._long = 0.03 * period, max(int(0.87 * period / self._level.spacing), 2)
+        self._late, self._long = 0.03 * period, max(int(0.87 * period / level.spacing), 2)
         settled = slips[min(SETTLING - 1, len(slips) // 2) :]
         settled = settled[:: max(1, len(settled) // _TIMED)]
-        own = self._rows(settled)
-        own = own[np.isfinite(own).all(axis=1)]
-        self._mean = own.mean(axis=0) if len(own) else np.zeros(sum(self._window) + 1)
+        self._mean = _mean_slip(self._level, settled, period)
         rises = self._rises(settled)
         self._usual = float(np.nanmean(rises)) if np.isfinite(rises).any() else math.nan
-
-    def _rows(self, times: Array) -> Array:
-        return beside_line(self._level.rows(times, *self._window))
 
     def _rises(self, times: Array) -> Array:
         rows = self._level.rows(times - self._late, self._long, 0)
@@ -408,8 +368,10 @@ class SlipSizes:
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return the sizes of slips and of rises at times (s); nan beyond the record."""
         power = max(float(self._mean @ self._mean), 1e-40)
-        sizes = np.asarray(self._rows(times) @ self._mean / power)
-        return sizes, self._rises(times) / (self._usual or math.nan)
+        rows = self._level.rows(times, *_window(self._period, self._level.spacing))
+        return beside_line(rows) @ self._mean / power, self._rises(times) / (
+            self._usual or math.nan
+        )
 
 
 def unrung(level: Level, ringing: Ringing | None, period: float, part: float = 1.0) -> Level:
@@ -431,27 +393,25 @@ def counted(
     end may be smaller than the others, but the runner rises before it as always. Where it neither
     rises nor slips, the grid holds two runs. free (s) is the time that no other run has.
     """
-    beyond = 8
-    likelier, seen = _likelier(pyramid, grid, ringing, beyond)
-    due = grid.first + grid.period * np.arange(-beyond, grid.count + beyond)
+    due, likelier, seen = _likelier(pyramid, grid, ringing, _BEYOND)
     likelier = np.where((due < free[0]) | (due > free[1]), -math.inf, likelier)
     there = seen & (likelier > 0.0)
-    first, last = beyond, beyond + grid.count - 1
+    first, last = _BEYOND, _BEYOND + grid.count - 1
     first += int(not there[first] and first < last)
-    while last > max(beyond + grid.count - 3, first) and not there[last]:
+    while last > max(_BEYOND + grid.count - 3, first) and not there[last]:
         last -= 1
     while first > 0 and there[first - 1]:
         first -= 1
     while last + 1 < len(there) and there[last + 1]:
         last += 1
     pauses = np.flatnonzero(likelier[first:last] < -4.0 * SETTINGS.sure) + first
-    sure = np.where(there, likelier, -likelier)
+    sure = np.where(there, likelier, -likelier)  # a rise whose slip is not seen leaves it open
     sure[~seen & (likelier <= 0.0)] = math.inf
     found = []
     for begin, end in pairwise([first - 1, *pauses.tolist(), last + 1]):
         if end - begin > 1:
             ends = sure[[max(begin, 0), begin + 1, end - 1, min(end, len(sure) - 1)]]
-            part = grid.part(begin + 1 - beyond, end - 1 - beyond)
+            part = grid.part(begin + 1 - _BEYOND, end - 1 - _BEYOND)
             found.append(replace(part, sureness=float(ends.min())))
     return found
 
@@ -461,46 +421,48 @@ def as_sent(pyramid: Pyramid, record: Record, grid: SlipGrid, ringing: Ringing |
 
     It may where none that is added is clearly none, and none that is left out is clearly one.
     """
-    count = abs(grid.sent)
-    if grid.sent * grid.direction < 0 or count == grid.count:
-        sure = math.inf if count == grid.count else grid.sureness
-        return replace(grid, sureness=sure)
-    beyond = max(count - grid.count, 1)
-    likelier, _ = _likelier(pyramid, grid, ringing, beyond)
-    number = np.arange(len(likelier))
-    inside = (number >= beyond) & (number < beyond + grid.count)
-    if beyond > 3 or grid.count - count > 3:
+    count = grid.sent * grid.direction
+    if count == grid.count:
+        return replace(grid, sureness=math.inf)
+    if count < 1 or abs(count - grid.count) > _MISSING:
         return grid
-    for first in range(min(2 * beyond, len(likelier) - count) + 1):
-        sent = (number >= first) & (number < first + count)
-        part = grid.part(first - beyond, first - beyond + count - 1)
-        begins = part.first - part.period > record.t[0] - 0.05 * part.period
-        possible = (
-            likelier[sent & ~inside].min(initial=math.inf) > -SETTINGS.sure
+    due, likelier, _ = _likelier(pyramid, grid, ringing, _MISSING)
+    inside = np.zeros(len(due), dtype=bool)
+    inside[_MISSING : _MISSING + grid.count] = True
+    slack, possible = 0.05 * grid.period, list[tuple[float, int]]()
+    for first in range(len(due) - count + 1):
+        sent = np.zeros(len(due), dtype=bool)
+        sent[first : first + count] = True
+        if (
+            due[first] - grid.period > record.t[0] - slack
+            and due[first + count - 1] < record.t[-1] + slack
+            and likelier[sent & ~inside].min(initial=math.inf) > -SETTINGS.sure
             and likelier[inside & ~sent].max(initial=-math.inf) < SETTINGS.sure
-        )
-        if possible and begins and part.last < record.t[-1] + 0.05 * part.period:
-            return replace(part, sureness=math.inf)
-    return grid
+        ):
+            possible.append((float(likelier[sent].sum()), first - _MISSING))
+    if not possible:
+        return grid
+    _, first = max(possible)
+    return replace(grid.part(first, first + count - 1), sureness=math.inf)
 
 
 def _likelier(
     pyramid: Pyramid, grid: SlipGrid, ringing: Ringing | None, beyond: int
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Return by how much slips are likelier than none, so many beyond each end, and which are seen.
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return even times (s), some beyond each end, and by how much slips are likelier than none.
 
     The logarithms are those of normal sizes of slips and rises, of which none has 0 and one has 1.
-    What lies beyond the record tells nothing.
+    What lies beyond the record tells nothing: the last value is which times are within it.
     """
     due = grid.first + grid.period * np.arange(-beyond, grid.count + beyond, dtype=np.float64)
     found = SlipSizes(pyramid, grid.slips, grid.period, ringing).at(due)
-    parts = []
-    for size, least in zip(found, (SETTINGS.slip_scatter, SETTINGS.rise_scatter), strict=True):
-        scatter = robust_std(size[beyond : beyond + grid.count])
-        scatter = max(scatter, least) if math.isfinite(scatter) else least
-        parts.append((np.clip(np.nan_to_num(size, nan=0.5), -0.5, 1.5) - 0.5) / scatter**2)
-    likelier = parts[0] + parts[1]
+    slips, rises = (
+        (np.clip(np.nan_to_num(size, nan=0.5), -0.5, 1.5) - 0.5)
+        / np.fmax(robust_std(size[beyond : beyond + grid.count]), least) ** 2
+        for size, least in zip(found, (SETTINGS.slip_scatter, SETTINGS.rise_scatter), strict=True)
+    )
+    likelier = slips + rises
     # A drive may end with a rise, but none begins with one that no slip ends.
     first = slice(0, beyond + grid.count // 2)
-    likelier[first] = np.where(parts[1] > 0.0, np.maximum(likelier, parts[1]), likelier)[first]
-    return likelier, np.isfinite(found[0])
+    likelier[first] += np.where((rises > 0.0) & (slips < 0.0), -slips, 0.0)[first]
+    return due, likelier, np.isfinite(found[0])
