@@ -35,6 +35,7 @@ from stickslip_ros.measurement.steps.step_fit import PRECISION
 #: What leaves the cycles sure, if not how many they are.
 UNSURE_END = "first or last slip is not clear: give the steps that were sent (--steps)"
 NO_REST = "no rest beside the run, so step and drift cannot be told apart"
+_WRONG_WAY = "the runner jumps the way it steps, where a slip throws it back"
 _NAME_IT = "give the frequency of the drive (--frequency)"
 
 
@@ -64,9 +65,12 @@ class Evidence:
 
     def _sampling(self, k: int) -> list[str]:
         grid, spacing, found = self.grids[k], self.record.spacing, []
-        few = too_few_samples(grid.period, spacing, self.told)
-        if few:
-            found.append(few)
+        least = SETTINGS.samples_a_cycle_told if self.told else SETTINGS.samples_a_cycle
+        if round(grid.period / spacing, 1) < least:
+            found.append(
+                f"{1.0 / spacing:.4g} samples a second are {grid.period / spacing:.1f} a cycle at "
+                f"{1.0 / grid.period:.6g} Hz; {least:g} are needed: {FASTER}"
+            )
         if self.record.cut_samples:
             found.append(
                 f"{self.record.cut_samples} samples in a row have the record's outermost value: "
@@ -139,7 +143,7 @@ class Evidence:
             if self.ringing is not None and self.ringing.decay * grid.period * grid.count < 2.0:
                 found[-1] += ": the ringing lasts as long as the run, so it has not settled"
         if step.value * grid.direction < 0.0:
-            found.append("the runner jumps the way it steps, where a slip throws it back")
+            found.append(_WRONG_WAY)
         changed = self.changes[k]
         if changed is not None:
             sizes = f", from {1e9 * changed.before:.2f} nm to {1e9 * changed.after:.2f} nm"
@@ -167,12 +171,12 @@ class Evidence:
         width = max(0.25 * grid.period, 0.0 if self.ringing is None else self.ringing.swing)
         for name, rest in zip(("before", "after"), self.rests[k], strict=True):
             begin, end = rest or (0.0, 0.0)
-            count = int((end - begin - 0.1 * grid.period) / width)
+            begin += 0.1 * grid.period if name == "after" else 0.0
+            count = int((end - begin) / width)
             if count < 2:
                 continue
-            edges = np.asarray(end - width * np.arange(count + 1), np.float64)
-            if name == "after":
-                edges = np.asarray(begin + 0.1 * grid.period + width * np.arange(count + 1))
+            first = begin if name == "after" else end - count * width
+            edges = first + width * np.arange(count + 1, dtype=np.float64)
             place = self.mean.between(edges[:-1], edges[1:])
             place -= self.disturbances.at(0.5 * (edges[1:] + edges[:-1]), width=width)
             moved = float(np.ptp(place))
@@ -212,46 +216,28 @@ class Evidence:
 
     def _period(self, k: int) -> list[str]:
         """Return doubts about a period that the record alone has shown."""
-        grid, found = self.grids[k], []
-        least = SETTINGS.least_cycles
-        if grid.count < least:
-            found.append(f"{grid.count} cycles show no period; {_NAME_IT}")
-        rows = self._cycles(grid)
-        change = change_of_cycles(rows)
-        if change > SETTINGS.change_of_cycles:
-            found.append(
-                f"{100.0 * change:.0f} % of the motion differs from cycle to cycle; {_NAME_IT}"
-            )
-        if is_sinusoid(rows):
-            found.append(f"the motion is a sinusoid, which has no slips; {_NAME_IT}")
-        speed = np.diff(grid.direction * rows.mean(axis=0)) if len(rows) else np.zeros(1)
-        if speed.max() > -1.4 * speed.min():
-            found.append(
-                f"the runner jumps the way it steps, where a slip throws it back; {_NAME_IT}"
-            )
-        if self.ringing is None:
-            found.append(f"no ringing is seen that tells slips from other motion; {_NAME_IT}")
+        grid, factor = self.grids[k], 1.0
         if grid is max(self.grids, key=lambda one: one.count):
             factor = period_factor(self.record, self.mean, self.pyramid, grid, self.ringing)
-            if factor != 1.0:
-                other = 1.0 / (factor * grid.period)
-                found.append(f"{other:.6g} Hz explains the motion as well; {_NAME_IT}")
-        return found
+        rows = self._cycles(grid)
+        change = change_of_cycles(rows)
+        mean = rows.mean(axis=0) if len(rows) else np.zeros(3)
+        speed = np.diff(grid.direction * mean)
+        reasons = {
+            f"{grid.count} cycles show no period": grid.count < SETTINGS.least_cycles,
+            f"{100.0 * change:.0f} % of the motion differs from cycle to cycle": (
+                change > SETTINGS.change_of_cycles
+            ),
+            "the motion is a sinusoid, which has no slips": len(rows) > 1 and is_sinusoid(mean),
+            _WRONG_WAY: speed.max() > -1.4 * speed.min(),
+            "no ringing is seen that tells slips from other motion": self.ringing is None,
+            f"{1.0 / (factor * grid.period):.6g} Hz explains the motion as well": factor != 1.0,
+        }
+        return [f"{reason}; {_NAME_IT}" for reason, holds in reasons.items() if holds]
 
 
 def _change_at(t: float, sizes: str = "") -> str:
     return f"the steps change at {t:.6g} s{sizes}: analyse both parts (--to, --from)"
-
-
-def too_few_samples(period: float, spacing: float, told: bool) -> str:
-    """Return what is said of too few samples (s apart) in cycles (s); empty if they are enough."""
-    least = SETTINGS.samples_a_cycle_told if told else SETTINGS.samples_a_cycle
-    if round(period / spacing, 1) >= least:
-        return ""
-    return (
-        f"{1.0 / spacing:.4g} samples a second are {period / spacing:.1f} a cycle at "
-        f"{1.0 / period:.6g} Hz; {least:g} are needed: {FASTER}"
-    )
 
 
 def change_of_cycles(rows: Array) -> float:
@@ -264,15 +250,12 @@ def change_of_cycles(rows: Array) -> float:
     return own * len(rows) / (len(rows) - 1)
 
 
-def is_sinusoid(rows: Array) -> bool:
-    """Return True if cycles, (cycles, n), are a sinusoid but for a hundredth of their motion."""
-    if len(rows) < 2:
-        return False
-    mean = rows.mean(axis=0)
-    turn = np.linspace(0.0, 2.0 * np.pi, len(mean))
+def is_sinusoid(cycle: Array) -> bool:
+    """Return True if a cycle, (n,), is a sinusoid but for a hundredth of its motion."""
+    turn = np.linspace(0.0, 2.0 * np.pi, len(cycle))
     waves = beside_line(np.stack([np.cos(turn), np.sin(turn)]))
-    size, *_ = np.linalg.lstsq(waves.T, mean, rcond=None)
-    return float(np.sum((mean - size @ waves) ** 2)) < 0.01 * float(mean @ mean)
+    size, *_ = np.linalg.lstsq(waves.T, cycle, rcond=None)
+    return float(np.sum((cycle - size @ waves) ** 2)) < 0.01 * float(cycle @ cycle)
 
 
 def comes_back(mean: MeanPosition, grid: SlipGrid) -> bool:
