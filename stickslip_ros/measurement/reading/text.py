@@ -3,7 +3,7 @@
 
 It is laid out, named, and refused where it may be read in two ways. NumPy reads a block of lines at
 once, with our reader of cells where it does not know their spelling. A block with lines that are no
-rows is halved until few lines are left, which are read one by one: words are left out and counted.
+rows is halved until they are alone: words are left out and counted.
 
 Rohde & Schwarz write pairs: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header.
 With one column more than channels were exported, the first is the time; otherwise the description
@@ -28,12 +28,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from stickslip_ros.base.opening import Allowance, ReadError, open_regular
 from stickslip_ros.measurement.reading.cells import Stamps, value_of
-from stickslip_ros.measurement.reading.layout import COMMENTS, Layout
+from stickslip_ros.measurement.reading.layout import Layout, is_remark
 from stickslip_ros.measurement.reading.preamble import columns_above
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
 from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
@@ -58,8 +57,6 @@ _MOST_ODD, _LEAST_PLAIN = 0.02, 0.7
 #: Share of rows that may be words before the table is taken for something else; so many lines of
 #: words are read before that is judged.
 _MOST_WORDS, _FEW_WORDS = 0.1, 20_000
-#: Lines that are read one by one where some are no rows.
-_FEW = 32
 _BRACKETS = re.compile(r"^[ ]*[(\[]|[)\]][ ]*$", re.MULTILINE)
 #: End of the name of Rohde & Schwarz's numbers; bytes of their description at most.
 _NUMBERS, _DESCRIPTION = ".wfm.csv", 1_000_000
@@ -141,7 +138,7 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
                             replace(layout, first=layout.first + len(described)))  # fmt: skip
 
     def load(wanted: Sequence[Column]) -> Loaded:
-        rows = _Rows(layout, wanted, lines[layout.first : layout.first + 500])
+        rows = _Rows(layout, wanted)
         for block, last in _blocks_of(path, encoding):
             rows.add(block, last)
         return rows.loaded()
@@ -152,16 +149,12 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
 class _Rows:
     """Reads the wanted columns of lines as they come."""
 
-    def __init__(self, layout: Layout, wanted: Sequence[Column], lines: Sequence[str]) -> None:
-        """lines are the first ones from the first row on, which show the form of the rows."""
+    def __init__(self, layout: Layout, wanted: Sequence[Column]) -> None:
         self._layout, self._wanted = layout, wanted
-        marks = [one.count(layout.delimiter) for one in lines if layout.delimiter and one.strip()]
-        #: Separators that nearly every row has.
-        self._marks = max(set(marks), key=marks.count, default=0)
         #: Reader of each cell by its place; those of cells that NumPy does not read.
         self._readers: dict[Any, Callable[[str], float]] = {}
         self._special: dict[Any, Callable[[str], float]] = {}
-        self._stamps: dict[int, Stamps] = {}  # by the number of the column
+        self._stamps = {column.number: Stamps() for column in wanted}
         if layout.delimiter is None:  # all cells are read, so that rows of another width are seen
             odd = (k for k, kind in enumerate(layout.kinds) if kind != "n")
             self._special = dict.fromkeys(odd, lambda cell: 0.0)
@@ -171,23 +164,22 @@ class _Rows:
             if column.stamped or (column.origin and not column.joined):
                 self._special[place] = reader
         self._parts = [np.empty((0, len(self._readers)))]
-        self._count = self._seen = 0  # rows, lines
+        self._seen = 0  # lines
         self._usual = 0  # characters of the shortest of the last lines
-        self._first_word = ""
-        self._breaks: list[int] = []  # rows before which a line of words is left out
-        self._no_rows: list[int] = []  # lines from the first row on that are none
+        self._remarks: list[int] = []  # lines from the first row on that are empty or comments
+        self._words: dict[int, str] = {}  # those that are left out, with their text
 
     def _reader(self, column: Column) -> Callable[[str], float]:
         """Return what reads a cell of a column."""
-        layout, stamps = self._layout, self._stamps.setdefault(column.number, Stamps())
+        layout, stamps = self._layout, self._stamps[column.number]
+        origin = 0 if column.joined else column.origin
 
         def read(cell: str) -> float:
             cell = cell.strip()
             if column.stamped:
                 return stamps.seconds(cell)
-            if column.origin and cell.isdecimal() and not column.joined:
-                return float(int(cell) - column.origin)
-            origin = 0 if column.joined else column.origin
+            if origin and cell.isdecimal():
+                return float(int(cell) - origin)
             return value_of(cell, layout.decimal, layout.grouped) - origin
 
         return read
@@ -198,11 +190,16 @@ class _Rows:
         first, self._seen = self._seen + skip, self._seen + len(lines)
         lines, rest = lines[skip:], lines[-1]
         self._usual = min((len(line) for line in lines[-200:-1] if line), default=self._usual)
-        if last and len(rest) < self._usual:
+        cut_off = last and len(rest) < self._usual
+        if cut_off:
             lines.pop()
-        self._take(lines, first)
-        if last and 0 < len(rest) < self._usual:
-            self._leave_out(rest, self._seen - 1)
+        width, mark = len(self._layout.kinds), self._layout.delimiter
+        even = mark is None or {line.count(mark) for line in lines} == {width - 1}
+        if not (even and self._read(lines)):
+            texts = ((k, self._formed(k, line)) for k, line in enumerate(lines, first))
+            self._take([(k, text) for k, text in texts if text is not None])
+        if cut_off:
+            self._leave_out(self._seen - 1, rest) if rest else self._remarks.append(self._seen - 1)
 
     def loaded(self) -> Loaded:
         """Return the table. Raises MeasurementError if too many lines are words."""
@@ -215,36 +212,56 @@ class _Rows:
             if column.joined:
                 one = 1e9 * (one - column.origin // 10**9) + cells[column.number]
             values.append(self._stamps[column.number].going_on(one) if column.stamped else one)
-        notes = []
-        if words := len(self._breaks):
-            rows = "1 line is" if words == 1 else f"{words} lines are"
-            notes.append(f"{rows} left out, not being numbers: {self._first_word}")
-        return Loaded(values, self._place, tuple(notes), tuple(self._breaks))
+        words, no_rows = sorted(self._words), sorted([*self._words, *self._remarks])
+        rows = "1 line is" if len(words) == 1 else f"{len(words)} lines are"
+        note = f"{rows} left out, not being numbers: {self._first_word}"
+        breaks = np.array(words, int) - self._layout.first - np.searchsorted(no_rows, words)
 
-    def _place(self, row: int) -> str:
-        """Return the place of a row in the file, for people."""
-        line = self._layout.first + row
-        for other in self._no_rows:
-            line += other <= line
-        return f"line {line + 1}"
+        def place(row: int) -> str:
+            line = self._layout.first + row
+            for other in no_rows:
+                line += other <= line
+            return f"line {line + 1}"
 
-    def _take(self, lines: list[str], first: int) -> None:
-        """Read lines; first is the index of the first one in the file."""
-        if (rows := self._at_once(lines)) is not None:
-            self._count += len(rows)
-            self._parts.append(rows)
-        elif len(lines) > _FEW:
-            half = len(lines) // 2
-            self._take(lines[:half], first)
-            self._take(lines[half:], first + half)
-        elif found := list(self._one_by_one(lines, first)):
-            self._parts.append(np.array(found))
+        return Loaded(values, place, (note,) * bool(words), tuple(breaks.tolist()))
 
-    def _at_once(self, lines: list[str]) -> NDArray[np.float64] | None:
-        """Return the cells of lines that are rows like all others, None if they are not."""
-        layout, mark, block = self._layout, self._layout.delimiter, "\n".join(lines)
-        if block.strip() == "" or (mark and {line.count(mark) for line in lines} != {self._marks}):
+    def _formed(self, number: int, line: str) -> str | None:
+        """Return a line with a cell for each column; None if it is a remark, or cannot have."""
+        mark, width = self._layout.delimiter, len(self._layout.kinds)
+        if is_remark(line):
+            self._remarks.append(number)
             return None
+        text = line.partition(" #")[0]
+        if mark is None or text.count(mark) == width - 1:
+            return text
+        cells = self._layout.split(text)
+        cells += (width - len(cells)) * [""]
+        try:
+            if any(cells[width:]):
+                raise ValueError(line)
+            for place, reader in self._readers.items():
+                reader(cells[place])
+        except (ValueError, OverflowError):
+            self._leave_out(number, line)
+            return None
+        return mark.join(f'"{cell}"' if mark in cell else cell for cell in cells[:width])
+
+    def _take(self, rows: list[tuple[int, str]]) -> None:
+        """Read lines with their numbers: halves, down to those that are no rows."""
+        if not rows or self._read([text for _, text in rows]):
+            return
+        if len(rows) == 1:
+            self._leave_out(*rows[0])
+            return
+        self._take(rows[: len(rows) // 2])
+        self._take(rows[len(rows) // 2 :])
+
+    def _read(self, lines: list[str]) -> bool:
+        """Read lines that are rows like all others; return False if some are not."""
+        layout, mark, block = self._layout, self._layout.delimiter, "\n".join(lines)
+        width = len(layout.kinds)
+        if block.strip() == "":
+            return False
         if "(" in block or "[" in block:
             block = _BRACKETS.sub("", unwrap_numbers(block))
         quote = '"' if '"' in block else None
@@ -264,47 +281,29 @@ class _Rows:
                 )  # fmt: skip
             except (ValueError, OverflowError):
                 continue
-            if len(rows) == len(lines) and (mark or rows.shape[1] == len(layout.kinds)):
-                return rows if mark else rows[:, places]
-        return None
+            if len(rows) == len(lines) and (mark or rows.shape[1] == width):
+                self._parts.append(rows if mark else rows[:, places])
+                return True
+        return False
 
-    def _one_by_one(self, lines: list[str], first: int) -> Iterator[list[float]]:
-        """Yield the wanted numbers of those lines that are rows, and count the others."""
-        layout, width = self._layout, len(self._layout.kinds)
-        for number, line in enumerate(lines, first):
-            text = line.strip()
-            if text == "" or text.startswith(COMMENTS):
-                self._no_rows.append(number)
-                continue
-            row = layout.split(line.split(" #")[0])
-            if layout.delimiter is not None and not any(row[width:]):
-                row = row[:width] + [""] * (width - len(row))
-            try:
-                if len(row) != width:
-                    raise ValueError(line)
-                found = [reader(row[place]) for place, reader in self._readers.items()]
-            except (ValueError, OverflowError):
-                self._leave_out(line, number)
-            else:
-                self._count += 1
-                yield found
-
-    def _leave_out(self, line: str, number: int) -> None:
+    def _leave_out(self, number: int, line: str) -> None:
         """Count a line, of this index in the file, that is no row."""
         shown = _shown(" ".join(line.split()))[:40]
-        self._first_word = self._first_word or f"line {number + 1} ({shown!r})"
-        self._no_rows.append(number)
-        self._breaks.append(self._count)
-        if len(self._breaks) > _FEW_WORDS:
+        self._words[number] = f"line {number + 1} ({shown!r})"
+        if len(self._words) > _FEW_WORDS:
             self._check_words()
+
+    @property
+    def _first_word(self) -> str:
+        return self._words[min(self._words)] if self._words else ""
 
     def _check_words(self) -> None:
         """Raise MeasurementError if too many lines are words."""
-        words = len(self._breaks)
-        if words > _MOST_WORDS * max(self._count, 10):
+        words, lines = len(self._words), self._seen - self._layout.first - len(self._remarks)
+        if words > _MOST_WORDS * lines:
             raise MeasurementError(
-                f"{words} of {words + self._count} lines are no rows of numbers, first "
-                f"{self._first_word}; remove them, or export a table of numbers"
+                f"{words} of {lines} lines are no rows of numbers, first {self._first_word}; "
+                "remove them, or export a table of numbers"
             )
 
 
@@ -325,10 +324,8 @@ def _description(path: Path, layout: Layout) -> list[str]:
             text = file.read().decode("utf-8", "replace")
     except (OSError, ReadError):
         return []
-    facts = defaultdict[str, list[str]](lambda: [""])
-    for line in text.splitlines():
-        key, _, value = line.partition(":")
-        facts[key] = value.rstrip(":").split(":")
+    pairs = (line.partition(":") for line in text.splitlines())
+    facts = defaultdict(lambda: [""], {key: v.rstrip(":").split(":") for key, _, v in pairs})
     if facts["XStart"] == [""] or facts["SignalResolution"] == [""]:
         return []
     names = [f"{facts['Source'][0]} ({facts['BaseUnit'][0]})"]
