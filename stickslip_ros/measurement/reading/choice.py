@@ -142,7 +142,8 @@ class Quantity:
         found = _SCALE.fullmatch(text.strip())
         number, given, count, per = found.groups() if found else (None,) * 4
         counts, unit, to, of = (per or "1").lower() in _COUNTS, *map(Unit.of, (stated, given, per))
-        factor = float(f"{number}1" if number in ("+", "-") else number or 1.0) / float(count or 1)
+        factor = float(f"{number}1" if number in ("+", "-") else number or 1.0)
+        factor /= float(count or 1) or math.nan
         known = (to is not None and to.dimension == self.dimension) if given or per else number
         if not known or not (counts or of) or not 0.0 < abs(factor) < 1e30:
             raise MeasurementError(
@@ -204,10 +205,10 @@ def choose(
     # The time is looked for last: it goes with the position.
     for quantity in sorted(quantities, key=lambda one: one is TIME):
         key, timely = quantity.key, quantity is TIME
-        if key in chosen or (timely and given.rate is not None):
+        if key in chosen or (key == "t" and given.rate is not None):
             continue
         if timely:
-            found = _times(table, chosen, likely.get("x"))
+            found = _times(table, chosen, likely.get("x", Column("")))
         else:
             found = _candidates(table, quantity, given, chosen)
         if isinstance(found, Column):
@@ -300,43 +301,35 @@ def _candidates(
         if bare and timely and _by_place(table):
             return first if quantity.key == "voltage" else second
     # Those with a unit are likelier; of those without names the first is often the time.
-    return sorted(
-        values or [c for c in table.columns if not _is_time(c)],
-        key=lambda c: (
-            c.dimension is None,
-            (not c.name and c.number == 1) or _is_abscissa(c, table),
-            c.name.lower().endswith("stamp"),
-        ),
-    )
+    likely = values or [c for c in table.columns if not _is_time(c)]
+    late = {c.number for c in likely if (not c.name and c.number == 1) or _is_abscissa(c, table)}
+    return sorted(likely, key=lambda c: (c.dimension is None, c.number in late))
 
 
 def _times(
-    table: Table, chosen: Mapping[str, Column], base: Column | None
+    table: Table, chosen: Mapping[str, Column], base: Column
 ) -> Column | list[Column] | None:
     """Return the time of the position base, those that it may be, None if base has a clock."""
-    if base is not None and base.alone:
+    if base.alone:
         return None
     free = [
         c
         for c in table.columns
-        if c not in chosen.values()
-        and c is not base
-        and (c.length is None or base is None or c.length == base.length)
+        if c not in (*chosen.values(), base)
+        and (c.length is None or base.length in (None, c.length))
     ]
     timed = [c for c in free if _is_time(c)]
     numbers = [c for c in timed if not c.stamped]
-    if base is not None:
-        beside = [c for c in numbers if base.name.startswith(_folder(c))]
-        deepest = max(map(len, map(_folder, beside)), default=0)
-        numbers = [c for c in beside if len(_folder(c)) == deepest] or numbers
+    beside = [c for c in numbers if base.name.startswith(_folder(c))]
+    deepest = max(map(len, map(_folder, beside)), default=0)
+    numbers = [c for c in beside if len(_folder(c)) == deepest] or numbers
     if usual := _with_names(numbers, TIME.names):
         same = [c for c in usual if c.name.lower() == usual[0].name.lower()]
         # Some programs write a column of time before each channel.
-        before = [c for c in same if base is not None and c.number < base.number]
-        return before[-1] if before else same[0 if base is None else -1]
+        return ([c for c in same if c.number < base.number] or same)[-1]
     if len(numbers) == 1:
         return numbers[0]
-    if base is not None and base.clock is not None:
+    if base.clock is not None:
         return None
     if numbers or timed:
         return numbers or timed[0]

@@ -36,7 +36,6 @@ class Layout:
     delimiter: str | None  #: None: blanks
     decimal: str
     grouped: bool  #: thousands are set apart
-    quoted: bool
     first: int = 0  #: index of the first line of numbers
     kinds: str = ""  #: of each column: n numbers, s stamps, w words, e nothing
 
@@ -46,8 +45,6 @@ class Layout:
         text = text[1:-1] if text[:1] + text[-1:] in ("()", "[]") else text
         if self.delimiter is None:
             return [cell.strip('"') for cell in text.split()]
-        if not self.quoted:
-            return [cell.strip() for cell in text.split(self.delimiter)]
         try:
             row = next(csv.reader([text], delimiter=self.delimiter, skipinitialspace=True), [])
         except csv.Error:
@@ -124,7 +121,7 @@ class Layout:
             )
         header = lines[first - 1].strip().lstrip("#% ") if first else ""
         names = [cell for cell in self.split(header) if cell]
-        halved = self.delimiter == "," and not self.quoted and 2 * len(names) == width
+        halved = self.delimiter == "," and 2 * len(names) == width
         if names and halved and not any(set(".eE") & set(one) for one in lines[first : first + 50]):
             raise MeasurementError(
                 f"line {first + 1} has {width} values below {len(names)} names; with decimal "
@@ -152,17 +149,14 @@ def is_remark(line: str) -> bool:
 
 def _forms(lines: Sequence[str], decimal: str | None) -> Iterator[tuple[Layout, list[str]]]:
     """Yield forms that lines may have, and the kinds of cells in each line with numbers."""
-    quoted = any('"' in line for line in lines)
     for mark in _DELIMITERS:
         if mark == decimal == "," or (mark and not any(mark in line for line in lines)):
             continue
-        plain = Layout(mark, ".", False, quoted)
+        plain = Layout(mark, ".", False)
         rows = [plain.split(line) for line in lines]
         cells = [cell for row in rows for cell in row]
-        with_comma = [cell for cell in cells if "," in cell]
-        signs = (decimal,) if decimal else (",", ".") if with_comma else (".",)
-        if not decimal and any("." in one and number_text(one, ".", True) for one in with_comma):
-            signs = (".",)
+        both = any("," in cell for cell in cells)
+        signs = (decimal,) if decimal else (",", ".") if both else (".",)
         for sign in signs:
             grouped = any(number_text(one, sign, True) and not number_text(one, sign)
                           for one in cells if ",."[sign == ","] in one)  # fmt: skip

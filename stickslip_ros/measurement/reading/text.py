@@ -5,25 +5,22 @@ It is laid out, named, and refused where it may be read in two ways. NumPy reads
 once, with our reader of cells where it does not know their spelling. A block with lines that are no
 rows is halved until they are alone: words are left out and counted.
 
-Rohde & Schwarz write pairs: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header.
-With one column more than channels were exported, the first is the time; otherwise the description
-gives the time of the first sample and the step.
+Rohde & Schwarz write pairs: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header:
+the time of the first sample, the step, and the unit of a single channel.
 """
 
 from __future__ import annotations
 
 import bz2
 import codecs
+import contextlib
 import gzip
 import io
 import lzma
 import re
 import zlib
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -37,14 +34,11 @@ from stickslip_ros.measurement.reading.preamble import columns_above
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
 from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
 
-#: Characters that are read at once.
-_BLOCK = 4_000_000
-_PROGRESS: dict[str, Any] = {"unit": "B", "unit_scale": True, "delay": 0.5, "disable": None}
+#: Characters that are read at once; those that no line of a table has.
+_BLOCK, _LONGEST = 4_000_000, 100_000
 #: What a byte and a line of unpacked text take of the allowance: bytes in memory, and the time of a
 #: row as bytes. A row of a measurement takes more than a byte when it is packed, as it has noise.
 _GROWS, _ROW = 5, 300
-#: Lines longer than this are of no table.
-_LONGEST = 100_000
 _PACKED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 _MARKS = {
     b"\xff\xfe\0\0": "utf-32", b"\0\0\xfe\xff": "utf-32", b"\xff\xfe": "utf-16",
@@ -52,14 +46,12 @@ _MARKS = {
 }  # fmt: skip
 #: Characters that texts hardly have.
 _NO_TEXT = re.compile(r"[\0-\x08\x0e-\x1a\x1c-\x1f\x7f-\x9f\ufffd]")
-#: Share of them that is no text any more; share of ASCII where µ is one byte, or all are two.
-_MOST_ODD, _LEAST_PLAIN = 0.02, 0.7
 #: Share of rows that may be words before the table is taken for something else; so many lines of
 #: words are read before that is judged.
 _MOST_WORDS, _FEW_WORDS = 0.1, 20_000
 _BRACKETS = re.compile(r"^[ ]*[(\[]|[)\]][ ]*$", re.MULTILINE)
-#: End of the name of Rohde & Schwarz's numbers; bytes of their description at most.
-_NUMBERS, _DESCRIPTION = ".wfm.csv", 1_000_000
+#: End of the name of Rohde & Schwarz's numbers.
+_NUMBERS = ".wfm.csv"
 
 
 def encoding_of(start: bytes) -> str | None:
@@ -67,21 +59,18 @@ def encoding_of(start: bytes) -> str | None:
     for mark, name in _MARKS.items():
         if start.startswith(mark):
             return name
-    # An instrument may write µ in one byte; damage is replaced.
-    tried = ("utf-16-le", "utf-16-be") if b"\0" in start else ("utf-8", "cp1252")
-    for name in tried:
+    # An instrument may write µ in one byte; damage is replaced. The last character may be cut.
+    for name in ("utf-16-le", "utf-16-be") if b"\0" in start else ("utf-8", "cp1252"):
         errors = "replace" if name == "cp1252" else "strict"
-        try:  # the last character may be cut
+        with contextlib.suppress(UnicodeDecodeError):
             text = codecs.getincrementaldecoder(name)(errors).decode(start)
-        except UnicodeDecodeError:
-            continue
-        plain = name == "utf-8" or len(text.encode("ascii", "ignore")) >= _LEAST_PLAIN * len(text)
-        if plain and "\0" not in text and len(_NO_TEXT.findall(text)) <= _MOST_ODD * len(text):
-            return name
+            plain = 1.0 if name == "utf-8" else len(text.encode("ascii", "ignore")) / len(text)
+            if plain >= 0.7 and "\0" not in text and len(_NO_TEXT.findall(text)) <= len(text) / 50:
+                return name
     return None
 
 
-@contextmanager
+@contextlib.contextmanager
 def _open(path: Path) -> Iterator[tuple[Any, Any]]:
     """Open the file and its unpacked form. Raises MeasurementError if it cannot be unpacked."""
     with open_regular(path) as file:
@@ -99,8 +88,10 @@ def _blocks_of(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
 
     Raises MeasurementError for lines of no table, ReadError if it unpacks to too much.
     """
-    size, about, allowance = path.stat().st_size, f"reading {path.name}", Allowance(path)
-    with _open(path) as (file, inner), tqdm(total=size, desc=about, **_PROGRESS) as bar:
+    allowance, size = Allowance(path), path.stat().st_size
+    bar = tqdm(desc=f"reading {path.name}", total=size, unit="B", unit_scale=True, delay=0.5,
+               disable=None)  # fmt: skip
+    with _open(path) as (file, inner), bar:
         text = io.TextIOWrapper(inner, encoding, errors="replace", newline=None)
         rest, block = "", text.read(_BLOCK)
         while block:
@@ -110,8 +101,9 @@ def _blocks_of(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
             lines = (rest + block).split("\n")
             rest = lines.pop() if following else ""
             if max(map(len, (rest, *lines))) > _LONGEST:
-                cure = "write each sample on a line of its own"
-                raise MeasurementError(f"a line has more than {_LONGEST} characters; {cure}")
+                raise MeasurementError(
+                    f"a line has more than {_LONGEST} characters; write each sample on its own line"
+                )
             yield lines, not following
             bar.update(max(0, file.tell() - bar.n))
             block = following
@@ -133,7 +125,8 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
     except MeasurementError as error:
         shown = _preview_of(lines, 0)
         raise MeasurementError(f"{error}{shown and f'; it begins:{chr(10)}{shown}'}") from None
-    described = _description(path, layout) if layout.first == 0 else []
+    numbers = path.name.lower().endswith(_NUMBERS) and layout.first == 0
+    described = _description(path) if numbers else []
     columns = columns_above([*described, *lines[: layout.first + 100]],
                             replace(layout, first=layout.first + len(described)))  # fmt: skip
 
@@ -314,33 +307,21 @@ def numbers_of(path: Path) -> Path:
     return partner if partner.is_file() else path
 
 
-def _description(path: Path, layout: Layout) -> list[str]:
+def _description(path: Path) -> list[str]:
     """Return the header that Rohde & Schwarz's description beside numbers without one makes."""
-    if not path.name.lower().endswith(_NUMBERS):
-        return []
     try:
         described = path.with_name(f"{path.name[: -len(_NUMBERS)]}.csv")
-        with open_regular(described, _DESCRIPTION) as file:
-            text = file.read().decode("utf-8", "replace")
+        with open_regular(described, largest=1_000_000) as file:
+            lines = file.read().decode("utf-8", "replace").splitlines()
     except (OSError, ReadError):
         return []
-    pairs = (line.partition(":") for line in text.splitlines())
-    facts = defaultdict(lambda: [""], {key: v.rstrip(":").split(":") for key, _, v in pairs})
-    if facts["XStart"] == [""] or facts["SignalResolution"] == [""]:
-        return []
-    names = [f"{facts['Source'][0]} ({facts['BaseUnit'][0]})"]
-    if facts["MultiChannelExport"][0] == "On":
-        about = ("MultiChannelExportState", "MultiChannelSource", "MultiChannelViewUnit")
-        channels = zip_longest(*(facts[key][1:] for key in about), fillvalue="")
-        names = [f"{name} ({unit})" for state, name, unit in channels if state == "On" and name]
-    clock = []
-    if len(layout.kinds) == len(names) + 1:
-        names = ["time (s)", *names]
+    facts = {key: value.rstrip(":") for key, _, value in (line.partition(":") for line in lines)}
+    keys = {"start": "XStart", "increment": "SignalResolution", "points": "SignalRecordLength"}
+    if facts.get("MultiChannelExport") != "On":  # of several channels, each has its own unit
+        keys["vunit"] = "BaseUnit"
     # Of several acquisitions one after the other, nothing says when they were.
-    elif facts["NumberOfAcquisitions"][0] in ("", "1"):
-        keys = {"start": "XStart", "increment": "SignalResolution", "points": "SignalRecordLength"}
-        clock = [f"{key}: {facts[name][0]}" for key, name in keys.items()]
-    return [*clock, (layout.delimiter or "").join(names)] if len(names) == len(layout.kinds) else []
+    one = facts.get("NumberOfAcquisitions", "1") == "1"
+    return [f"{key}: {facts[name]}" for key, name in keys.items() if one and name in facts]
 
 
 def _shown(text: str) -> str:
