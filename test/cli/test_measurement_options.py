@@ -90,6 +90,7 @@ def test_bad_use_is_told(tmp_path: Path) -> None:
         ("--sensor-angle 90", "between -85 and 85"),
         ("--wavelength 633m", "the wavelength is 633 m; that of an interferometer lies between"),
         ("--scale x=nm/furlong", "'nm/furlong' gives no length by units that are known; write it"),
+        ("--scale x=5nm/0V", "'5nm/0V' gives no length"),
         ("--scale x=5V", "'5V' gives no length by units that are known; write it as 50nm/V"),
         ("--columns nix", "'nix' is not of the form t=...,x=..."),
         ("--units y=nm", "there is no quantity 'y'; known: t (time), x (position)"),

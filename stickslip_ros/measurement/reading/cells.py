@@ -47,8 +47,7 @@ def is_stamp(cell: str) -> bool:
 
 def has_offset(cell: str) -> bool:
     """Return whether a cell is a time with its offset from UTC."""
-    found = _STAMP.fullmatch(cell)
-    return found is not None and found["zone"] is not None
+    return bool((found := _STAMP.fullmatch(cell)) and found["zone"])
 
 
 def value_of(cell: str, decimal: str, grouped: bool) -> float:

@@ -240,28 +240,25 @@ def _in_order(
             "one from all of them, or give the samples per second with --rate"
         )
     usual = np.median(np.abs(steps)) if column.stamped and column.unit != UTC else _HOUR
-    hours = np.abs(np.abs(steps) - _HOUR) <= 1.5 * usual
-    if usual < _DENSE and hours.any():
-        row = int(np.argmax(hours)) + 1
+    hours = (np.abs(np.abs(steps) - _HOUR) <= 1.5 * usual) & (usual < _DENSE)
+    if not hours.any():
+        if (steps > 0.0).all():
+            return t
+        if (steps >= 0.0).all() and (even := _unrounded(t)) is not None:
+            notes.append("times are rounded so that some are alike; evenly spaced ones are taken")
+            return even
+    row = int(np.argmax(hours if hours.any() else steps <= 0.0)) + 1
+    parts = _parts(places, row)
+    if hours.any():
         what, when = ("repeats", "ends") if steps[row - 1] < 0.0 else ("is missing", "begins")
-        raise MeasurementError(
-            f"{loaded.place(int(places[row]))}, column {column}: an hour {what} before it, as "
-            f"where daylight saving {when}; write the times with their offset from UTC, such as "
-            f"+02:00, or read one part: {_parts(places, row)}"
-        )
-    if (steps > 0.0).all():
-        return t
-    if (steps >= 0.0).all() and (even := _unrounded(t)) is not None:
-        notes.append("the times are rounded so that some are alike; evenly spaced ones are taken")
-        return even
-    row = int(np.argmin(steps > 0.0)) + 1
-    cure = "sort the rows by time and keep each time once"
-    if t[row] < t[row - 1] and (parts := _parts(places, row)):
-        cure += f"; if another measurement begins there, read one part: {parts}"
-    raise MeasurementError(
-        f"{loaded.place(int(places[row]))}, column {column}: the time {float(t[row])!r} does not "
-        f"come after {float(t[row - 1])!r}; {cure}, or give the samples per second with --rate"
-    )
+        why = f"an hour {what} before it, as where daylight saving {when}; write the times with "
+        why += f"their offset from UTC, such as +02:00, or read one part: {parts}"
+    else:
+        why = f"the time {float(t[row])!r} does not come after {float(t[row - 1])!r}; sort the "
+        why += "rows by time and keep each time once, or give the samples per second with --rate"
+        if parts and t[row] < t[row - 1]:
+            why += f"; if another measurement begins there, read one part: {parts}"
+    raise MeasurementError(f"{loaded.place(int(places[row]))}, column {column}: {why}")
 
 
 def _unrounded(t: Array) -> Array | None:

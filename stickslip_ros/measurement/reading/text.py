@@ -2,8 +2,8 @@
 """Delimited text as a table, packed or not, in whatever encoding it is.
 
 It is laid out, named, and refused where it may be read in two ways. NumPy reads a block of lines at
-once, with our reader of cells where it does not know their spelling. A block with lines that are no
-rows is halved until they are alone: words are left out and counted.
+once, with our reader of cells where it does not know their spelling. Of a block with lines that are
+no rows, it reads a few at once, and those among them one by one: words are left out and counted.
 
 Rohde & Schwarz write pairs: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header:
 the time of the first sample, the step, and the unit of a single channel.
@@ -49,6 +49,8 @@ _NO_TEXT = re.compile(r"[\0-\x08\x0e-\x1a\x1c-\x1f\x7f-\x9f\ufffd]")
 #: Share of rows that may be words before the table is taken for something else; so many lines of
 #: words are read before that is judged.
 _MOST_WORDS, _FEW_WORDS = 0.1, 20_000
+#: Lines that are read at once where some in a block are no rows.
+_FEW = 64
 _BRACKETS = re.compile(r"^[ ]*[(\[]|[)\]][ ]*$", re.MULTILINE)
 #: End of the name of Rohde & Schwarz's numbers.
 _NUMBERS = ".wfm.csv"
@@ -186,17 +188,19 @@ class _Rows:
         cut_off = last and len(rest) < self._usual
         if cut_off:
             lines.pop()
-        width, mark = len(self._layout.kinds), self._layout.delimiter
-        even = mark is None or {line.count(mark) for line in lines} == {width - 1}
-        if not (even and self._read(lines)):
-            texts = ((k, self._formed(k, line)) for k, line in enumerate(lines, first))
-            self._take([(k, text) for k, text in texts if text is not None])
+        if not self._read(lines):
+            for k in range(0, len(lines), _FEW):
+                if not self._read(few := lines[k : k + _FEW]):
+                    rows = [
+                        row for n, line in enumerate(few, first + k) if (row := self._row(n, line))
+                    ]
+                    self._parts.append(np.array(rows, float).reshape(-1, len(self._readers)))
         if cut_off:
             self._leave_out(self._seen - 1, rest) if rest else self._remarks.append(self._seen - 1)
 
     def loaded(self) -> Loaded:
         """Return the table. Raises MeasurementError if too many lines are words."""
-        self._check_words()
+        notes = self._notes()
         cells = dict(zip(self._readers, np.concatenate(self._parts).T, strict=True))
         self._parts.clear()  # its memory is needed
         values = []
@@ -206,8 +210,6 @@ class _Rows:
                 one = 1e9 * (one - column.origin // 10**9) + cells[column.number]
             values.append(self._stamps[column.number].going_on(one) if column.stamped else one)
         words, no_rows = sorted(self._words), sorted([*self._words, *self._remarks])
-        rows = "1 line is" if len(words) == 1 else f"{len(words)} lines are"
-        note = f"{rows} left out, not being numbers: {self._first_word}"
         breaks = np.array(words, int) - self._layout.first - np.searchsorted(no_rows, words)
 
         def place(row: int) -> str:
@@ -216,44 +218,31 @@ class _Rows:
                 line += other <= line
             return f"line {line + 1}"
 
-        return Loaded(values, place, (note,) * bool(words), tuple(breaks.tolist()))
+        return Loaded(values, place, notes, tuple(breaks.tolist()))
 
-    def _formed(self, number: int, line: str) -> str | None:
-        """Return a line with a cell for each column; None if it is a remark, or cannot have."""
-        mark, width = self._layout.delimiter, len(self._layout.kinds)
+    def _row(self, number: int, line: str) -> list[float] | None:
+        """Return the wanted numbers of a line, of this index in the file, None if it is no row."""
         if is_remark(line):
             self._remarks.append(number)
             return None
-        text = line.partition(" #")[0]
-        if mark is None or text.count(mark) == width - 1:
-            return text
-        cells = self._layout.split(text)
-        cells += (width - len(cells)) * [""]
+        layout, width = self._layout, len(self._layout.kinds)
+        cells = layout.split(line.partition(" #")[0])
+        if layout.delimiter:
+            cells += (width - len(cells)) * [""]
         try:
-            if any(cells[width:]):
+            if len(cells) < width or any(cells[width:]):
                 raise ValueError(line)
-            for place, reader in self._readers.items():
-                reader(cells[place])
+            return [reader(cells[place]) for place, reader in self._readers.items()]
         except (ValueError, OverflowError):
             self._leave_out(number, line)
             return None
-        return mark.join(f'"{cell}"' if mark in cell else cell for cell in cells[:width])
-
-    def _take(self, rows: list[tuple[int, str]]) -> None:
-        """Read lines with their numbers: halves, down to those that are no rows."""
-        if not rows or self._read([text for _, text in rows]):
-            return
-        if len(rows) == 1:
-            self._leave_out(*rows[0])
-            return
-        self._take(rows[: len(rows) // 2])
-        self._take(rows[len(rows) // 2 :])
 
     def _read(self, lines: list[str]) -> bool:
         """Read lines that are rows like all others; return False if some are not."""
         layout, mark, block = self._layout, self._layout.delimiter, "\n".join(lines)
         width = len(layout.kinds)
-        if block.strip() == "":
+        counts = {line.count(mark) for line in lines} if mark else {width - 1}
+        if counts != {width - 1} or block.strip() == "":
             return False
         if "(" in block or "[" in block:
             block = _BRACKETS.sub("", unwrap_numbers(block))
@@ -284,20 +273,21 @@ class _Rows:
         shown = _shown(" ".join(line.split()))[:40]
         self._words[number] = f"line {number + 1} ({shown!r})"
         if len(self._words) > _FEW_WORDS:
-            self._check_words()
+            self._notes()
 
-    @property
-    def _first_word(self) -> str:
-        return self._words[min(self._words)] if self._words else ""
-
-    def _check_words(self) -> None:
-        """Raise MeasurementError if too many lines are words."""
+    def _notes(self) -> tuple[str, ...]:
+        """Return a note on lines that are left out. Raises MeasurementError if they are many."""
         words, lines = len(self._words), self._seen - self._layout.first - len(self._remarks)
-        if words > _MOST_WORDS * lines:
+        if not words:
+            return ()
+        first = self._words[min(self._words)]
+        if words > _MOST_WORDS * max(lines - words, 10):
             raise MeasurementError(
-                f"{words} of {lines} lines are no rows of numbers, first {self._first_word}; "
-                "remove them, or export a table of numbers"
+                f"{words} of {lines} lines are no rows of numbers, first {first}; remove them, or "
+                "export a table of numbers"
             )
+        rows = "1 line is" if words == 1 else f"{words} lines are"
+        return (f"{rows} left out, not being numbers: {first}",)
 
 
 def numbers_of(path: Path) -> Path:

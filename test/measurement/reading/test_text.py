@@ -54,8 +54,8 @@ def test_columns_and_units_can_be_given(tmp_path: Path) -> None:
     file = tmp_path / "m.csv"
     lines = [f"{k},{k * k},{2 * k}" for k in range(ROWS)]
     file.write_text("\n".join(["clock (s),square,double (nm)", *lines]))
-    for columns in ({"t": "clock", "x": "double"}, {"t": "1", "x": "3"}):
-        found = read_measurement(file, Reading(columns, {"t": "us"}))
+    for columns in ({"t": "clock", "x": "double"}, {"t": "1", "x": 3}):
+        found = read_measurement(file, Reading(columns, {"t": "us"}))  # type: ignore[arg-type]
         assert found.t == pytest.approx(1e-6 * np.arange(ROWS))
         assert found.x == pytest.approx(2e-9 * np.arange(ROWS))
     file.write_text("\n".join(lines))
@@ -107,11 +107,6 @@ BAD: list[tuple[str, str, list[str]]] = [
         ["line 2 has a unit behind a number ('0.5 ms')", "as in 'x (nm)'"],
     ),
     (
-        "a unit in one column",
-        "\n".join(["time (s),x (nm)", *(f"{k},{k}.25nm" for k in range(ROWS))]),
-        ["line 2 has a unit behind a number ('0.25nm')"],
-    ),
-    (
         "two measurements",
         GOOD + GOOD,
         ["line 23", "time 0.0 does not come after 19.0", "--rows 1:20 or --rows 21:"],
@@ -145,6 +140,7 @@ def test_what_is_no_row_is_left_out_and_told(tmp_path: Path) -> None:
         (("5.0,50.5", "5.0"), 1, "1 of 20 rows have a gap"),
         (("19.0,190.5\n", "19.0,190.5\nMean,95.5\n"), 0, "line 22 ('Mean,95.5')"),
         (("19.0,190.5\n", "19.0,"), 1, "line 21 ('19.0,')"),  # cut off
+        (("5.0,50.5", '"5.0",50,5"'), 1, "line 7"),  # a mark of quotation that is missing
     ]:
         file = tmp_path / "m.csv"
         file.write_text(GOOD.replace(*damage), encoding="utf-8")
