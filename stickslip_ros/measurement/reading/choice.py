@@ -22,8 +22,8 @@ _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
 #: What a scale is per where the column has plain numbers.
 _COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample", "samples", "1"}
-#: Wavelengths (m) of light that interferometers use, ultraviolet to infrared.
-_LIGHT = (1e-7, 2e-5)
+#: Unit, lowest and highest value, example. Interferometers use light, ultraviolet to infrared.
+_BOUNDS = {"rate": ("Hz", 0.0, math.inf, "10kHz"), "wavelength": ("m", 1e-7, 2e-5, "633nm")}
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,12 @@ class Reading:
                     object.__setattr__(self, name, read(given))
             except ValueError as error:
                 raise MeasurementError(f"{name}: {error}") from None
-        if self.rate is not None and not 0.0 < self.rate < math.inf:
-            raise MeasurementError(f"rate is {self.rate:g} Hz; it has to be above 0")
-        shortest, longest = _LIGHT
-        if self.wavelength is not None and not shortest <= self.wavelength <= longest:
-            raise MeasurementError(
-                f"the wavelength is {self.wavelength:g} m; that of an interferometer lies between "
-                f"{shortest:g} and {longest:g} m, such as 633nm"
-            )
+        for name, (unit, low, high, example) in _BOUNDS.items():
+            if (value := getattr(self, name)) is not None and not low < value < high:
+                raise MeasurementError(
+                    f"{name} is {value:g} {unit}; it has to lie between {low:g} and {high:g} "
+                    f"{unit}, such as {example}"
+                )
 
 
 def _pairs(given: Any) -> dict[str, str]:
