@@ -134,7 +134,7 @@ class Layout:
             column = [row[k].lstrip("+-") for row in rows if k < len(row) and row[k]]
             with_comma = [cell for cell in column if "," in cell]
             without = [cell for cell in column if "," not in cell]
-            thousands = all(number_text(one, ".", True) and one[0] != "0" for one in with_comma)
+            thousands = all(number_text(one, ".", True) for one in with_comma)
             if with_comma and without and thousands and all(len(cell) <= 3 for cell in without):
                 raise MeasurementError(
                     f"column {k + 1}: is {with_comma[0]!r} a number with a decimal comma or one "
@@ -155,7 +155,7 @@ def _forms(lines: Sequence[str], decimal: str | None) -> Iterator[tuple[Layout, 
         plain = Layout(mark, ".", False)
         rows = [plain.split(line) for line in lines]
         cells = [cell for row in rows for cell in row]
-        both = any("," in cell for cell in cells)
+        both = any("," in cell and number_text(cell, ",", True) for cell in cells)
         signs = (decimal,) if decimal else (",", ".") if both else (".",)
         for sign in signs:
             grouped = any(number_text(one, sign, True) and not number_text(one, sign)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables of measurements: separators, names, units, and what is said of bad ones."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +66,10 @@ def test_columns_and_units_can_be_given(tmp_path: Path) -> None:
     assert found.u[3] == pytest.approx(6e-9)
 
 
+def lines(header: str, row: Callable[[int], str], rows: int = ROWS) -> str:
+    return "\n".join([header, *map(row, range(rows))])
+
+
 GOOD = table("t (s),x (nm)", ",")
 BAD: list[tuple[str, str, list[str]]] = [
     (
@@ -83,27 +88,27 @@ BAD: list[tuple[str, str, list[str]]] = [
     ("decimal commas", table("t (s),x (nm)", ",", ","), ["line 2 has 4 values", "separate"]),
     (
         "which column",
-        "\n".join(["a (s),b (m),c (m)", *(f"{k},{k},{k}" for k in range(ROWS))]),
+        lines("a (s),b (m),c (m)", lambda k: f"{k},{k},{k}"),
         ["which column is the position?", "--columns x=b", "1 a (s)", "2 b (m)", "3 c (m)"],
     ),
     (
         "over what",
-        "\n".join(["x,y", *(f"{k},{k}" for k in range(ROWS))]),
+        lines("x,y", lambda k: f"{k},{k}"),
         ["which column is the position?", "--columns x=y --units x=nm,t=ms"],
     ),
     (
         "mostly words",
-        "\n".join(["t (s),x (nm)", *(f"{k},{k if k % 3 else 'red'}" for k in range(40))]),
+        lines("t (s),x (nm)", lambda k: f"{k},{k if k % 3 else 'red'}", 40),
         ["13 of 39 lines are no rows of numbers", "line 5 ('3,red')"],
     ),
     (
         "thousands or decimals",
-        "\n".join(["t (ms);x (nm)", *(f"{k};{k * 300:,}" for k in range(ROWS))]),
+        lines("t (ms);x (nm)", lambda k: f"{k};{k * 300:,}"),
         ["'1,200'", "--decimal"],
     ),
     (
         "units in the cells",
-        "\n".join(["t,x", *(f"{k}.5 ms,{k}.25 nm" for k in range(ROWS))]),
+        lines("t,x", lambda k: f"{k}.5 ms,{k}.25 nm"),
         ["line 2 has a unit behind a number ('0.5 ms')", "as in 'x (nm)'"],
     ),
     (
@@ -149,6 +154,15 @@ def test_what_is_no_row_is_left_out_and_told(tmp_path: Path) -> None:
         assert found.x == pytest.approx(1e-9 * (10 * found.t + 0.5))
         assert len(found.notes) == (note is not None)
         assert (note or "") in "".join(found.notes)
+
+
+def test_a_stray_comma_makes_no_thousands_of_decimals(tmp_path: Path) -> None:
+    """In a header, or with what is behind it in a cell that a mark of quotation begins."""
+    file = tmp_path / "m.csv"
+    text = lines("t (s),x (nm)", lambda k: f"{k}.000,{k}.250")
+    for stray in (text.replace("\n5.0", '\n".0'), "Points\t1,000\n" + text.replace(",", "\t")):
+        file.write_text(stray)
+        assert read_measurement(file).x[:2] == pytest.approx([0.25e-9, 1.25e-9])
 
 
 def test_names_of_columns_are_shortened_in_messages(tmp_path: Path) -> None:
