@@ -100,8 +100,10 @@ class Layout:
             following = [fits(one) for one in lines[index : index + _FOLLOWING] if one.strip()]
             return sum(following) >= _MOST * len(following)
 
-        alone, more = ((k for k, line in enumerate(lines) if fits(line, 0)) for _ in "12")
-        first = next(filter(goes_on, more), next(alone, 0))
+        def fitting() -> Iterator[int]:
+            return (k for k, line in enumerate(lines) if fits(line, besides=0))
+
+        first = next(filter(goes_on, fitting()), next(fitting(), 0))
         while first > 0 and fits(lines[first - 1]):
             first -= 1
         return first
@@ -155,9 +157,9 @@ def _forms(lines: Sequence[str], decimal: str | None) -> Iterator[tuple[Layout, 
         plain = Layout(mark, ".", False)
         rows = [plain.split(line) for line in lines]
         cells = [cell for row in rows for cell in row]
-        both = any("," in cell and number_text(cell, ",", True) for cell in cells)
-        signs = (decimal,) if decimal else (",", ".") if both else (".",)
-        for sign in signs:
+        commas, points = (sum(sign in cell for cell in cells) for sign in ",.")
+        # Of two that make as many rows, the first is taken.
+        for sign in decimal or (",." if commas and commas >= points else ".,"):
             grouped = any(number_text(one, sign, True) and not number_text(one, sign)
                           for one in cells if ",."[sign == ","] in one)  # fmt: skip
             layout = replace(plain, decimal=sign, grouped=grouped)

@@ -195,8 +195,10 @@ class _Rows:
                         row for n, line in enumerate(few, first + k) if (row := self._row(n, line))
                     ]
                     self._parts.append(np.array(rows, float).reshape(-1, len(self._readers)))
-        if cut_off:
-            self._leave_out(self._seen - 1, rest) if rest else self._remarks.append(self._seen - 1)
+        if cut_off and rest:
+            self._leave_out(self._seen - 1, rest)
+        elif cut_off:
+            self._remarks.append(self._seen - 1)
 
     def loaded(self) -> Loaded:
         """Return the table. Raises MeasurementError if too many lines are words."""
