@@ -66,8 +66,9 @@ def encoding_of(start: bytes) -> str | None:
         errors = "replace" if name == "cp1252" else "strict"
         with contextlib.suppress(UnicodeDecodeError):
             text = codecs.getincrementaldecoder(name)(errors).decode(start)
-            plain = 1.0 if name == "utf-8" else len(text.encode("ascii", "ignore")) / len(text)
-            if plain >= 0.7 and "\0" not in text and len(_NO_TEXT.findall(text)) <= len(text) / 50:
+            plain = len(text) if name == "utf-8" else len(text.encode("ascii", "ignore"))
+            odd = len(_NO_TEXT.findall(text))
+            if plain >= 0.7 * len(text) and "\0" not in text and odd <= 0.02 * len(text):
                 return name
     return None
 

@@ -188,9 +188,10 @@ def test_a_missing_column_is_named_with_those_there_are(tmp_path: Path) -> None:
 
 def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "m.csv"
-    file.write_bytes(b"PK\x03\x04\0\0\0")
-    with pytest.raises(MeasurementError, match="neither text nor a known format"):
-        read_measurement(file)
+    for content, words in ((b"PK\x03\x04\0\0\0", "neither text nor a known"), (b"\0", "no row")):
+        file.write_bytes(content)
+        with pytest.raises(MeasurementError, match=words):
+            read_measurement(file)
     with pytest.raises(MeasurementError, match="No such file"):
         read_measurement(tmp_path / "none.csv")
 
