@@ -93,20 +93,15 @@ def drive_of(args: argparse.Namespace, motion: Motion, recorded: Drive | None = 
 def reading_of(args: argparse.Namespace) -> Reading:
     """Return how the options say that a file is read. Raises UsageError, MeasurementError."""
     from stickslip_ros.measurement.reading import Reading
-    from stickslip_ros.measurement.reading.choice import pairs
 
     angle = getattr(args, "sensor_angle", 0.0)
     if not -85.0 <= angle <= 85.0:
         raise UsageError(f"--sensor-angle is {angle:g} degrees; it has to lie between -85 and 85")
+    given = ("columns", "units", "scale", "rate", "rows", "decimal")
     return Reading(
-        columns=pairs("columns", *args.columns),
-        units=pairs("units", *args.units),
-        scale=pairs("scale", *args.scale),
-        rate=args.rate,
+        **{name: getattr(args, name) for name in given},
         angle=math.radians(angle),
         wavelength=getattr(args, "wavelength", None),
-        rows=args.rows,
-        decimal=args.decimal,
     )
 
 

@@ -84,13 +84,14 @@ def test_lost_fringes_are_counted_and_taken_out(
 
 def test_bad_use_is_told(tmp_path: Path) -> None:
     for arguments, words in [
-        ("--rate 0", "rate is 0 Hz; it has to be above 0"),
+        ("--rate 0", "rate is 0 Hz; it has to lie between 0 and inf Hz, such as 10kHz"),
         ("--rows 5", "write it as 1:5000 or 5001:"),
         ("--rows 9:3", "the last must not be before the first"),
         ("--sensor-angle 90", "between -85 and 85"),
-        ("--wavelength 633m", "the wavelength is 633 m; that of an interferometer lies between"),
-        ("--scale x=nm/furlong", "'furlong' is not a known unit"),
-        ("--scale x=5V", "gives a voltage; it has to give a length"),
+        ("--wavelength 633m", "wavelength is 633 m; it has to lie between 1e-07 and 2e-05 m"),
+        ("--scale x=nm/furlong", "'nm/furlong' gives no length by units that are known; write it"),
+        ("--scale x=5nm/0V", "'5nm/0V' gives no length"),
+        ("--scale x=5V", "'5V' gives no length by units that are known; write it as 50nm/V"),
         ("--columns nix", "'nix' is not of the form t=...,x=..."),
         ("--units y=nm", "there is no quantity 'y'; known: t (time), x (position)"),
         ("--rows 1:9", "9 rows of numbers; 16 or more are needed"),

@@ -129,7 +129,7 @@ def test_an_option_that_a_message_asks_for_is_an_argument_as_it_stands(tmp_path:
     for name, wrong in {"units": "nm", "rate": "10 nm", "rows": "5", "scale": "x"}.items():
         with pytest.raises(ss.MeasurementError, match=f"{name}: '{wrong}' is "):
             ss.read_measurement("steps_100hz.csv", **{name: wrong})
-    with pytest.raises(ss.MeasurementError, match=r"units is \['nm'\]; give a value for each"):
+    with pytest.raises(ss.MeasurementError, match=r"units: 'nm' is not of the form t=\.\.\.,x="):
         ss.read_measurement("steps_100hz.csv", units=["nm"])
     with pytest.raises(ss.MeasurementError, match="there is no measurement run"):
         ss.read_measurement("run")

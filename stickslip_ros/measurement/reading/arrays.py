@@ -8,6 +8,7 @@ MATLAB's files are read in a process of their own: a broken one can crash SciPy'
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import math
 import os
@@ -73,22 +74,17 @@ def columns_in(
     """Yield the columns that an array holds: its fields, or itself, or its columns."""
     if type(array) is not np.ndarray and not isinstance(array, np.void):
         return  # an object or a function of MATLAB
-    array = np.asarray(array)
-    if array.dtype.names:
-        flat = array.reshape(-1)
-        for field in array.dtype.names:
-            inner = flat[field][0] if flat.size == 1 else flat[field]
-            yield from columns_in(f"{name}.{field}" if name else field, inner, None, clock)
+    array = np.squeeze(np.asarray(array))
+    if names := array.dtype.names:
+        for field in names:
+            yield from columns_in(f"{name}.{field}".lstrip("."), array[field], None, clock)
     elif array.dtype == object and array.size == 1:
-        yield from columns_in(name, array.reshape(-1)[0], None, clock)
-    elif array.dtype.kind in "cfiu" and array.size > 1:
-        array = np.squeeze(array)
-        if array.ndim == 1:
-            yield Column(name, unit, clock, array)
-        elif array.ndim == 2 and min(array.shape) <= _WIDEST:
-            rows = array if array.shape[0] >= array.shape[1] else array.T
-            for k in range(rows.shape[1]):
-                yield Column(f"{name}[{k + 1}]" if name else "", unit, clock, rows[:, k])
+        yield from columns_in(name, array.item(), None, clock)
+    elif array.dtype.kind in "cfiu" and array.ndim == 1 and array.size > 1:
+        yield Column(name, unit, clock, array)
+    elif array.dtype.kind in "cfiu" and array.ndim == 2 and min(array.shape) <= _WIDEST:
+        for k, column in enumerate(array.T if len(array) >= len(array.T) else array, 1):
+            yield Column(f"{name}[{k}]" if name else "", unit, clock, column)
 
 
 def read_npy(path: Path) -> Table:
@@ -102,11 +98,10 @@ def read_npz(path: Path) -> Table:
     allowance, held = Allowance(path), {}
     with asking("arrays"), zipfile.ZipFile(path) as packed:
         for member in packed.infolist():
-            name, _, suffix = member.filename.rpartition(".")
-            if suffix == "npy":
-                allowance.spend(member.file_size)
+            allowance.spend(member.file_size)
+            if (inside := Path(member.filename)).suffix == ".npy":
                 with packed.open(member) as file:
-                    held[name] = _array(file, member.file_size)
+                    held[inside.stem] = _array(file, member.file_size)
     return _of_mapping(held)
 
 
@@ -117,13 +112,11 @@ def _array(file: IO[bytes], size: int) -> NDArray[Any] | None:
     """
     form = np.lib.format
     first = form.read_magic(file) == (1, 0)
-    read_header = form.read_array_header_1_0 if first else form.read_array_header_2_0
-    shape, _, dtype = read_header(file)
+    shape, _, dtype = (form.read_array_header_1_0 if first else form.read_array_header_2_0)(file)
     if dtype.hasobject:
         return None
-    missing = file.tell() + math.prod(shape) * dtype.itemsize - size
-    if missing:
-        what = f"it is {'shorter' if missing > 0 else 'longer'} than its shape"
+    if size != file.tell() + math.prod(shape) * dtype.itemsize:
+        what = "it is longer or shorter than its shape"
         raise MeasurementError(f"its array cannot be read: {what}; write it anew")
     file.seek(0)
     return np.asarray(form.read_array(file, allow_pickle=False))
@@ -135,16 +128,16 @@ def read_hdf5(path: Path) -> Table:
     allowance = Allowance(path)
 
     def take(name: str, item: Any) -> None:
-        kind = getattr(item, "dtype", None)
+        kind, shape = getattr(item, "dtype", None), getattr(item, "shape", None)
         if kind is None or kind.hasobject or kind.kind not in "cfiuV" or name.startswith("#refs#"):
             return
-        if item.shape is None or item.size < 2 or item.ndim > 3:
+        if shape is None or item.size < 2 or len(shape) > 3:
             return
         if item.external or item.is_virtual:
             raise MeasurementError(f"its {name} is kept in other files; copy it into this one")
         # What was never written takes no room on the disk; one value unpacks a whole chunk.
         numbers = max(item.size, math.prod(item.chunks or ()))
-        allowance.spend(int(numbers) * item.dtype.itemsize)
+        allowance.spend(int(numbers) * kind.itemsize)
         facts = {**_plain(item.parent.attrs), **_plain(item.attrs)}
         unit = next((str(facts[key]) for key in _UNITS if key in facts), None)
         found.extend(columns_in(name, item[()], unit, _clock(facts)))
@@ -155,15 +148,12 @@ def read_hdf5(path: Path) -> Table:
 
 
 def _plain(attributes: Any) -> dict[str, Any]:
-    """Return attributes as Python has them; those that cannot be read are passed over."""
+    """Return those attributes that say units or times, as Python has them, if they can be read."""
     plain = {}
-    for key in attributes:
-        try:
-            value = attributes[key]
-        except (OSError, TypeError, ValueError, KeyError, RuntimeError):
-            continue
-        value = value.reshape(-1)[0] if isinstance(value, np.ndarray) and value.size else value
-        plain[key] = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    for key in {*_UNITS, *_STEPS, *_STARTS} & set(attributes):
+        with contextlib.suppress(OSError, TypeError, ValueError, KeyError, RuntimeError):
+            value = np.asarray(attributes[key]).reshape(-1)[:1].tolist()[0]
+            plain[key] = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return plain
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 #: 1,234.5 and 1.234,5 with the sign of the thousands as ','.
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d*)?(?:[eE][+-]?\d+)?")
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?(?:[eE][+-]?\d+)?")
 #: Texts for a value that was not measured, with or without a sign.
 _GAPS = {"", "nan", "nan(ind)", "1.#qnan", "1.#ind", "1.#inf", "inf", "infinity", "∞", "null",
          "none", "n/a", "na", "over", "overflow", "ol"}  # fmt: skip
@@ -47,8 +47,7 @@ def is_stamp(cell: str) -> bool:
 
 def has_offset(cell: str) -> bool:
     """Return whether a cell is a time with its offset from UTC."""
-    found = _STAMP.fullmatch(cell)
-    return found is not None and found["zone"] is not None
+    return bool((found := _STAMP.fullmatch(cell)) and found["zone"])
 
 
 def value_of(cell: str, decimal: str, grouped: bool) -> float:

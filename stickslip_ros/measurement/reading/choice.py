@@ -12,7 +12,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from stickslip_ros.measurement.reading.table import LONGEST_NAME, Column, MeasurementError, Table
 from stickslip_ros.measurement.reading.units import Unit, is_index, name_and_unit
@@ -22,15 +22,16 @@ _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
 #: What a scale is per where the column has plain numbers.
 _COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample", "samples", "1"}
-#: Wavelengths (m) of light that interferometers use, ultraviolet to infrared.
-_LIGHT = (1e-7, 2e-5)
+#: Unit, lowest and highest value, example. Interferometers use light, ultraviolet to infrared.
+_BOUNDS = {"rate": ("Hz", 0.0, math.inf, "10kHz"), "wavelength": ("m", 1e-7, 2e-5, "633nm")}
 
 
 @dataclass(frozen=True)
 class Reading:
     """How a measurement is read, where the file does not say it.
 
-    Each field takes what the option of its name takes, as text: ``Reading(units="x=nm")``.
+    Each field takes what the option of its name takes, as text, ``Reading(units="x=nm")``, the
+    first three also several texts.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)  #: name or number, from 1
@@ -45,67 +46,55 @@ class Reading:
 
     def __post_init__(self) -> None:
         """Turn texts into values, and hold these against their bounds; MeasurementError."""
-        for name in ("columns", "units", "scale"):
-            given = getattr(self, name)
-            if isinstance(given, str):
-                object.__setattr__(self, name, pairs(name, given))
-            elif not isinstance(given, Mapping):
-                raise MeasurementError(
-                    f'{name} is {given!r}; give a value for each key, such as {{"x": ...}}'
-                )
         for name, read in _TEXTS.items():
             try:
-                if isinstance(given := getattr(self, name), str):
+                if isinstance(given := getattr(self, name), str) or read is _pairs:
                     object.__setattr__(self, name, read(given))
             except ValueError as error:
                 raise MeasurementError(f"{name}: {error}") from None
-        if self.rate is not None and not 0.0 < self.rate < math.inf:
-            raise MeasurementError(f"rate is {self.rate:g} Hz; it has to be above 0")
-        shortest, longest = _LIGHT
-        if self.wavelength is not None and not shortest <= self.wavelength <= longest:
-            raise MeasurementError(
-                f"the wavelength is {self.wavelength:g} m; that of an interferometer lies between "
-                f"{shortest:g} and {longest:g} m, such as 633nm"
-            )
+        for name, (unit, low, high, example) in _BOUNDS.items():
+            if (value := getattr(self, name)) is not None and not low < value < high:
+                raise MeasurementError(
+                    f"{name} is {value:g} {unit}; it has to lie between {low:g} and {high:g} "
+                    f"{unit}, such as {example}"
+                )
 
 
-def pairs(name: str, *texts: str) -> dict[str, str]:
-    """Return the values by key of texts of an option, ``t=NAME,x=NAME``. MeasurementError."""
+def _pairs(given: Any) -> dict[str, str]:
+    """Return values by key, given as such or in texts, ``t=NAME,x=NAME``. ValueError."""
+    if isinstance(given, Mapping):
+        return {key: str(value) for key, value in given.items()}
     found = {}
-    for text in filter(None, texts):
-        for part in re.split(r",(?=\s*\w+=)", text):
-            key, sign, value = (piece.strip() for piece in part.partition("="))
-            if not sign or not value or not key:
-                raise MeasurementError(f"{name}: {text!r} is not of the form t=...,x=...")
+    for text in filter(None, given if isinstance(given, list | tuple) else [given]):
+        for part in re.split(r",(?=\s*\w+=)", str(text)):
+            key, _, value = (piece.strip() for piece in part.partition("="))
+            if not value or not key:
+                raise ValueError(f"{text!r} is not of the form t=...,x=...")
             found[key] = value
     return found
 
 
 def _rows(text: str) -> tuple[int, int]:
     """Return the first and the last row of a text such as ``1:5000`` or ``5001:``. ValueError."""
-    first, sign, last = text.partition(":")
-    if not sign or not all(part.strip().isdecimal() or not part for part in (first, last)):
-        raise ValueError(f"{text!r} is no range; write it as 1:5000 or 5001:")
-    rows = int(first or 1), int(last or sys.maxsize)
+    found = re.fullmatch(r"\s*(\d*)\s*:\s*(\d*)\s*", text, re.ASCII)
+    rows = (int(found[1] or 1), int(found[2] or sys.maxsize)) if found else (0, 0)
     if not 1 <= rows[0] <= rows[1]:
-        raise ValueError(f"{text!r}: rows count from 1, and the last must not be before the first")
+        raise ValueError(
+            f"{text!r} is no range of rows; write it as 1:5000 or 5001:, from 1, where the last "
+            "must not be before the first"
+        )
     return rows
 
 
-_TEXTS: dict[str, Callable[[str], Any]] = {
+#: Of fields that are given as text.
+_TEXTS: dict[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("columns", "units", "scale"), _pairs),
     "rows": _rows,
     "rate": lambda text: read_quantity(text, "Hz"),
     "wavelength": lambda text: read_quantity(text, "m"),
 }
-
-
-class Question(NamedTuple):
-    """An unknown property, and the option that gives it: ``--option key=value``."""
-
-    text: str
-    option: str
-    key: str
-    value: str
+#: What is asked: its text, the option that answers it, and an example of its value.
+Question = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
@@ -133,41 +122,36 @@ class Quantity:
             )
         where = f"column {column} ({self.what})"
         if key in given.scale:
-            return self._scaled(where, given.scale[key], stated, Unit.of(stated))
+            return self._scaled(where, given.scale[key], stated)
         if unit is None:
             says = f"has the unit {stated!r}, which is not known" if stated else "states no unit"
-            return Question(f"{where} {says}", "units", key, self.example)
+            return f"{where} {says}", "units", f"{key}={self.example}"
         if unit.dimension == self.dimension:
             return unit.factor
         if unit.dimension == "voltage" and self.dimension == "length":
-            return Question(f"{where} is a voltage; what is one volt?", "scale", key, "50nm/V")
+            return f"{where} is a voltage; what is one volt?", "scale", f"{key}=50nm/V"
         raise MeasurementError(
             f"{where} is in {stated}, which is no unit of {self.dimension}; name another column "
             f"with --columns {key}=NAME, or say with --scale {key}=... what one {stated} is"
         )
 
-    def _scaled(
-        self, where: str, text: str, stated: str | None, unit: Unit | None
-    ) -> float | Question:
+    def _scaled(self, where: str, text: str, stated: str | None) -> float | Question:
         """Return the factor by a scale as typed: ``50nm/V``, ``-0.5um/V``, ``2nm`` or ``-1``."""
         found = _SCALE.fullmatch(text.strip())
         number, given, count, per = found.groups() if found else (None,) * 4
-        to, of = Unit.of(given), None if per is None or per.lower() in _COUNTS else Unit.of(per)
-        factor = float(f"{number}1" if number in ("+", "-") else number or 1.0) / float(count or 1)
-        if (to is None if given or per else number is None) or not 0.0 < abs(factor) < 1e30:
+        counts, unit, to, of = (per or "1").lower() in _COUNTS, *map(Unit.of, (stated, given, per))
+        factor = float(f"{number}1" if number in ("+", "-") else number or 1.0)
+        factor /= float(count or 1) or math.nan
+        known = (to is not None and to.dimension == self.dimension) if given or per else number
+        if not known or not (counts or of) or not 0.0 < abs(factor) < 1e30:
             raise MeasurementError(
-                f"the scale {text!r} is not understood; write it as 50nm/V, -0.5um/V or -1"
+                f"the scale {text!r} gives no {self.dimension} by units that are known; write it "
+                "as 50nm/V, -0.5um/V or -1"
             )
-        if per and per.lower() not in _COUNTS and of is None:
-            raise MeasurementError(f"the scale {text!r}: {per!r} is not a known unit")
         if to is None:  # a factor on what the unit says
             if unit is None:
-                return Question(f"{where} states no unit", "units", self.key, self.example)
+                return f"{where} states no unit", "units", f"{self.key}={self.example}"
             to = of = Unit(self.dimension, 1.0)
-        if to.dimension != self.dimension:
-            raise MeasurementError(
-                f"the scale {text!r} gives a {to.dimension}; it has to give a {self.dimension}"
-            )
         if unit is not None and (of is None or unit.dimension != of.dimension):
             stands = f"the scale is per {of.dimension}" if of else "the scale has to say per what"
             example = f"--scale {self.key}=50{self.example}/{stated}"
@@ -218,30 +202,31 @@ def choose(
     likely, questions = dict(chosen), list[Question]()  # what is asked, so that all is at once
     # The time is looked for last: it goes with the position.
     for quantity in sorted(quantities, key=lambda one: one is TIME):
-        key = quantity.key
-        if key in chosen or (quantity is TIME and given.rate is not None):
+        key, timely = quantity.key, quantity is TIME
+        if key in chosen or (key == "t" and given.rate is not None):
             continue
-        if quantity is TIME:
-            found = _times(table, chosen, likely.get("x"))
+        if timely:
+            found = _times(table, chosen, likely.get("x", Column("")))
         else:
             found = _candidates(table, quantity, given, chosen)
         if isinstance(found, Column):
             chosen[key] = likely[key] = found
-        elif found or (quantity is not TIME and found is not None):
-            rate = ", or what is the rate of the samples (--rate 10kHz)" * (quantity is TIME)
-            text = f"which column is the {quantity.what}{rate}?"
-            questions.append(Question(text, "columns", key, _called(found)))
-            likely |= {} if quantity is TIME else dict(zip((key,), found, strict=False))
-        elif found is not None:
+        elif timely and found == []:
             text = "there is no column of time; what is the rate of the samples?"
-            questions.append(Question(text, "rate", "", "10kHz"))
+            questions.append((text, "rate", "10kHz"))
+        elif found is not None:
+            rate = ", or what is the rate of the samples (--rate 10kHz)" * timely
+            text = f"which column is the {quantity.what}{rate}?"
+            questions.append((text, "columns", f"{key}={_called(found)}"))
+            if found and not timely:
+                likely[key] = found[0]
     for column in chosen.values():
         if column.is_foreign:
             table.load([column])  # says what was expected
     for quantity in sorted(quantities, key=lambda one: one.key in chosen):
         if quantity.key in likely:
             factor = quantity.factor(likely[quantity.key], given)
-            if isinstance(factor, Question):
+            if isinstance(factor, tuple):
                 questions.append(factor)
             elif quantity.key in chosen:
                 chosen[quantity.key] = replace(chosen[quantity.key], factor=factor)
@@ -252,13 +237,16 @@ def choose(
             if (stated := Unit.of(c.unit)) and (used := Unit.of(given.units.get(key)))
             if stated != used and not c.stamped
         ]
-    options: dict[str, list[str]] = {}
-    for one in questions:
-        options.setdefault(one.option, []).append(f"{one.key}={one.value}".lstrip("="))
-    added = " ".join(f"--{option} {','.join(values)}" for option, values in options.items())
-    text = "; ".join(one.text for one in questions) + f"; add, for example: {added}\n"
-    text += f"it begins:\n{table.preview}\n" if table.preview else ""
-    raise MeasurementError(f"{text}columns:\n{table.described()}")
+    texts, options, values = zip(*questions, strict=True)
+    added = (
+        f"--{option} {','.join(v for o, v in zip(options, values, strict=True) if o == option)}"
+        for option in dict.fromkeys(options)
+    )
+    begins = f"it begins:\n{table.preview}\n" if table.preview else ""
+    raise MeasurementError(
+        f"{'; '.join(texts)}; add, for example: {' '.join(added)}\n{begins}"
+        f"columns:\n{table.described()}"
+    )
 
 
 def _named(table: Table, wanted: str) -> Column:
@@ -311,43 +299,35 @@ def _candidates(
         if bare and timely and _by_place(table):
             return first if quantity.key == "voltage" else second
     # Those with a unit are likelier; of those without names the first is often the time.
-    return sorted(
-        values or [c for c in table.columns if not _is_time(c)],
-        key=lambda c: (
-            c.dimension is None,
-            (not c.name and c.number == 1) or _is_abscissa(c, table),
-            c.name.lower().endswith("stamp"),
-        ),
-    )
+    likely = values or [c for c in table.columns if not _is_time(c)]
+    late = {c.number for c in likely if (not c.name and c.number == 1) or _is_abscissa(c, table)}
+    return sorted(likely, key=lambda c: (c.dimension is None, c.number in late))
 
 
 def _times(
-    table: Table, chosen: Mapping[str, Column], base: Column | None
+    table: Table, chosen: Mapping[str, Column], base: Column
 ) -> Column | list[Column] | None:
     """Return the time of the position base, those that it may be, None if base has a clock."""
-    if base is not None and base.alone:
+    if base.alone:
         return None
     free = [
         c
         for c in table.columns
-        if c not in chosen.values()
-        and c is not base
-        and (c.length is None or base is None or c.length == base.length)
+        if c not in (*chosen.values(), base)
+        and (c.length is None or base.length in (None, c.length))
     ]
     timed = [c for c in free if _is_time(c)]
     numbers = [c for c in timed if not c.stamped]
-    if base is not None:
-        folders = [c for c in numbers if base.name.startswith(_folder(c))]
-        deepest = max((len(_folder(c)) for c in folders), default=0)
-        numbers = [c for c in folders if len(_folder(c)) == deepest] or numbers
+    beside = [c for c in numbers if base.name.startswith(_folder(c))]
+    deepest = max(map(len, map(_folder, beside)), default=0)
+    numbers = [c for c in beside if len(_folder(c)) == deepest] or numbers
     if usual := _with_names(numbers, TIME.names):
         same = [c for c in usual if c.name.lower() == usual[0].name.lower()]
         # Some programs write a column of time before each channel.
-        before = [c for c in same if base is not None and c.number < base.number]
-        return (before or same)[-1] if base is not None else same[0]
+        return ([c for c in same if c.number < base.number] or same)[-1]
     if len(numbers) == 1:
         return numbers[0]
-    if base is not None and base.clock is not None:
+    if base.clock is not None:
         return None
     if numbers or timed:
         return numbers or timed[0]
@@ -368,10 +348,9 @@ def _by_place(table: Table) -> bool:
 def _is_time(column: Column) -> bool:
     if column.stamped or column.dimension == "time":
         return True
-    base = column.name.lower().rsplit("/", 1)[-1].rsplit(".", 1)[-1]
-    usual = (*TIME.names, *_OTHER_TIMES)
     known = column.dimension is not None or is_index(column.unit)
-    return not known and (column.name.lower() in usual or base in usual)
+    own = re.split(r"[./]", column.name.lower())[-1]
+    return not known and own in (*TIME.names, *_OTHER_TIMES)
 
 
 def _is_abscissa(column: Column, table: Table) -> bool:
@@ -383,9 +362,7 @@ def _is_abscissa(column: Column, table: Table) -> bool:
 
 def _folder(column: Column) -> str:
     """Return the path that a name stands in, with the mark at its end."""
-    mark = "/" if "/" in column.name else "."
-    folder, found, _ = column.name.rpartition(mark)
-    return folder + found
+    return column.name[: 1 + max(map(column.name.rfind, "./"))]
 
 
 def _called(columns: Sequence[Column]) -> str:

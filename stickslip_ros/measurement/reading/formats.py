@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The formats of files, and the reader of each.
 
-How a file begins says which reader takes it, and its suffix where that is not enough. A new format
-is a function from a path to a `Table` and a line in `_BY_START` or `_BY_SUFFIX`.
+How a file begins says which reader takes it, and the end of its name where that is not enough. A
+new format is a function from a path to a `Table` and a line in `_FORMATS`.
 """
 
 from __future__ import annotations
@@ -17,30 +17,20 @@ from stickslip_ros.measurement.reading import arrays, instruments
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
 from stickslip_ros.measurement.reading.text import numbers_of, read_text_table
 
-Reader = Callable[[Path], Table]
-
-_BY_START: tuple[tuple[bytes, Reader], ...] = (
-    (rb"\x93NUMPY", arrays.read_npy),
-    (rb"\x89HDF\r\n\x1a\n", arrays.read_hdf5),
-    (rb"MATLAB 5\.0 MAT-file", arrays.read_mat),
-    (rb"MATLAB 7\.3 MAT-file", arrays.read_hdf5),
-    (rb"TDSm", instruments.read_tdms),
-)
-_BY_SUFFIX: dict[str, Reader] = {
-    ".npz": arrays.read_npz,
-    ".mat": arrays.read_mat,
-    **dict.fromkeys((".uff", ".unv", ".uf"), instruments.read_uff),
-    ".tdms": instruments.read_tdms,
-    **dict.fromkeys((".wfm", ".trc", ".isf", ".bin"), instruments.read_waveform),
-}
-#: LeCroy's mark may come after what an interface put before it.
-_WAVEFORM = b"WAVEDESC"
-#: What is not read, by its start or the end of its name, and the cure.
-_NOT_READ: tuple[tuple[str, bytes, tuple[str, ...], str], ...] = (
-    ("waveforms of Yokogawa", rb"\$PublicInfo|\A%WDF", (".wvf", ".wdf"), "export it as CSV"),
-    ("binary waveforms of Rohde & Schwarz", rb"(?s)\A\s*<\?xml.*<Database", (".wfm.bin",),
-     "export it as CSV"),
-    ("Octave's text", rb"(?s)\A#.*# name:.*\n# type:", (), "save it with save -v7"),
+#: How a file of a format begins, how its name ends; its reader, or the cure where there is none.
+_FORMATS: tuple[tuple[bytes | None, str | None, Callable[[Path], Table] | str], ...] = (
+    (rb"\$PublicInfo|\A%WDF", "wvf|wdf", "waveforms of Yokogawa cannot be read; export it as CSV"),
+    (rb"(?s)\A\s*<\?xml.*<Database", r"wfm\.bin",
+     "binary waveforms of Rohde & Schwarz cannot be read; export it as CSV"),
+    (rb"(?s)\A#.*# name:.*\n# type:", None, "Octave's text cannot be read; save it with save -v7"),
+    (rb"\A\x93NUMPY", None, arrays.read_npy),
+    (None, "npz", arrays.read_npz),
+    (rb"\A\x89HDF\r\n\x1a\n|\AMATLAB 7\.3 MAT-file", None, arrays.read_hdf5),
+    (rb"\AMATLAB 5\.0 MAT-file", "mat", arrays.read_mat),
+    (rb"\ATDSm", "tdms", instruments.read_tdms),
+    (None, "uff|unv|uf", instruments.read_uff),
+    # LeCroy's mark may come after what an interface put before it.
+    (rb"(?s)\A.{0,56}WAVEDESC", "wfm|trc|isf|bin", instruments.read_waveform),
 )  # fmt: skip
 _KNOWN = (
     "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
@@ -58,13 +48,12 @@ def open_table(path: Path, decimal: str | None = None) -> Table:
         start = file.read(1024)
     if not start:
         raise MeasurementError("it is empty: no row of numbers")
-    for what, mark, ends, cure in _NOT_READ:
-        if re.search(mark, start) or path.name.lower().endswith(ends):
-            raise MeasurementError(f"{what} cannot be read; {cure}")
-    reader = next((reader for mark, reader in _BY_START if re.match(mark, start)), None)
-    reader = reader or _BY_SUFFIX.get(path.suffix.lower())
-    if reader is None and _WAVEFORM in start[:64]:
-        reader = instruments.read_waveform
+    begun = (how for mark, _, how in _FORMATS if mark and re.search(mark, start))
+    name = path.name.lower()
+    named = (how for _, end, how in _FORMATS if end and re.search(rf"\.({end})$", name))
+    reader = next(begun, None) or next(named, None)
+    if isinstance(reader, str):
+        raise MeasurementError(reader)
     table = reader(path) if reader else read_text_table(path, decimal)
     if table is None:
         raise MeasurementError(f"it is neither text nor a known format; {_KNOWN}")
@@ -72,15 +61,22 @@ def open_table(path: Path, decimal: str | None = None) -> Table:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Turn every error into a MeasurementError that begins with the name of the file."""
+def naming(what: Path | str) -> Iterator[None]:
+    """Turn every error into a MeasurementError that begins with the file, or what a program gave.
+
+    In a program, options are arguments.
+    """
     try:
         yield
+        return
     except OSError as error:
-        raise MeasurementError(f"cannot read {path}: {error.strerror or error}") from None
+        text = f"cannot read {what}: {error.strerror or error}"
     except ReadError as error:  # it names the file
-        raise MeasurementError(str(error)) from None
+        text = str(error)
     except MemoryError:
-        raise MeasurementError(f"{path}: it does not fit into memory; cut it") from None
+        text = f"{what}: it does not fit into memory; cut it"
     except MeasurementError as error:
-        raise MeasurementError(f"{path}: {error}") from None
+        text = f"{what}: {error}"
+        if isinstance(what, str) and "--" in text:
+            text += "\nin a program, options are arguments: units='x=nm' of read_measurement, say"
+    raise MeasurementError(text)

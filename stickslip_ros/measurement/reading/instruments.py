@@ -16,6 +16,7 @@ import importlib
 import io
 import math
 import warnings
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -27,12 +28,8 @@ from stickslip_ros.measurement.reading.table import Clock, Column, MeasurementEr
 
 #: Characters of a library's message that are shown.
 LONGEST_MESSAGE = 160
-#: Steps of a waveform that differ by less than this share are one.
-_EVEN = 1e-3
 #: Quantities of a data set of universal file format 58, by its numbers.
 _SPECIFIC_TIME, _SPECIFIC = 17, {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
-#: Placeholder for no text in a universal file.
-_NO_TEXT = ("", "NONE")
 #: Bytes at the start of an oscilloscope's file that hold its header.
 _HEAD = 65536
 #: Keysight's numbers of units.
@@ -65,59 +62,36 @@ def asking(kind: str, known: Mapping[str, str] = {}) -> Iterator[None]:
             raise MeasurementError(next(said_of, cannot)) from None
 
 
-def _even_clock(times: Any, stated: float = 0.0) -> Clock:
-    """Return the clock of even times, with the step (s) that the file states, if it does.
-
-    For some scopes the library spreads the times over the whole record, from its start to its
-    end, which makes the step longer by a part in the count of samples. Raises MeasurementError if
-    times are not even, or both steps differ by more.
-    """
-    steps, start = np.diff(times), float(times[0])
-    step = float((times[-1] - times[0]) / (len(times) - 1))
-    rounding = 4.0 * float(np.spacing(np.abs(times).max()))
-    if not step > 0.0 or float(np.abs(steps - step).max()) > _EVEN * step + rounding:
-        raise MeasurementError("its waveform has no even times; export it as text")
-    if not 0.0 < stated < math.inf:
-        return Clock(start, step)
-    if abs(step / stated - 1.0) > 2.0 / len(times):
-        raise MeasurementError(f"its times are {step:g} s apart, but it states {stated:g} s")
-    single = np.float32(stated)
-    # A number stored with seven digits means the shortest number that gives them.
-    return Clock(start, float(str(single)) if float(single) == stated else stated)
-
-
 def read_tdms(path: Path) -> Table:
-    """Return the channels of a LabVIEW TDMS file. Raises MeasurementError and OSError."""
-    said = io.StringIO()
+    """Return the channels of a LabVIEW TDMS file. Raises MeasurementError and OSError.
+
+    Their clocks count from the earliest start.
+    """
+    said, found, allowance = io.StringIO(), list[Column](), Allowance(path)
     with asking("TDMS"):
         nptdms = importlib.import_module("nptdms")
         before = nptdms.log.log_manager.console_handler.setStream(said)
         try:
             with nptdms.TdmsFile.open(path) as file:
-                found = list(_channels(file, Allowance(path)))
+                channels = [c for group in file.groups() for c in group.channels() if len(c) >= 2]
+                starts = [c.properties.get("wf_start_time") for c in channels]
+                dated = [start for start in starts if isinstance(start, np.datetime64)]
+                for channel, start in zip(channels, starts, strict=True):
+                    allowance.spend(len(channel) * np.dtype(channel.dtype or object).itemsize)
+                    values, facts = np.asarray(channel[:]), channel.properties
+                    step = float(facts.get("wf_increment", 0.0))
+                    begin = float(facts.get("wf_start_offset", 0.0))
+                    if isinstance(start, np.datetime64):
+                        begin += float((start - min(dated)) / np.timedelta64(1, "s"))
+                    clock = Clock(begin, step) if 0.0 < step < math.inf else None
+                    name, unit = f"{channel.group_name}/{channel.name}", facts.get("unit_string")
+                    if values.dtype.kind in "cfiuM":
+                        found.append(Column(name, unit or None, clock, values))
         finally:
             nptdms.log.log_manager.console_handler.setStream(before)
     faults = said.getvalue().splitlines()[:1]
     notes = tuple(f"its TDMS is damaged: {text[:LONGEST_MESSAGE]}" for text in faults)
     return Table.of(found, notes=notes)
-
-
-def _channels(file: Any, allowance: Allowance) -> Iterator[Column]:
-    """Yield the channels that hold numbers or dates, their clocks from the earliest start on."""
-    channels = [c for group in file.groups() for c in group.channels() if len(c) >= 2]
-    starts = [c.properties.get("wf_start_time") for c in channels]
-    dated = [start for start in starts if isinstance(start, np.datetime64)]
-    for channel, start in zip(channels, starts, strict=True):
-        allowance.spend(len(channel) * np.dtype(channel.dtype or object).itemsize)
-        values, facts = np.asarray(channel[:]), channel.properties
-        if values.dtype.kind in "cfiuM":
-            step = float(facts.get("wf_increment", 0.0))
-            begin = float(facts.get("wf_start_offset", 0.0))
-            if isinstance(start, np.datetime64):
-                begin += float((start - min(dated)) / np.timedelta64(1, "s"))
-            known = Clock(begin, step) if 0.0 < step < math.inf else None
-            unit = facts.get("unit_string") or None
-            yield Column(f"{channel.group_name}/{channel.name}", unit, known, values)
 
 
 def read_uff(path: Path) -> Table:
@@ -131,45 +105,43 @@ def read_uff(path: Path) -> Table:
     return Table.of(found)
 
 
-def _function(data: Any) -> Iterator[Column]:
+def _function(data: Mapping[str, Any]) -> Iterator[Column]:
     """Yield a data set 58 that is a real function of time."""
-    values = np.asarray(data["data"])
-    if int(data.get("num_pts", len(values))) != len(values):
+    values, numbers = np.asarray(data["data"]), defaultdict(int, data)
+    if (stated := int(data.get("num_pts", len(values)))) != len(values):
         raise MeasurementError(
-            f"a function has {len(values)} values, but states {data['num_pts']}; write it anew"
+            f"a function has {len(values)} values, but states {stated}; write it anew"
         )
-
-    def text(key: str) -> str | None:
-        found = str(data.get(key, "")).strip()
-        return None if found.upper() in _NO_TEXT else found
-
-    along = int(data.get("abscissa_spec_data_type", 0))
-    unit_t = text("abscissa_axis_units_lab")
-    if along not in (0, _SPECIFIC_TIME) or not (along or unit_t):
+    texts = {key: str(value).strip() for key, value in data.items()}
+    along, unit, name = (
+        "" if (text := texts.get(key, "")).upper() == "NONE" else text
+        for key in ("abscissa_axis_units_lab", "ordinate_axis_units_lab", "id1")
+    )
+    of_time = numbers["abscissa_spec_data_type"] == _SPECIFIC_TIME or (
+        along and numbers["abscissa_spec_data_type"] == 0
+    )
+    if not of_time or numbers["func_type"] not in (0, 1) or values.dtype.kind == "c":
         return
-    if int(data.get("func_type", 0)) not in (0, 1) or values.dtype.kind == "c" or len(values) < 2:
-        return
-    times = np.asarray(data["x"], dtype=np.float64)
-    specific = _SPECIFIC.get(int(data.get("ordinate_spec_data_type", 0)))
-    unit = text("ordinate_axis_units_lab") or specific
-    name = text("id1") or f"set {data.get('rsp_node', 0)}"
-    seconds = unit_t is None or unit_t.upper() in ("S", "SEC", "SECONDS")
-    if seconds and int(data.get("abscissa_spacing", 1)) == 1:
-        yield Column(name, unit, _even_clock(times), values)
+    name = name or f"set {numbers['rsp_node']}"
+    known = unit or _SPECIFIC.get(numbers["ordinate_spec_data_type"])
+    seconds = along.upper() in ("", "S", "SEC", "SECONDS")
+    if seconds and numbers["abscissa_spacing"] == 1 and numbers["abscissa_inc"] > 0.0:
+        clock = Clock(float(numbers["abscissa_min"]), float(numbers["abscissa_inc"]))
+        yield Column(name, known, clock, values)
     else:
-        yield Column(f"{name} time", "s" if seconds else unit_t, None, times)
-        yield Column(name, unit, None, values)
+        yield Column(f"{name} time", "s" if seconds else along, None, np.asarray(data["x"], float))
+        yield Column(name, known, None, values)
 
 
 def read_waveform(path: Path) -> Table:
     """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError."""
     with open_regular(path) as file:
-        head = file.read(_HEAD)
+        content = file.read()
     found: list[Column] = []
     with asking("waveform"):
         wfm = importlib.import_module("RigolWFM.wfm")
-        along, value, segments = _axes(path, head)
-        if along is not None and along.lower() not in ("", "s", "sec", "second"):
+        along, value, segments = _axes(content)
+        if along and along.lower() not in ("s", "sec", "second"):
             raise MeasurementError(f"its waveform is over {along}, not over time")
         if segments > 1:
             raise MeasurementError(
@@ -181,49 +153,60 @@ def read_waveform(path: Path) -> Table:
             times, volts = np.asarray(channel.times), np.asarray(channel.volts)
             if volts.ndim == 1 and len(volts) > 1 and len(times) == len(volts):
                 unit = {"v": "V", "a": "A", "w": "W"}.get(str(channel.unit.name).lower())
-                clock = _even_clock(times, float(channel.seconds_per_point))
+                clock = _clock(times, float(channel.seconds_per_point))
                 found.append(Column(channel.name, value or unit, clock, volts))
     return Table.of(found)
 
 
-def _axes(path: Path, head: bytes) -> tuple[str | None, str | None, int]:
-    """Return the units of time and value, None where a file does not say, and its segments."""
-    if b":CURV" in head:  # Tektronix's .isf: keys with values, long or short
-        pairs = (
-            one.split(None, 1) for one in head.partition(b":CURV")[0].decode("latin-1").split(";")
+def _clock(times: Any, stated: float) -> Clock:
+    """Return the clock of times with the step (s) that a file states, if it does.
+
+    For some scopes the library spreads the times over the whole record, from its start to its
+    end, which makes the step longer by a part in the count of samples. Raises MeasurementError if
+    both steps differ by more.
+    """
+    step = float((times[-1] - times[0]) / (len(times) - 1))
+    stated = stated if 0.0 < stated < math.inf else step
+    if not abs(step / stated - 1.0) <= 2.0 / len(times):
+        raise MeasurementError(
+            f"its times are {step:g} s apart, but it states {stated:g} s; export it as text"
         )
-        facts = {one[0].rpartition(":")[2]: one[1].strip(' "') for one in pairs if len(one) == 2}
+    single = np.float32(stated)
+    # A number stored with seven digits means the shortest number that gives them.
+    return Clock(float(times[0]), float(str(single)) if float(single) == stated else stated)
+
+
+def _axes(content: bytes) -> tuple[str | None, str | None, int]:
+    """Return the units of time and value, None where a file does not say, and its segments."""
+    head = content[:_HEAD]
+    if b":CURV" in head:  # Tektronix's .isf: keys with values, long or short
+        settings = head.partition(b":CURV")[0].decode("latin-1").split(";")
+        pairs = (one.partition(" ") for one in settings)
+        facts = {key.rpartition(":")[2]: text.strip(' "') for key, _, text in pairs}
         return facts.get("XUNIT", facts.get("XUN")), facts.get("YUNIT", facts.get("YUN")), 1
-    if b"WAVEDESC" in head:
-        start = head.index(b"WAVEDESC")
+    if (start := head.find(b"WAVEDESC")) >= 0:
         version = "1_0" if head[start + 16 :].startswith(b"LECROY_1_0") else "2_3"
         order = "le" if head[start + 34] == 1 else "be"
-        said = _parse(f"lecroy_{version}_{order}_trc", path, start).wavedesc
+        said = _parse(f"lecroy_{version}_{order}_trc", content[start:]).wavedesc
         return _text(said.hor_unit), _text(said.vert_unit), int(said.subarray_count)
     if head[3:7] == b"WFM#":
         version = "001" if head[3:10] == b"WFM#001" else "002"
         order = "le" if head[:1] == b"\x0f" else "be"
-        said = _parse(f"tektronix_wfm_{version}_{order}_wfm", path)
+        said = _parse(f"tektronix_wfm_{version}_{order}_wfm", content)
         along, value = said.wfm_header.imp_dim1.units, said.wfm_header.exp_dim1.units
         return _text(along), _text(value), int(getattr(said, "n_frames", 1) or 1)
     if head[:2] == b"AG":
-        waves = _parse("agilent_agxx_bin", path).waveforms
+        waves = _parse("agilent_agxx_bin", content).waveforms
         units = {int(one.wfm_header.x_units) for one in waves}
         return " and ".join(_KEYSIGHT.get(one, "") for one in sorted(units)), None, 1
     return None, None, 1
 
 
-def _parse(module: str, path: Path, start: int = 0) -> Any:
-    """Return the parts of a file, from a byte on, as the library's description has them."""
-    from kaitaistruct import KaitaiStream  # comes with the library
-
-    part = importlib.import_module(f"RigolWFM.{module}")
-    name = module.replace("_", "")
-    kind = next(value for key, value in vars(part).items() if key.lower() == name)
-    with path.open("rb") as file:
-        file.seek(start)
-        return kind(KaitaiStream(io.BytesIO(file.read())))
+def _parse(module: str, content: bytes) -> Any:
+    """Return the parts of a file, as the library's description has them."""
+    kind = getattr(importlib.import_module(f"RigolWFM.{module}"), module.title().replace("_", ""))
+    return kind.from_bytes(content)
 
 
-def _text(raw: bytes) -> str | None:
-    return raw.split(b"\0")[0].decode("latin-1").strip() or None
+def _text(raw: bytes) -> str:
+    return raw.split(b"\0")[0].decode("latin-1").strip()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a text table is laid out: separator, decimal sign, where the numbers begin.
 
-Every separator is tried on the first lines. The one that makes the most lines rows of numbers of
-the same width is the table's. Columns with words among them do not matter, nor do lines above.
+Every separator is tried on some lines. The one that makes the most of them rows of numbers of the
+same width is the table's. Columns with words among them do not matter, nor do lines above.
 """
 
 from __future__ import annotations
@@ -18,15 +18,11 @@ from stickslip_ros.measurement.reading.table import MeasurementError
 from stickslip_ros.measurement.reading.units import Unit
 from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
 
-COMMENTS = ("#", "%", "//")
+_COMMENTS = ("#", "%", "//")
 #: Separators in the order of preference; None: blanks.
 _DELIMITERS = (";", "\t", ",", "|", None)
-#: Lines that separators are tried on.
-_TRIED = 600
-#: Lines after which no table is looked for.
-_LONGEST_PREAMBLE = 30_000
-#: Rows of one width that make a table; share of the lines tried that ends the search for one.
-_FEWEST, _ENOUGH = 3, 0.05
+#: Lines that separators are tried on; rows of one width that make a table.
+_TRIED, _FEWEST = 600, 3
 #: Lines after the first row that are checked, and share of them that have to be rows.
 _FOLLOWING, _MOST = 6, 0.8
 #: A number with letters behind it.
@@ -40,7 +36,6 @@ class Layout:
     delimiter: str | None  #: None: blanks
     decimal: str
     grouped: bool  #: thousands are set apart
-    quoted: bool
     first: int = 0  #: index of the first line of numbers
     kinds: str = ""  #: of each column: n numbers, s stamps, w words, e nothing
 
@@ -50,8 +45,6 @@ class Layout:
         text = text[1:-1] if text[:1] + text[-1:] in ("()", "[]") else text
         if self.delimiter is None:
             return [cell.strip('"') for cell in text.split()]
-        if not self.quoted:
-            return [cell.strip() for cell in text.split(self.delimiter)]
         try:
             row = next(csv.reader([text], delimiter=self.delimiter, skipinitialspace=True), [])
         except csv.Error:
@@ -64,24 +57,18 @@ class Layout:
 
         Raises MeasurementError if no lines are rows of numbers, or they may be read in two ways.
         """
-        found: tuple[Layout, dict[int, str]] | None = None
-        score, start = (False, 1, 0), 0
-        # Preambles can be long: on until a stretch of lines is found that are rows of numbers.
-        while start < min(len(lines), _LONGEST_PREAMBLE):
-            part = range(start, min(start + _TRIED, len(lines)))
-            for layout, rows in _tries(lines, part, decimal):
-                whole, count, kinds = _commonest(rows)
-                if (whole, count, _numbers(kinds)) > score:
-                    score = whole, count, _numbers(kinds)
-                    found = replace(layout, kinds=kinds), rows
-            if score[0] and score[1] > _ENOUGH * len(part):
-                break
-            start += _TRIED
-        if found is None:
+        # Preambles can be long: lines are taken from everywhere.
+        tried = [line for line in lines[:: 1 + len(lines) // _TRIED] if not is_remark(line)]
+        forms = [(*_commonest(rows), layout) for layout, rows in _forms(tried, decimal)]
+        whole, count, kinds, found = max(
+            forms, key=lambda one: (*one[:2], _numbers(one[2])), default=(False, 0, "", None)
+        )
+        if found is None or (not whole and count < 2):
             raise MeasurementError(
                 "no row of numbers; a table has a column of time and one of position"
             )
-        layout = replace(found[0], first=_first(lines, *found))
+        layout = replace(found, kinds=kinds)
+        layout = replace(layout, first=layout.first_row(lines))
         layout.check(lines, decimal)
         return layout
 
@@ -92,6 +79,34 @@ class Layout:
             else "s" if is_stamp(cell) else "e" if is_gap(cell) else "w"
             for cell in cells
         )  # fmt: skip
+
+    def first_row(self, lines: Sequence[str]) -> int:
+        """Return the first line from which on the rows are like the others.
+
+        Numbers in a preamble are rows only if the lines after them are rows, too.
+        """
+        width = len(self.kinds)
+        wanted = [k for k, kind in enumerate(self.kinds) if kind in "ns"]
+
+        def fits(line: str, besides: int = self.delimiter is not None) -> bool:
+            cells = [] if is_remark(line) else self.split(line)
+            if len(cells) < len(wanted) or abs(len(cells) - width) > besides:
+                return False
+            kinds = self.kinds_in(cells).ljust(width, "e")
+            here = {kinds[k] for k in wanted}
+            return "w" not in here and bool(here & {"n", "s"})
+
+        def goes_on(index: int) -> bool:
+            following = [fits(one) for one in lines[index : index + _FOLLOWING] if one.strip()]
+            return sum(following) >= _MOST * len(following)
+
+        def fitting() -> Iterator[int]:
+            return (k for k, line in enumerate(lines) if fits(line, besides=0))
+
+        first = next(filter(goes_on, fitting()), next(fitting(), 0))
+        while first > 0 and fits(lines[first - 1]):
+            first -= 1
+        return first
 
     def check(self, lines: Sequence[str], decimal: str | None) -> None:
         """Raise MeasurementError for units beside numbers, and commas of two meanings.
@@ -108,7 +123,7 @@ class Layout:
             )
         header = lines[first - 1].strip().lstrip("#% ") if first else ""
         names = [cell for cell in self.split(header) if cell]
-        halved = self.delimiter == "," and not self.quoted and 2 * len(names) == width
+        halved = self.delimiter == "," and 2 * len(names) == width
         if names and halved and not any(set(".eE") & set(one) for one in lines[first : first + 50]):
             raise MeasurementError(
                 f"line {first + 1} has {width} values below {len(names)} names; with decimal "
@@ -121,7 +136,7 @@ class Layout:
             column = [row[k].lstrip("+-") for row in rows if k < len(row) and row[k]]
             with_comma = [cell for cell in column if "," in cell]
             without = [cell for cell in column if "," not in cell]
-            thousands = all(number_text(one, ".", True) and one[0] != "0" for one in with_comma)
+            thousands = all(number_text(one, ".", True) for one in with_comma)
             if with_comma and without and thousands and all(len(cell) <= 3 for cell in without):
                 raise MeasurementError(
                     f"column {k + 1}: is {with_comma[0]!r} a number with a decimal comma or one "
@@ -129,70 +144,41 @@ class Layout:
                 )
 
 
-def _tries(
-    lines: Sequence[str], part: range, decimal: str | None
-) -> Iterator[tuple[Layout, dict[int, str]]]:
+def is_remark(line: str) -> bool:
+    """Return whether a line is empty or a comment."""
+    return not (text := line.strip()) or text.startswith(_COMMENTS)
+
+
+def _forms(lines: Sequence[str], decimal: str | None) -> Iterator[tuple[Layout, list[str]]]:
     """Yield forms that lines may have, and the kinds of cells in each line with numbers."""
-    texts = {k: lines[k].strip(" \r\n()[]") for k in part}
-    texts = {k: text for k, text in texts.items() if text and not text.startswith(COMMENTS)}
-    quoted = any('"' in text for text in texts.values())
     for mark in _DELIMITERS:
-        if mark == decimal == "," or (mark and not any(mark in one for one in texts.values())):
+        if mark == decimal == "," or (mark and not any(mark in line for line in lines)):
             continue
-        plain = Layout(mark, ".", False, quoted)
-        rows = {k: plain.split(lines[k]) for k in texts}
-        with_comma = [cell for row in rows.values() for cell in row if "," in cell]
-        signs = (decimal,) if decimal else (",", ".") if with_comma else (".",)
-        if not decimal and any("." in one and number_text(one, ".", True) for one in with_comma):
-            signs = (".",)
-        for sign in signs:
-            cells = [cell for row in rows.values() for cell in row if ",."[sign == ","] in cell]
+        plain = Layout(mark, ".", False)
+        rows = [plain.split(line) for line in lines]
+        cells = [cell for row in rows for cell in row]
+        commas, points = (sum(sign in cell for cell in cells) for sign in ",.")
+        # Of two that make as many rows, the first is taken.
+        for sign in decimal or (",." if commas and commas >= points else ".,"):
             grouped = any(number_text(one, sign, True) and not number_text(one, sign)
-                          for one in cells)  # fmt: skip
+                          for one in cells if ",."[sign == ","] in one)  # fmt: skip
             layout = replace(plain, decimal=sign, grouped=grouped)
-            kinds = {k: layout.kinds_in(row) for k, row in rows.items()}
-            yield layout, {k: one for k, one in kinds.items() if _numbers(one)}
+            kinds = map(layout.kinds_in, rows)
+            yield layout, [one for one in kinds if _numbers(one)]
 
 
-def _commonest(rows: dict[int, str]) -> tuple[bool, int, str]:
+def _commonest(rows: Sequence[str]) -> tuple[bool, int, str]:
     """Return whether the commonest row is free of words, how many lines have it, its kinds."""
-    free = [kinds for kinds in rows.values() if "w" not in kinds]
+    free = [kinds for kinds in rows if "w" not in kinds]
     lines, width = max((n, width) for width, n in [*Counter(map(len, free)).items(), (0, 0)])
     if lines >= _FEWEST:
         columns = zip(*(kinds for kinds in free if len(kinds) == width), strict=True)
         usual = (Counter(column).most_common() for column in columns)
         return True, lines, "".join(next((k for k, _ in one if k != "e"), "e") for one in usual)
-    forms = Counter(kinds.replace("e", "n") for kinds in rows.values())
+    forms = Counter(kinds.replace("e", "n") for kinds in rows)
     form, lines = max(forms.items(), key=lambda one: (one[1], _numbers(one[0])), default=("", 0))
     return False, lines, form
 
 
 def _numbers(kinds: str) -> int:
     return kinds.count("n") + kinds.count("s")
-
-
-def _first(lines: Sequence[str], found: Layout, rows: dict[int, str]) -> int:
-    """Return the first line from which on the rows are like the others."""
-    width = len(found.kinds)
-    wanted = [k for k, kind in enumerate(found.kinds) if kind in "ns"]
-
-    def fits(index: int) -> bool:
-        cells = found.split(lines[index])
-        if len(cells) < len(wanted) or abs(len(cells) - width) > (found.delimiter is not None):
-            return False
-        kinds = found.kinds_in(cells).ljust(width, "e")
-        here = {kinds[k] for k in wanted}
-        return "w" not in here and bool(here & {"n", "s"})
-
-    def goes_on(index: int) -> bool:
-        following = range(index, min(index + _FOLLOWING, len(lines)))
-        fitting = [fits(k) for k in following if lines[k].strip()]
-        return sum(fitting) >= _MOST * len(fitting)
-
-    like = sorted(k for k, kinds in rows.items() if len(kinds) == width)
-    fitting = [k for k in like if fits(k)]
-    # Numbers in a preamble are rows only if the lines after them are rows, too.
-    first = next(filter(goes_on, fitting), (fitting or like)[0])
-    while first > 0 and fits(first - 1) and not lines[first - 1].strip().startswith(COMMENTS):
-        first -= 1
-    return first

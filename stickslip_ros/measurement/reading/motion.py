@@ -26,20 +26,10 @@ _LARGEST = 1e30
 _FEWEST = 16
 #: Times from here on (s) count from the first one: they are dates.
 _DATES = 1e8
-#: Steps of the time are this many times as large as the last digit that a number holds.
-_GRAINS = 8.0
 #: No actuator deflects by more (m), and none of a stick-slip drive: its unit is another one.
 _WIDEST_LOOP, _WIDEST_STROKE = 0.01, 1e-3
-#: Strokes from which on a column goes back and forth.
-_SURE_STROKES = 6
-#: Share of times that are like the one before them where times are rounded.
-_MANY_TIES = 0.05
 #: Samples between which an hour repeats or is missing are closer (s): hourly logs have others.
 _HOUR, _DENSE = 3600.0, 30.0
-#: Part of a fringe from which on a step from one sample to the next may be a jump or motion.
-_UNCLEAR = 0.25
-#: Even times fit rounded ones if none is further off than this share of the coarsest step seen.
-_ROUNDED = 0.75
 
 
 def read_measurement(path: Path, how: Reading | None = None) -> Motion:
@@ -59,25 +49,26 @@ def motion_of(table: Table, source: str, how: Reading) -> Motion:
     t, x, u = values["t"], values["x"], values.get("u")
     stroke = 0.0 if u is None else float(np.ptp(u))
     if u is not None and stroke > np.ptp(x) > 0.0:
-        back_and_forth, other = (
-            len(find_strokes(t, (one - one.min()) / np.ptp(one))) for one in (x, u)
-        )
-        if back_and_forth >= _SURE_STROKES and back_and_forth > 2 * other:
+        of_x, of_u = (len(find_strokes(t, (one - one.min()) / np.ptp(one))) for one in (x, u))
+        if of_x > max(5, 2 * of_u):
             raise MeasurementError(
                 "the position goes back and forth in every cycle while the actuator moves on by "
-                f"{stroke:g} m, as if both columns were swapped; name them: --columns "
-                "x=NAME,u=NAME"
+                f"{stroke:g} m, as if both columns were swapped; name them: --columns x=NAME,u=NAME"
             )
     if stroke > _WIDEST_STROKE:
-        raise MeasurementError(
-            f"the actuator's deflection goes over {stroke:g} m, which no stick-slip drive does; "
-            "say in which unit it is: --units u=nm, or in which column: --columns u=NAME"
-        )
+        raise _too_wide("u", stroke, "stick-slip drive")
     if how.wavelength is not None:
         x, note = without_fringe_jumps(x, 0.5 * how.wavelength)
         notes = (*notes, note)
     x = x / math.cos(how.angle) if how.angle else x
     return Motion(source, t, x, values.get("v"), u, notes, values.get("voltage"))
+
+
+def _too_wide(key: str, span: float, what: str) -> MeasurementError:
+    return MeasurementError(
+        f"the actuator's deflection goes over {span:g} m, which no {what} does; say in which unit "
+        f"it is: --units {key}=um, or in which column: --columns {key}=NAME"
+    )
 
 
 def without_fringe_jumps(x: Array, fringe: float) -> tuple[Array, str]:
@@ -90,7 +81,7 @@ def without_fringe_jumps(x: Array, fringe: float) -> tuple[Array, str]:
     fringes = np.rint(steps / fringe)
     jumps, size = int(np.count_nonzero(fringes)), format_si(fringe, "m")
     note = f"{jumps} jump{'s' * (jumps != 1)} by whole fringes of {size} taken out"
-    unclear = int(np.sum(np.abs(steps - fringe * fringes) > _UNCLEAR * fringe))
+    unclear = int(np.sum(np.abs(steps - fringe * fringes) > 0.25 * fringe))
     if unclear:
         note += f"; {unclear} samples move by about half a fringe, where a jump is a guess"
     return x - fringe * np.concatenate(([0.0], np.cumsum(fringes))), note
@@ -121,10 +112,7 @@ def loop_of(table: Table, how: Reading) -> ActuatorLoop:
     values, notes = _read(table, LOOP, how)
     span = float(np.ptp(values["deflection"]))
     if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scale}:
-        raise MeasurementError(
-            f"the deflection goes over {span:g} m, which no actuator does; say in which unit "
-            "it is: --units deflection=um, or in which column: --columns deflection=NAME"
-        )
+        raise _too_wide("deflection", span, "actuator")
     return ActuatorLoop(values["voltage"], values["deflection"], values.get("t"), notes)
 
 
@@ -137,28 +125,28 @@ def _read(
         if key not in known:
             listed = ", ".join(f"{q.key} ({q.what})" for q in quantities)
             raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")
-    chosen, notes = choose(table, quantities, how)
-    if how.rate and TIME not in quantities:
-        chosen.pop("t", None)
+    chosen, remarks = choose(table, quantities, how)
     position = chosen.get("x") or chosen["deflection"]
     clock = Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
-    clock = None if "t" in chosen else clock
+    if "t" in chosen:
+        clock = None
     counts = [c for c in table.columns if clock and c.counts and c.length == position.length]
     chosen |= dict(zip("t", counts, strict=False))
     loaded = table.load(list(chosen.values()))
     values = dict(zip(chosen, loaded.values, strict=True))
-    notes = [*table.notes, *loaded.notes, *notes]
-    if clock is not None and not counts and not how.rate:
+    notes = [*table.notes, *loaded.notes, *remarks]
+    if clock and not counts and not how.rate:
         values, clock = _on_one_clock(values, chosen, clock, notes)
     if len({len(one) for one in values.values()}) > 1:
         lengths = ", ".join(f"{chosen[key]} has {len(v)}" for key, v in values.items())
         raise MeasurementError(
             f"the columns are not of one length: {lengths}; name others with --columns"
         )
-    places = np.arange(len(next(iter(values.values()))))
-    if clock is not None:
-        numbers = values["t"] if counts else _numbers(clock, loaded, places, how)
-        values["t"] = clock.start + clock.step * numbers
+    places = np.arange(len(values[next(iter(values))]))
+    if clock:
+        if not counts:
+            _refuse_holes(clock, loaded, places, how)
+        values["t"] = clock.start + clock.step * (values["t"] if counts else places.astype(float))
     kept = slice(how.rows[0] - 1, how.rows[1]) if how.rows else slice(None)
     values, places = {key: v[kept] for key, v in values.items()}, places[kept]
     # Comparisons are false for nan.
@@ -167,24 +155,23 @@ def _read(
         notes.append(f"the {known[key].what} has gaps and is left out")
         del values[key], good[key]
     whole = np.logical_and.reduce(list(good.values()))
-    if left := int(len(whole) - whole.sum()):
+    if left := int(np.sum(~whole)):
         notes.append(f"{left} of {len(whole)} rows have a gap and are left out")
         values, places = {key: v[whole] for key, v in values.items()}, places[whole]
-    if TIME in quantities and len(places) < _FEWEST:
+    least = _FEWEST if TIME in quantities else 1
+    if len(places) < least:
         rows = f"{len(places)} row{'s' * (len(places) != 1)} of numbers"
-        raise MeasurementError(f"{rows}; {_FEWEST} or more are needed")
-    if not len(places):
-        raise MeasurementError("it holds no numbers")
-    time = chosen.get("t", Column("of time"))
+        raise MeasurementError(f"{rows}; {least} or more are needed")
+    for key in values.keys() & chosen.keys() - {"t"}:
+        values[key] = chosen[key].factor * (values[key] + chosen[key].origin)
     if "t" in values:
-        values["t"] = _in_order(values["t"], places, loaded, time, notes)
-    for key in values.keys() & chosen.keys():
-        from_zero = values[key] + chosen[key].origin if key != "t" else values[key]
-        values[key] = chosen[key].factor * from_zero
-    if "t" in values and (time.stamped or time.origin or abs(values["t"][0]) > _DATES):
-        begin = float(values["t"][0])
-        notes.append(f"times count from the first row, {time.factor * time.origin + begin:.17g} s")
-        values["t"] = values["t"] - begin
+        time = chosen.get("t", Column("of time"))
+        t = np.multiply(time.factor, _in_order(values["t"], places, loaded, time, notes))
+        if time.stamped or time.origin or abs(t[0]) > _DATES:
+            begin = time.factor * time.origin + t[0]
+            notes.append(f"times count from the first row, {begin:.17g} s")
+            t -= t[0]
+        values["t"] = t
     return values, tuple(notes)
 
 
@@ -218,11 +205,8 @@ def _on_one_clock(
     return values, Clock(float(at[0]), step)
 
 
-def _numbers(clock: Clock, loaded: Loaded, places: NDArray[np.int64], how: Reading) -> Array:
-    """Return the numbers of the samples, from 0, (samples,).
-
-    Raises MeasurementError if lines among the rows are left out: their duration is unknown.
-    """
+def _refuse_holes(clock: Clock, loaded: Loaded, places: NDArray[np.int64], how: Reading) -> None:
+    """Raise MeasurementError if lines among the rows are left out: their duration is unknown."""
     count = len(places)
     first, last = how.rows or (1, count)
     for row in loaded.breaks:
@@ -236,7 +220,6 @@ def _numbers(clock: Clock, loaded: Loaded, places: NDArray[np.int64], how: Readi
             f"the file states {clock.count} samples and has {count}, so it is unclear which are "
             f"missing; if they are at the end, add --rows 1:{count}"
         )
-    return places.astype(np.float64)
 
 
 def _parts(places: NDArray[np.int64], row: int) -> str:
@@ -251,49 +234,46 @@ def _in_order(
 ) -> Array:
     """Return times that increase; MeasurementError if they cannot be had without guessing."""
     steps = np.diff(t)
-    if t[0] > _DATES and 0.0 <= np.mean(steps) < _GRAINS * np.spacing(t[0]):
+    if t[0] > _DATES and 0.0 <= np.mean(steps) < 8.0 * np.spacing(t[0]):
         raise MeasurementError(
             f"times such as {t[0]:.17g} have more digits than a number holds; take the first "
             "one from all of them, or give the samples per second with --rate"
         )
     usual = np.median(np.abs(steps)) if column.stamped and column.unit != UTC else _HOUR
-    hours = np.abs(np.abs(steps) - _HOUR) <= 1.5 * usual
-    if usual < _DENSE and hours.any():
-        row = int(np.argmax(hours)) + 1
+    hours = (np.abs(np.abs(steps) - _HOUR) <= 1.5 * usual) & (usual < _DENSE)
+    if not hours.any():
+        if (steps > 0.0).all():
+            return t
+        if (steps >= 0.0).all() and (even := _unrounded(t)) is not None:
+            notes.append("times are rounded so that some are alike; evenly spaced ones are taken")
+            return even
+    row = int(np.argmax(hours if hours.any() else steps <= 0.0)) + 1
+    parts = _parts(places, row)
+    if hours.any():
         what, when = ("repeats", "ends") if steps[row - 1] < 0.0 else ("is missing", "begins")
-        raise MeasurementError(
-            f"{loaded.place(int(places[row]))}, column {column}: an hour {what} before it, as "
-            f"where daylight saving {when}; write the times with their offset from UTC, such as "
-            f"+02:00, or read one part: {_parts(places, row)}"
-        )
-    if (steps > 0.0).all():
-        return t
-    if (steps >= 0.0).all() and (even := _unrounded(t)) is not None:
-        notes.append("the times are rounded so that some are alike; evenly spaced ones are taken")
-        return even
-    row = int(np.argmin(steps > 0.0)) + 1
-    cure = "sort the rows by time and keep each time once"
-    if t[row] < t[row - 1] and (parts := _parts(places, row)):
-        cure += f"; if another measurement begins there, read one part: {parts}"
-    raise MeasurementError(
-        f"{loaded.place(int(places[row]))}, column {column}: the time {float(t[row])!r} does not "
-        f"come after {float(t[row - 1])!r}; {cure}, or give the samples per second with --rate"
-    )
+        why = f"an hour {what} before it, as where daylight saving {when}; write the times with "
+        why += f"their offset from UTC, such as +02:00, or read one part: {parts}"
+    else:
+        why = f"the time {float(t[row])!r} does not come after {float(t[row - 1])!r}; sort the "
+        why += "rows by time and keep each time once, or give the samples per second with --rate"
+        if parts and t[row] < t[row - 1]:
+            why += f"; if another measurement begins there, read one part: {parts}"
+    raise MeasurementError(f"{loaded.place(int(places[row]))}, column {column}: {why}")
 
 
 def _unrounded(t: Array) -> Array | None:
     """Return even times that the given ones may be rounded from, None if there are none.
 
     Rounded even times change by one step of the rounding or by none; both ends are known to that
-    step, and no time is further than it from its even one.
+    step, and no time is further than three quarters of it from its even one.
     """
     rises = np.diff(t)
     ties = int((rises == 0.0).sum())
     rises = rises[rises > 0.0]
-    if len(rises) < _FEWEST // 2 or ties < _MANY_TIES * len(t):
+    if len(rises) < _FEWEST // 2 or ties < len(t) / 20:
         return None  # a line that stands there twice is another matter
     grain = float(rises.min())
     number = np.arange(len(t), dtype=np.float64)
     even = t[0] + np.polyval(np.polyfit(number, t - t[0], 1), number)
-    near = float(np.abs(t - even).max()) <= _ROUNDED * grain
+    near = float(np.abs(t - even).max()) <= 0.75 * grain
     return even if near and float(rises.max()) < 1.5 * max(grain, even[1] - even[0]) else None

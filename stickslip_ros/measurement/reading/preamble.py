@@ -11,7 +11,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+
+import numpy as np
 
 from stickslip_ros.measurement.reading.cells import UTC, has_offset, is_stamp
 from stickslip_ros.measurement.reading.layout import Layout
@@ -25,7 +26,6 @@ _KEYS = {key: what for what, keys in {
     "step": "increment tinc xinc xincrement deltax sampleinterval samplinginterval samplingperiod "
             "hresolution tinterval timeincrement sampleperiod signalresolution sampletime "
             "horizontalinterval timeinterval",
-    "resolution": "resolution",
     "rate": "samplerate samplingrate samplingfrequency samplefrequency fs",
     "start": "start t0 xorg xorigin x0 xstart hoffset starttime xzero tstart horizontaloffset "
              "firsttime",
@@ -33,7 +33,6 @@ _KEYS = {key: what for what, keys in {
     "dimension": "xdimension",
     "unit of time": "hunit horizontalunits xunits xunit horizontalunit",
     "units": "vunit verticalunits yunitlabel yunits yunit verticalunit",
-    "names": "tracename channelname channelnames labels",
 }.items() for key in keys.split()}  # fmt: skip
 #: Names of columns of time.
 _TIMES = ("time", "t", "times", "x_value")
@@ -43,7 +42,6 @@ _ASSIGNED = re.compile(r"\s*(t0|tInc)\s*=\s*([-+.\deE]+)\s*s?\s*")
 _QUANTITY = re.compile(rf"({NUMBER})\s*([^\d\s]\S*)?")
 #: A setting with its value, such as ``voltbase=500000(uV)``: never a name with a unit.
 _SETTING = re.compile(r"[#%;!/\s]*\w[^=]*=\s*[-+]?\.?\d.*")
-_LEADING = re.compile(r"^[#%;!/\s]+")
 #: Rates as makers write them.
 _SAMPLES_A_SECOND = re.compile(r"(?i)(sa|s|samples|sps|pts)/s(ec|econd)?|sps|hz")
 #: A whole number that a float may round.
@@ -62,7 +60,7 @@ def columns_above(lines: Sequence[str], layout: Layout) -> list[Column]:
             settings.setdefault(what, row)
     said = {what: next(filter(None, row[1:])) for what, row in settings.items()}
     names, units = _names(above, layout)
-    clock = _clock(settings, said)
+    clock = _clock(said)
     for k, kind in enumerate(layout.kinds):  # units behind a key, one for each column or for all
         if not units[k] and kind == "n" and names[k].lower() not in _TIMES:
             stated = settings.get("units", [])
@@ -78,13 +76,8 @@ def columns_above(lines: Sequence[str], layout: Layout) -> list[Column]:
         for k, step in enumerate(_si(cell, "time") or 0.0 for cell in settings["step"]):
             if k and step != clock.step and 0.0 < step < 1e6:
                 own[k] = Clock(starts[k] if k < len(starts) else 0.0, step)
-    unit = Unit.of(said.get("unit of time"))
-    if unit is not None and unit.dimension != "time":
-        clock = None  # a spectrum
-    elif unit is not None and clock:
-        clock = Clock(clock.start * unit.factor, clock.step * unit.factor, clock.count)
     in_seconds = "".join(above[0]).lower().startswith(_IN_SECONDS) if above else False
-    in_seconds |= unit == Unit("time", 1.0)
+    in_seconds |= Unit.of(said.get("unit of time")) == Unit("time", 1.0)
     in_seconds |= "unit of time" not in said and said.get("dimension", "").lower() == "time"
     columns = []
     for k, (name, kind) in enumerate(zip(names, layout.kinds, strict=True)):
@@ -111,31 +104,30 @@ def _are_stamps(rows: list[list[str]]) -> bool:
     """Return whether pairs of cells are the seconds and nanoseconds of increasing times."""
     if len(rows) < 2 or not all(one.isdecimal() and len(one) < 11 for row in rows for one in row):
         return False
-    pairs = [(int(seconds), int(nanoseconds)) for seconds, nanoseconds in rows]
-    steps = [after[0] - before[0] for before, after in pairwise(pairs)]
-    fine = 10**5 <= max(nanoseconds for _, nanoseconds in pairs) < 10**9
-    return fine and pairs == sorted(pairs) and 2 * steps.count(0) >= len(steps)
+    seconds, nanoseconds = np.array(rows, np.int64).T
+    steady = 2 * np.count_nonzero(np.diff(seconds)) <= len(rows) - 1
+    return bool(
+        steady
+        and 10**5 <= nanoseconds.max() < 10**9
+        and (np.diff(10**9 * seconds + nanoseconds) >= 0).all()
+    )
 
 
 def _cells(line: str, layout: Layout) -> list[str]:
     """Return the cells of a line above the numbers, which may have separators of its own."""
-    text, mark, width = unwrap_numbers(line).strip(), layout.delimiter, len(layout.kinds)
-    leading = _LEADING.match(text)
-    if leading and not (mark == ";" and leading[0].strip() == ";"):
-        text = text[leading.end() :]
-    elif mark == "\t":
-        text = unwrap_numbers(line).strip(" \r\n")
-    if mark is None and width == 1:
+    mark, width = layout.delimiter, len(layout.kinds)
+    text = unwrap_numbers(line).strip(" \r\n" if mark == "\t" else None)
+    if text.startswith(tuple("#%!/" if mark == ";" else "#%!/;")):
+        text = text.lstrip("#%!/; \t")
+    if mark and mark in text:
+        cells = layout.split(text)
+    elif mark or width == 1:
         cells = re.split(r"\s*[:=,\t]\s*", text, maxsplit=1)
-    elif mark is None:
+    else:
         cells = re.split(r"\t|\s{2,}|[,;]", text)
         found = re.findall(r'"[^"]*"|[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?', text)
         cells = found if len(cells) != width == len(found) else cells
-    elif mark in text:
-        cells = layout.split(text)
-    else:
-        cells = re.split(r"\s*[:=]\s*", text, maxsplit=1)
-    return [cell.strip().strip('"').strip() for cell in cells]
+    return [cell.strip(' "') for cell in cells]
 
 
 def _key(text: str) -> str:
@@ -148,9 +140,9 @@ def _runs_with(clock: Clock | None, rows: list[list[str]], layout: Layout) -> in
     if clock is None or len(numbers) < 2:
         return None
     cells = [row[numbers[0]] for row in rows if len(row) > numbers[0]]
-    times = [float(cell) for cell in cells if re.fullmatch(NUMBER, cell)]
-    off = [time - times[0] - k * clock.step for k, time in enumerate(times)]
-    return numbers[0] if len(off) > 9 and max(map(abs, off)) <= 0.5 * clock.step else None
+    times = np.array([cell for cell in cells if re.fullmatch(NUMBER, cell)], np.float64)
+    off = times - times[:1] - clock.step * np.arange(len(times))
+    return numbers[0] if len(off) > 9 and np.abs(off).max() <= 0.5 * clock.step else None
 
 
 def _header_clock(above: list[list[str]]) -> dict[str, list[str]]:
@@ -182,9 +174,6 @@ def _names(above: list[list[str]], layout: Layout) -> tuple[list[str], list[str 
         if not least <= len(cells) <= width or what in ("unit of time", "units"):
             continue
         filled = [cell for cell in cells if cell]
-        if what == "names" and not any(names):
-            names[1 : len(cells)] = cells[1:]
-            continue
         if all(map(_SETTING.fullmatch, filled)) or _QUANTITY.fullmatch(cells[0]):
             continue
         titled = any(units) or (row is above[-1] and _key(cells[0]) in ("time", "t", "times"))
@@ -197,8 +186,6 @@ def _names(above: list[list[str]], layout: Layout) -> tuple[list[str], list[str 
         if in_units and all(map(is_unit_cell, cells)) and not any(units):
             units[: len(cells)] = [cell.strip("()[] ") or None for cell in cells]
             continue
-        if any(names):
-            break
         if len(filled) > (width > 2):
             for k, cell in enumerate(cells):
                 setting = _SETTING.fullmatch(cell) is not None
@@ -208,22 +195,23 @@ def _names(above: list[list[str]], layout: Layout) -> tuple[list[str], list[str 
     return names, units
 
 
-def _clock(settings: Mapping[str, list[str]], said: Mapping[str, str]) -> Clock | None:
+def _clock(said: Mapping[str, str]) -> Clock | None:
     """Return the clock that the settings state, None if there is none or it cannot be read."""
-    step, first = None, {what: _key(row[0]) for what, row in settings.items()}
-    if first.get("step") == "increment" or said.get("dimension", "time").lower() == "time":
-        step = _si(said.get("step"), "time")
-    if step is None and first.get("start") == "xstart":
-        step = _si(said.get("resolution"), "time")
+    over_time = said.get("dimension", "time").lower() == "time"
+    step = _si(said.get("step"), "time") if over_time else None
     if step is None and (rate := _si(said.get("rate"), "frequency")):
         step = 1.0 / rate
     start = _si(said.get("start", "0"), "time")
-    if step is None or start is None or not 0.0 < step < 1e6 or not abs(start) < 1e12:
+    unit = Unit.of(said.get("unit of time")) or Unit("time", 1.0)
+    if step is None or start is None or unit.dimension != "time":  # such as a spectrum
+        return None
+    if not 0.0 < step < 1e6 or not abs(start) < 1e12:
         return None
     count = _QUANTITY.fullmatch(said.get("count", "").split(":")[-1])
     number = float(count[1]) if count and not count[2] else 0.0
     # LabVIEW states one sample for a file that is still being written.
-    return Clock(start, step, int(number) if 1.0 < number < 1e12 else None)
+    stated = int(number) if 1.0 < number < 1e12 else None
+    return Clock(start * unit.factor, step * unit.factor, stated)
 
 
 def _si(text: str | None, dimension: str) -> float | None:

@@ -2,50 +2,43 @@
 """Delimited text as a table, packed or not, in whatever encoding it is.
 
 It is laid out, named, and refused where it may be read in two ways. NumPy reads a block of lines at
-once, with our reader of cells where it does not know their spelling. A block with lines that are no
-rows is halved until few lines are left, which are read one by one: words are left out and counted.
+once, with our reader of cells where it does not know their spelling. Of a block with lines that are
+no rows, it reads a few at once, and those among them one by one: words are left out and counted.
 
-Rohde & Schwarz write pairs: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header.
-With one column more than channels were exported, the first is the time; otherwise the description
-gives the time of the first sample and the step.
+Rohde & Schwarz write pairs: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header:
+the time of the first sample, the step, and the unit of a single channel.
 """
 
 from __future__ import annotations
 
 import bz2
 import codecs
+import contextlib
 import gzip
 import io
 import lzma
 import re
 import zlib
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from tqdm import tqdm
 
 from stickslip_ros.base.opening import Allowance, ReadError, open_regular
 from stickslip_ros.measurement.reading.cells import Stamps, value_of
-from stickslip_ros.measurement.reading.layout import COMMENTS, Layout
+from stickslip_ros.measurement.reading.layout import Layout, is_remark
 from stickslip_ros.measurement.reading.preamble import columns_above
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
 from stickslip_ros.physics.parameters.bounded_files import unwrap_numbers
 
-#: Characters that are read at once.
-_BLOCK = 4_000_000
-_PROGRESS: dict[str, Any] = {"unit": "B", "unit_scale": True, "delay": 0.5, "disable": None}
+#: Characters that are read at once; those that no line of a table has.
+_BLOCK, _LONGEST = 4_000_000, 100_000
 #: What a byte and a line of unpacked text take of the allowance: bytes in memory, and the time of a
 #: row as bytes. A row of a measurement takes more than a byte when it is packed, as it has noise.
 _GROWS, _ROW = 5, 300
-#: Lines longer than this are of no table.
-_LONGEST = 100_000
 _PACKED: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
 _MARKS = {
     b"\xff\xfe\0\0": "utf-32", b"\0\0\xfe\xff": "utf-32", b"\xff\xfe": "utf-16",
@@ -53,16 +46,14 @@ _MARKS = {
 }  # fmt: skip
 #: Characters that texts hardly have.
 _NO_TEXT = re.compile(r"[\0-\x08\x0e-\x1a\x1c-\x1f\x7f-\x9f\ufffd]")
-#: Share of them that is no text any more; share of ASCII where µ is one byte, or all are two.
-_MOST_ODD, _LEAST_PLAIN = 0.02, 0.7
 #: Share of rows that may be words before the table is taken for something else; so many lines of
 #: words are read before that is judged.
 _MOST_WORDS, _FEW_WORDS = 0.1, 20_000
-#: Lines that are read one by one where some are no rows.
-_FEW = 32
+#: Lines that are read at once where some in a block are no rows.
+_FEW = 64
 _BRACKETS = re.compile(r"^[ ]*[(\[]|[)\]][ ]*$", re.MULTILINE)
-#: End of the name of Rohde & Schwarz's numbers; bytes of their description at most.
-_NUMBERS, _DESCRIPTION = ".wfm.csv", 1_000_000
+#: End of the name of Rohde & Schwarz's numbers.
+_NUMBERS = ".wfm.csv"
 
 
 def encoding_of(start: bytes) -> str | None:
@@ -70,21 +61,19 @@ def encoding_of(start: bytes) -> str | None:
     for mark, name in _MARKS.items():
         if start.startswith(mark):
             return name
-    # An instrument may write µ in one byte; damage is replaced.
-    tried = ("utf-16-le", "utf-16-be") if b"\0" in start else ("utf-8", "cp1252")
-    for name in tried:
+    # An instrument may write µ in one byte; damage is replaced. The last character may be cut.
+    for name in ("utf-16-le", "utf-16-be") if b"\0" in start else ("utf-8", "cp1252"):
         errors = "replace" if name == "cp1252" else "strict"
-        try:  # the last character may be cut
+        with contextlib.suppress(UnicodeDecodeError):
             text = codecs.getincrementaldecoder(name)(errors).decode(start)
-        except UnicodeDecodeError:
-            continue
-        plain = name == "utf-8" or len(text.encode("ascii", "ignore")) >= _LEAST_PLAIN * len(text)
-        if plain and "\0" not in text and len(_NO_TEXT.findall(text)) <= _MOST_ODD * len(text):
-            return name
+            plain = len(text) if name == "utf-8" else len(text.encode("ascii", "ignore"))
+            odd = len(_NO_TEXT.findall(text))
+            if plain >= 0.7 * len(text) and "\0" not in text and odd <= 0.02 * len(text):
+                return name
     return None
 
 
-@contextmanager
+@contextlib.contextmanager
 def _open(path: Path) -> Iterator[tuple[Any, Any]]:
     """Open the file and its unpacked form. Raises MeasurementError if it cannot be unpacked."""
     with open_regular(path) as file:
@@ -102,8 +91,10 @@ def _blocks_of(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
 
     Raises MeasurementError for lines of no table, ReadError if it unpacks to too much.
     """
-    size, about, allowance = path.stat().st_size, f"reading {path.name}", Allowance(path)
-    with _open(path) as (file, inner), tqdm(total=size, desc=about, **_PROGRESS) as bar:
+    allowance, size = Allowance(path), path.stat().st_size
+    bar = tqdm(desc=f"reading {path.name}", total=size, unit="B", unit_scale=True, delay=0.5,
+               disable=None)  # fmt: skip
+    with _open(path) as (file, inner), bar:
         text = io.TextIOWrapper(inner, encoding, errors="replace", newline=None)
         rest, block = "", text.read(_BLOCK)
         while block:
@@ -113,8 +104,9 @@ def _blocks_of(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
             lines = (rest + block).split("\n")
             rest = lines.pop() if following else ""
             if max(map(len, (rest, *lines))) > _LONGEST:
-                cure = "write each sample on a line of its own"
-                raise MeasurementError(f"a line has more than {_LONGEST} characters; {cure}")
+                raise MeasurementError(
+                    f"a line has more than {_LONGEST} characters; write each sample on its own line"
+                )
             yield lines, not following
             bar.update(max(0, file.tell() - bar.n))
             block = following
@@ -136,12 +128,13 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
     except MeasurementError as error:
         shown = _preview_of(lines, 0)
         raise MeasurementError(f"{error}{shown and f'; it begins:{chr(10)}{shown}'}") from None
-    described = _description(path, layout) if layout.first == 0 else []
+    numbers = path.name.lower().endswith(_NUMBERS) and layout.first == 0
+    described = _description(path) if numbers else []
     columns = columns_above([*described, *lines[: layout.first + 100]],
                             replace(layout, first=layout.first + len(described)))  # fmt: skip
 
     def load(wanted: Sequence[Column]) -> Loaded:
-        rows = _Rows(layout, wanted, lines[layout.first : layout.first + 500])
+        rows = _Rows(layout, wanted)
         for block, last in _blocks_of(path, encoding):
             rows.add(block, last)
         return rows.loaded()
@@ -152,16 +145,12 @@ def read_text_table(path: Path, decimal: str | None = None) -> Table | None:
 class _Rows:
     """Reads the wanted columns of lines as they come."""
 
-    def __init__(self, layout: Layout, wanted: Sequence[Column], lines: Sequence[str]) -> None:
-        """lines are the first ones from the first row on, which show the form of the rows."""
+    def __init__(self, layout: Layout, wanted: Sequence[Column]) -> None:
         self._layout, self._wanted = layout, wanted
-        marks = [one.count(layout.delimiter) for one in lines if layout.delimiter and one.strip()]
-        #: Separators that nearly every row has.
-        self._marks = max(set(marks), key=marks.count, default=0)
         #: Reader of each cell by its place; those of cells that NumPy does not read.
         self._readers: dict[Any, Callable[[str], float]] = {}
         self._special: dict[Any, Callable[[str], float]] = {}
-        self._stamps: dict[int, Stamps] = {}  # by the number of the column
+        self._stamps = {column.number: Stamps() for column in wanted}
         if layout.delimiter is None:  # all cells are read, so that rows of another width are seen
             odd = (k for k, kind in enumerate(layout.kinds) if kind != "n")
             self._special = dict.fromkeys(odd, lambda cell: 0.0)
@@ -171,23 +160,22 @@ class _Rows:
             if column.stamped or (column.origin and not column.joined):
                 self._special[place] = reader
         self._parts = [np.empty((0, len(self._readers)))]
-        self._count = self._seen = 0  # rows, lines
+        self._seen = 0  # lines
         self._usual = 0  # characters of the shortest of the last lines
-        self._first_word = ""
-        self._breaks: list[int] = []  # rows before which a line of words is left out
-        self._no_rows: list[int] = []  # lines from the first row on that are none
+        self._remarks: list[int] = []  # lines from the first row on that are empty or comments
+        self._words: dict[int, str] = {}  # those that are left out, with their text
 
     def _reader(self, column: Column) -> Callable[[str], float]:
         """Return what reads a cell of a column."""
-        layout, stamps = self._layout, self._stamps.setdefault(column.number, Stamps())
+        layout, stamps = self._layout, self._stamps[column.number]
+        origin = 0 if column.joined else column.origin
 
         def read(cell: str) -> float:
             cell = cell.strip()
             if column.stamped:
                 return stamps.seconds(cell)
-            if column.origin and cell.isdecimal() and not column.joined:
-                return float(int(cell) - column.origin)
-            origin = 0 if column.joined else column.origin
+            if origin and cell.isdecimal():
+                return float(int(cell) - origin)
             return value_of(cell, layout.decimal, layout.grouped) - origin
 
         return read
@@ -198,15 +186,24 @@ class _Rows:
         first, self._seen = self._seen + skip, self._seen + len(lines)
         lines, rest = lines[skip:], lines[-1]
         self._usual = min((len(line) for line in lines[-200:-1] if line), default=self._usual)
-        if last and len(rest) < self._usual:
+        cut_off = last and len(rest) < self._usual
+        if cut_off:
             lines.pop()
-        self._take(lines, first)
-        if last and 0 < len(rest) < self._usual:
-            self._leave_out(rest, self._seen - 1)
+        if not self._read(lines):
+            for k in range(0, len(lines), _FEW):
+                if not self._read(few := lines[k : k + _FEW]):
+                    rows = [
+                        row for n, line in enumerate(few, first + k) if (row := self._row(n, line))
+                    ]
+                    self._parts.append(np.array(rows, float).reshape(-1, len(self._readers)))
+        if cut_off and rest:
+            self._leave_out(self._seen - 1, rest)
+        elif cut_off:
+            self._remarks.append(self._seen - 1)
 
     def loaded(self) -> Loaded:
         """Return the table. Raises MeasurementError if too many lines are words."""
-        self._check_words()
+        notes = self._notes()
         cells = dict(zip(self._readers, np.concatenate(self._parts).T, strict=True))
         self._parts.clear()  # its memory is needed
         values = []
@@ -215,36 +212,41 @@ class _Rows:
             if column.joined:
                 one = 1e9 * (one - column.origin // 10**9) + cells[column.number]
             values.append(self._stamps[column.number].going_on(one) if column.stamped else one)
-        notes = []
-        if words := len(self._breaks):
-            rows = "1 line is" if words == 1 else f"{words} lines are"
-            notes.append(f"{rows} left out, not being numbers: {self._first_word}")
-        return Loaded(values, self._place, tuple(notes), tuple(self._breaks))
+        words, no_rows = sorted(self._words), sorted([*self._words, *self._remarks])
+        breaks = np.array(words, int) - self._layout.first - np.searchsorted(no_rows, words)
 
-    def _place(self, row: int) -> str:
-        """Return the place of a row in the file, for people."""
-        line = self._layout.first + row
-        for other in self._no_rows:
-            line += other <= line
-        return f"line {line + 1}"
+        def place(row: int) -> str:
+            line = self._layout.first + row
+            for other in no_rows:
+                line += other <= line
+            return f"line {line + 1}"
 
-    def _take(self, lines: list[str], first: int) -> None:
-        """Read lines; first is the index of the first one in the file."""
-        if (rows := self._at_once(lines)) is not None:
-            self._count += len(rows)
-            self._parts.append(rows)
-        elif len(lines) > _FEW:
-            half = len(lines) // 2
-            self._take(lines[:half], first)
-            self._take(lines[half:], first + half)
-        elif found := list(self._one_by_one(lines, first)):
-            self._parts.append(np.array(found))
+        return Loaded(values, place, notes, tuple(breaks.tolist()))
 
-    def _at_once(self, lines: list[str]) -> NDArray[np.float64] | None:
-        """Return the cells of lines that are rows like all others, None if they are not."""
-        layout, mark, block = self._layout, self._layout.delimiter, "\n".join(lines)
-        if block.strip() == "" or (mark and {line.count(mark) for line in lines} != {self._marks}):
+    def _row(self, number: int, line: str) -> list[float] | None:
+        """Return the wanted numbers of a line, of this index in the file, None if it is no row."""
+        if is_remark(line):
+            self._remarks.append(number)
             return None
+        layout, width = self._layout, len(self._layout.kinds)
+        cells = layout.split(line.partition(" #")[0])
+        if layout.delimiter:
+            cells += (width - len(cells)) * [""]
+        try:
+            if len(cells) < width or any(cells[width:]):
+                raise ValueError(line)
+            return [reader(cells[place]) for place, reader in self._readers.items()]
+        except (ValueError, OverflowError):
+            self._leave_out(number, line)
+            return None
+
+    def _read(self, lines: list[str]) -> bool:
+        """Read lines that are rows like all others; return False if some are not."""
+        layout, mark, block = self._layout, self._layout.delimiter, "\n".join(lines)
+        width = len(layout.kinds)
+        counts = {line.count(mark) for line in lines} if mark else {width - 1}
+        if counts != {width - 1} or block.strip() == "":
+            return False
         if "(" in block or "[" in block:
             block = _BRACKETS.sub("", unwrap_numbers(block))
         quote = '"' if '"' in block else None
@@ -264,48 +266,31 @@ class _Rows:
                 )  # fmt: skip
             except (ValueError, OverflowError):
                 continue
-            if len(rows) == len(lines) and (mark or rows.shape[1] == len(layout.kinds)):
-                return rows if mark else rows[:, places]
-        return None
+            if len(rows) == len(lines) and (mark or rows.shape[1] == width):
+                self._parts.append(rows if mark else rows[:, places])
+                return True
+        return False
 
-    def _one_by_one(self, lines: list[str], first: int) -> Iterator[list[float]]:
-        """Yield the wanted numbers of those lines that are rows, and count the others."""
-        layout, width = self._layout, len(self._layout.kinds)
-        for number, line in enumerate(lines, first):
-            text = line.strip()
-            if text == "" or text.startswith(COMMENTS):
-                self._no_rows.append(number)
-                continue
-            row = layout.split(line.split(" #")[0])
-            if layout.delimiter is not None and not any(row[width:]):
-                row = row[:width] + [""] * (width - len(row))
-            try:
-                if len(row) != width:
-                    raise ValueError(line)
-                found = [reader(row[place]) for place, reader in self._readers.items()]
-            except (ValueError, OverflowError):
-                self._leave_out(line, number)
-            else:
-                self._count += 1
-                yield found
-
-    def _leave_out(self, line: str, number: int) -> None:
+    def _leave_out(self, number: int, line: str) -> None:
         """Count a line, of this index in the file, that is no row."""
         shown = _shown(" ".join(line.split()))[:40]
-        self._first_word = self._first_word or f"line {number + 1} ({shown!r})"
-        self._no_rows.append(number)
-        self._breaks.append(self._count)
-        if len(self._breaks) > _FEW_WORDS:
-            self._check_words()
+        self._words[number] = f"line {number + 1} ({shown!r})"
+        if len(self._words) > _FEW_WORDS:
+            self._notes()
 
-    def _check_words(self) -> None:
-        """Raise MeasurementError if too many lines are words."""
-        words = len(self._breaks)
-        if words > _MOST_WORDS * max(self._count, 10):
+    def _notes(self) -> tuple[str, ...]:
+        """Return a note on lines that are left out. Raises MeasurementError if they are many."""
+        words, lines = len(self._words), self._seen - self._layout.first - len(self._remarks)
+        if not words:
+            return ()
+        first = self._words[min(self._words)]
+        if words > _MOST_WORDS * max(lines - words, 10):
             raise MeasurementError(
-                f"{words} of {words + self._count} lines are no rows of numbers, first "
-                f"{self._first_word}; remove them, or export a table of numbers"
+                f"{words} of {lines} lines are no rows of numbers, first {first}; remove them, or "
+                "export a table of numbers"
             )
+        rows = "1 line is" if words == 1 else f"{words} lines are"
+        return (f"{rows} left out, not being numbers: {first}",)
 
 
 def numbers_of(path: Path) -> Path:
@@ -315,35 +300,21 @@ def numbers_of(path: Path) -> Path:
     return partner if partner.is_file() else path
 
 
-def _description(path: Path, layout: Layout) -> list[str]:
+def _description(path: Path) -> list[str]:
     """Return the header that Rohde & Schwarz's description beside numbers without one makes."""
-    if not path.name.lower().endswith(_NUMBERS):
-        return []
     try:
         described = path.with_name(f"{path.name[: -len(_NUMBERS)]}.csv")
-        with open_regular(described, _DESCRIPTION) as file:
-            text = file.read().decode("utf-8", "replace")
+        with open_regular(described, largest=1_000_000) as file:
+            lines = file.read().decode("utf-8", "replace").splitlines()
     except (OSError, ReadError):
         return []
-    facts = defaultdict[str, list[str]](lambda: [""])
-    for line in text.splitlines():
-        key, _, value = line.partition(":")
-        facts[key] = value.rstrip(":").split(":")
-    if facts["XStart"] == [""] or facts["SignalResolution"] == [""]:
-        return []
-    names = [f"{facts['Source'][0]} ({facts['BaseUnit'][0]})"]
-    if facts["MultiChannelExport"][0] == "On":
-        about = ("MultiChannelExportState", "MultiChannelSource", "MultiChannelViewUnit")
-        channels = zip_longest(*(facts[key][1:] for key in about), fillvalue="")
-        names = [f"{name} ({unit})" for state, name, unit in channels if state == "On" and name]
-    clock = []
-    if len(layout.kinds) == len(names) + 1:
-        names = ["time (s)", *names]
+    facts = {key: value.rstrip(":") for key, _, value in (line.partition(":") for line in lines)}
+    keys = {"start": "XStart", "increment": "SignalResolution", "points": "SignalRecordLength"}
+    if facts.get("MultiChannelExport") != "On":  # of several channels, each has its own unit
+        keys["vunit"] = "BaseUnit"
     # Of several acquisitions one after the other, nothing says when they were.
-    elif facts["NumberOfAcquisitions"][0] in ("", "1"):
-        keys = {"start": "XStart", "increment": "SignalResolution", "points": "SignalRecordLength"}
-        clock = [f"{key}: {facts[name][0]}" for key, name in keys.items()]
-    return [*clock, (layout.delimiter or "").join(names)] if len(names) == len(layout.kinds) else []
+    one = facts.get("NumberOfAcquisitions", "1") == "1"
+    return [f"{key}: {facts[name]}" for key, name in keys.items() if one and name in facts]
 
 
 def _shown(text: str) -> str:

@@ -92,12 +92,11 @@ def is_unit_cell(text: str) -> bool:
 #: A number in brackets is an index, as in ``position[0]``.
 _BRACKETS = re.compile(r"(?P<name>.*?)[\s_]*[(\[{](?!\d+[)\]}])(?P<unit>[^()\[\]{}]*)[)\]}]\s*\.?")
 #: Other ways in which a unit that is known stands behind a name.
-_BEHIND = (
-    re.compile(r"(?P<name>.*?)\s*(?:\bin|/)\s+(?P<unit>\S+)"),
-    re.compile(r"(?P<name>[^/]*?)\s*/(?P<unit>\w+)"),
-    re.compile(r"(?P<name>(?:CH|CHAN|C|MATH)\d*)\s*(?P<unit>V|mV|A)"),
-    re.compile(r"(?P<name>.+?)(?:[_\s:,]\s*)(?P<unit>[A-Za-zµμÅ/^0-9°%]+)"),
+_BEHIND = re.compile(
+    r"(?P<name>.*?)(?P<mark>(?:^|\s+)in\s+|\s*/\s*|[_\s:,]\s*)(?P<unit>[A-Za-zµμÅ^0-9°%]+(/s[\^2]*)?)"
 )
+#: A channel with its unit.
+_CHANNEL = re.compile(r"((?:CHAN|CH|C|MATH)\d*)\s*(V|mV|A)")
 #: Tails of a name that are one letter may be a word of it: only these end in their unit.
 _WITH_LETTER = {
     "s": "t time timestamp elapsed elapsed_time zeit seconds",
@@ -115,16 +114,16 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
     text = " ".join(text.split())
     if found := _BRACKETS.fullmatch(text):
         return found["name"].strip(), found["unit"].strip() or None
-    for pattern in _BEHIND:
-        found = pattern.fullmatch(text)
-        if not found or not Unit.of(unit := found["unit"]):
-            continue
+    if found := _CHANNEL.fullmatch(text):
+        return found[1], found[2]
+    found = _BEHIND.fullmatch(text)
+    if found and Unit.of(unit := found["unit"]):
         name = found["name"].strip()
-        if pattern is not _BEHIND[-1]:
-            if not text.startswith("/"):
-                return name, unit
-        elif (len(unit) > 1 and unit[0] != "/") or re.split(r"[./_ ]", name.lower())[
-            -1
-        ] in _WITH_LETTER.get(unit, "").split():
+        last = re.split(r"[./_ ]", name.lower())[-1]
+        if found["mark"].strip() in ("in", "/"):
+            sure = not text.startswith("/")  # a topic of ROS
+        else:
+            sure = len(unit) > 1 or last in _WITH_LETTER.get(unit, "").split()
+        if sure:
             return name, unit
     return text, None

@@ -38,139 +38,78 @@ _LVM_HEAD = "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\n***End
 
 #: Dialect, text, what has to be said.
 DIALECTS: list[tuple[str, str, Reading | None]] = [
-    (
-        "Rigol, samples numbered",
+    ("Rigol, samples numbered",
         "X,CH1,Start,Increment,\nSequence,Volt,-2.0E-04,1.0E-05\n" + rows("{k},{v:.3f},"),
-        IN_VOLTS,
-    ),
-    (
-        "Rigol, two channels",
+        IN_VOLTS),
+    ("Rigol, two channels",
         "X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,-2.0E-04,1.0E-05\n" + rows("{k},{v:.3f},9"),
-        CH1,
-    ),
+        CH1),
     ("Rigol, MSO5000", "CH1V, t0 =-2.0E-04s, tInc = 1.0E-05s,\n" + rows("{v:.3f},"), IN_VOLTS),
     ("Rigol, DS2000", "Time(s),CH1(V)\n" + rows("{t:.6f},{v:.3f}"), IN_VOLTS),
-    (
-        "Tektronix, new",
-        "Model,MDO34\nFirmware Version,1.2\n\nWaveform Type,ANALOG\nPoint Format,Y\n"
+    ("Tektronix, new", "Model,MDO34\nFirmware Version,1.2\n\nWaveform Type,ANALOG\nPoint Format,Y\n"
         "Horizontal Units,s\nSample Interval,1e-05\nRecord Length,40\nVertical Units,V\n"
-        "Vertical Scale,10\n\n\nLabel,\nTIME,CH1\n" + rows("{t:.6e},{v:.3f}"),
-        IN_VOLTS,
-    ),
+        "Vertical Scale,10\n\n\nLabel,\nTIME,CH1\n" + rows("{t:.6e},{v:.3f}"), IN_VOLTS),
     ("Tektronix, old", _OLD_TEK, IN_VOLTS),
     ("Keysight", "x-axis,1\nsecond,Volt\n" + rows("{t:+.6E},{v:+.3E}"), IN_VOLTS),
-    (
-        "Keysight, two channels, the first sample missing",
+    ("Keysight, two channels, the first sample missing",
         "x-axis,1,2\nsecond,Volt,Volt\n-210.0E-06,,\n" + rows("{t:+.6E},{v:+.3E},+1.0E+00"),
-        Reading(columns={"x": "1"}, scale={"x": "50nm/V"}),
-    ),
-    (
-        "Infiniium",
+        Reading(columns={"x": "1"}, scale={"x": "50nm/V"})),
+    ("Infiniium",
         "Revision: 0\nType: raw\nPoints: 40\nXInc: 1.0E-05\nXOrg: -2.0E-04\nXUnits: Second\n"
-        "YUnits: Volt\nData:\n" + rows("{v:.3f}"),
-        IN_VOLTS,
-    ),
-    (
-        "LeCroy",
-        "LECROYWS24Xs,21529,Waveform\nSegments,1,SegmentSize,40\n"
+        "YUnits: Volt\nData:\n" + rows("{v:.3f}"), IN_VOLTS),
+    ("LeCroy", "LECROYWS24Xs,21529,Waveform\nSegments,1,SegmentSize,40\n"
         "Segment,TrigTime,TimeSinceSegment1\n#1,06-May-2025 17:27:01,0\nTime,Ampl\n"
-        + rows("{t:.6f},{v:.3f}"),
-        IN_VOLTS,
-    ),
+        + rows("{t:.6f},{v:.3f}"), IN_VOLTS),
     ("Rohde & Schwarz, RTB", "in s,C1 in V\n" + rows("{t:.6E},{v:.3E}"), IN_VOLTS),
-    (
-        "Siglent",
-        "Record Length,Analog:40\nSample Interval,CH1:0.00001\nVertical Units,CH1:V\n"
-        "Horizontal Units,s\nSource,CH1\nSecond,Volt\n" + rows("{t:.6f},{v:.3f}"),
-        IN_VOLTS,
-    ),
-    (
-        "Yokogawa",
+    ("Siglent", "Record Length,Analog:40\nSample Interval,CH1:0.00001\nVertical Units,CH1:V\n"
+        "Horizontal Units,s\nSource,CH1\nSecond,Volt\n" + rows("{t:.6f},{v:.3f}"), IN_VOLTS),
+    ("Yokogawa",
         '"Model","Xviewer"\n"TraceName","CH1",\nBlockSize,40,\nVUnit,V,\nHResolution,1.0e-05,\n'
-        "HOffset,-2.0e-04,\nHUnit,s,\n" + rows(",{v:.3f}"),
-        IN_VOLTS,
-    ),
-    (
-        "PicoScope",
-        "Time,Channel A\n(ms),(mV)\n\n" + rows("{ms:.6f},{mv:.3f}"),
-        IN_VOLTS,
-    ),
-    (
-        "PicoScope, beyond its range",
+        "HOffset,-2.0e-04,\nHUnit,s,\n" + rows(",{v:.3f}"), IN_VOLTS),
+    ("PicoScope", "Time,Channel A\n(ms),(mV)\n\n" + rows("{ms:.6f},{mv:.3f}"), IN_VOLTS),
+    ("PicoScope, beyond its range",
         "Time;Channel A\n(us);(mV)\n\n-210,0;∞\n" + rows("{us:.4f};{mv:.3f}", decimal=","),
-        IN_VOLTS,
-    ),
+        IN_VOLTS),
     ("PicoScope 7, German", "Zeit;Kanal A\n(ms);(mV)\n\n" + rows("{ms:.8f};{mv:.8f}", decimal=","),
      IN_VOLTS),
     ("Saleae Logic 2", "Time [s],Channel 0\n" + rows("{t:.9f},{v:.4f}"), IN_VOLTS),
-    (
-        "Digilent WaveForms",
+    ("Digilent WaveForms",
         "#Digilent WaveForms Oscilloscope Acquisition\n#Device Name: Discovery2\n"
         "#Serial Number: SN:210321A3C1F9\n#Date Time: 2026-09-28 00:00:00.000.000.000\n"
         "#Sample rate: 100000Hz\n#Samples: 40\n#Trigger: Source: Channel 1 Type: Edge Condition: "
         "Rise Level: 1 V Hysteresis: 10 mV HoldOff: 0 s\n#Channel 1: Range: 500 mV/div Offset: -1 V"
         "\n\nTime (s),Channel 1 (V),Channel 2 (V)\n" + rows("{t:.6e},{v:.6f},0.1"),
-        Reading(columns={"x": "Channel 1"}, scale={"x": "50nm/V"}),
-    ),
-    (
-        "Polytec",
-        "Source File Name:\tC:\\scan.svd\nPoint Index:\t1\nSignal:\tVib ; Displacement\n\n"
-        "Time\tDisplacement\n[ s ]\t[ nm ]\n" + rows("{t:.6E}\t{nm:.4f}", end="\r\n"),
-        None,
-    ),
-    (
-        "PlotJuggler",
-        "__time,/joint_states/axis/position,/other/data\n"
+        Reading(columns={"x": "Channel 1"}, scale={"x": "50nm/V"})),
+    ("Polytec", "Source File Name:\tC:\\scan.svd\nPoint Index:\t1\nSignal:\tVib ; Displacement\n\n"
+        "Time\tDisplacement\n[ s ]\t[ nm ]\n" + rows("{t:.6E}\t{nm:.4f}", end="\r\n"), None),
+    ("PlotJuggler", "__time,/joint_states/axis/position,/other/data\n"
         + rows("{t:.6f},{nm:.4f},\n{t:.7f}5,,1.0"),
-        Reading(columns={"x": "/joint_states/axis/position"}, units={"x": "nm"}),
-    ),
-    (
-        "LabVIEW, a time beside each channel",
+        Reading(columns={"x": "/joint_states/axis/position"}, units={"x": "nm"})),
+    ("LabVIEW, a time beside each channel",
         f"{_LVM_HEAD}Channels\t2\t\t\t\nY_Unit_Label\tVolts\t\tVolts\n***End_of_Header***\n"
         "X_Value\tA\tX_Value\tB\tComment\n" + rows("{t:.6f}\t9\t{t:.6f}\t{v:.3f}"),
-        Reading(columns={"x": "B"}, units={"t": "s"}, scale={"x": "50nm/V"}),
-    ),
-    (
-        "MATLAB's own",
-        rows("   {t:.7e}   {v:.7e}"),
-        Reading(units={"t": "s"}, scale={"x": "50nm/V"}),
-    ),
-    (
-        "printed by NumPy 2",
-        "t (s), x (nm)\n" + rows("(np.float64({t:.6f}), np.float64({nm:.4f}))"),
-        None,
-    ),
-    (
-        "quoted, decimal commas",
-        '"t (ms)", "x (nm)"\n' + rows('"{ms:.6f}", "{nm:.4f}"', decimal=","),
-        None,
-    ),
+        Reading(columns={"x": "B"}, units={"t": "s"}, scale={"x": "50nm/V"})),
+    ("MATLAB's own", rows("   {t:.7e}   {v:.7e}"),
+        Reading(units={"t": "s"}, scale={"x": "50nm/V"})),
+    ("printed by NumPy 2", "t (s), x (nm)\n" + rows("(np.float64({t:.6f}), np.float64({nm:.4f}))"),
+        None),
+    ("quoted, decimal commas", '"t (ms)", "x (nm)"\n' + rows('"{ms:.6f}", "{nm:.4f}"', decimal=","),
+        None),
     ("quoted, between blanks", '"t(s)" "x(nm)"\n' + rows('"{t:.6f}" "{nm:.4f}"'), None),
     ("thousands", "t (us);x (nm)\n" + rows("{us:,.4f};{nm:,.4f}"), None),
-    (
-        "a clock on the wall",
-        "stamp;x (nm)\n" + "".join(
+    ("a clock on the wall", "stamp;x (nm)\n" + "".join(
             ("2024-05-31 23:59:59" if t < -1e-9 else "2024-06-01 00:00:00")
             + f".{round(1e6 * t) % 1_000_000:06d};{50 * v:.4f}\n"
             for t, v in zip(T.tolist(), VOLTS.tolist(), strict=True)
-        ),
-        None,
-    ),
-    (
-        "a clock on the wall, the date beside it",
-        "Datum;Uhrzeit;Position (nm)\n" + "".join(
+        ), None),
+    ("a clock on the wall, the date beside it", "Datum;Uhrzeit;Position (nm)\n" + "".join(
             ("31.05.2024;23:59:59" if t < -1e-9 else "01.06.2024;00:00:00")
             + f",{round(1e6 * t) % 1_000_000:06d};{50 * v:.4f}\n".replace(".", ",")
             for t, v in zip(T.tolist(), VOLTS.tolist(), strict=True)
-        ),
-        None,
-    ),
+        ), None),
     ("since 1970", "t (s),x (nm)\n" + rows("1700000000.{k:03d},{nm:.4f}"), None),
-    (
-        "a long preamble",
-        "remark,of,a,logger,1\n" * 3000 + "t (us),x (nm)\n" + rows("{us:.3f},{nm:.4f}"),
-        None,
-    ),
+    ("a long preamble",
+        "remark,of,a,logger,1\n" * 3000 + "t (us),x (nm)\n" + rows("{us:.3f},{nm:.4f}"), None),
 ]  # fmt: skip
 
 

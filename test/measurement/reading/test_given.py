@@ -60,6 +60,7 @@ def test_a_loop_in_a_table_is_identified() -> None:
         ((pd.DataFrame({"t (s)": range(40), "x (m)": 40 * ["a"]}),), "x .m. holds objects; expec"),
         ((np.arange(40.0), np.arange(39.0)), "position has 39 samples and time has 40"),
         ((np.arange(40.0), np.zeros((40, 2))), r"position has shape \(40, 2\)"),
+        (4 * (np.arange(40.0),), "tuple .* is no measurement; expected is a file"),
         ((pd.DataFrame({"a": np.arange(40.0), "b": np.arange(40.0)}),), "states no unit"),
     ],
 )
