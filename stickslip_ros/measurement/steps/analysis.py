@@ -206,7 +206,7 @@ class _Analysis:
             periods = sorted(1.0 / one for one in set(self.drive.frequencies))
             grids, ringing = self._told(periods)
             if ringing is None or ringing.frequency * periods[0] <= _FAST_RINGING:
-                quick = ringing_at_the_end(self.record, periods[0])
+                quick = ringing_at_the_end(self.record, periods[0]) or ringing
                 grids, ringing = (grids, ringing) if quick is None else self._told(periods, quick)
             return grids, ringing
         return self._estimated()
