@@ -54,7 +54,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         ("level", True, "fit the zero of the sensor"), ("gain", False, "fit its gain"),
     ):  # fmt: skip
         fitting.add_argument(f"--fit-{name}", action=yes_no, default=usual, help=text)
-    option(fitting, "--filter", "HZ", "low-pass filter both, without delay", quantity("Hz"))
     limits = parser.add_argument_group("limits, SI units")
     for name, limit in LIMITS.items():
         metavar = limit.unit.upper() or "X"
@@ -81,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(args)
     simulation, measurement, runs, period = _motions(args)
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
-    found = compare(simulation.motion, measurement, fits, args.filter, runs, period)
+    found = compare(simulation.motion, measurement, fits, runs, period)
     say_doubts(measurement.source, runs or [])
     judgements = found.judge(allowed)
     title = f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"

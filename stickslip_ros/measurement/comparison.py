@@ -29,13 +29,7 @@ from stickslip_ros.measurement.metric import (
     most_different,
 )
 from stickslip_ros.measurement.metrics import RunPair, pair_runs, runs_in
-from stickslip_ros.measurement.motion_pair import (
-    ORDER,
-    Alignment,
-    Fits,
-    MotionPair,
-    low_pass,
-)
+from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair
 from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.measurement.steps.motions import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.noise import noise_of
@@ -55,7 +49,6 @@ class Comparison:
     measurement: Motion
     pairs: list[RunPair]  #: each run of steps of the measurement, one at least
     fits: Fits
-    cutoff: float | None  #: of the low-pass filter, Hz
     alignment: Alignment
     t: Array  #: the instants compared, by the clock of the run, s
     x: Array  #: position of the run, m
@@ -141,11 +134,6 @@ class Comparison:
             f"compared on {len(self.t)} samples of the {base}, the coarser of the two; "
             f"the {other} is interpolated"
         ]
-        if self.cutoff is not None:
-            notes.append(
-                f"low-pass at {self.cutoff:g} Hz on both (Butterworth, order {ORDER}, forward and "
-                "back: no delay); steps and ringing come from the unfiltered data"
-            )
         again = self.alignment.other_offset
         if again is not None and self.fits.offset:
             notes.append(
@@ -277,12 +265,11 @@ def compare(
     run: Motion,
     measurement: Motion,
     fits: Fits | None = None,
-    cutoff: float | None = None,
     runs: Sequence[Run] | None = None,
     period: float | None = None,
     drive: Drive | None = None,
 ) -> Comparison:
-    """Compare; cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError.
+    """Compare a run and a measurement of the same motion. Raises ComparisonError.
 
     runs are those of the measurement, if they were looked for, else drive is what is known of it;
     period (s) is that of the parameters where the run was simulated at the frequency that the
@@ -295,8 +282,6 @@ def compare(
     alignment = align(motions, fits, own, shown)
     pairs = motions.at(alignment)
     run_pairs = pair_runs(motions, own, shown, alignment, pairs, period)
-    if cutoff is not None:
-        pairs = low_pass(pairs, cutoff)
     measured = (pairs.measured - alignment.level) / alignment.gain
     difference = measured - pairs.run
     weights = pairs.weights
@@ -323,7 +308,6 @@ def compare(
         measurement=measurement,
         pairs=every_pair or run_pairs,
         fits=fits,
-        cutoff=cutoff,
         alignment=alignment,
         t=pairs.t,
         x=pairs.run,

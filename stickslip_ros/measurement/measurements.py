@@ -179,7 +179,6 @@ def compare(
     measurement: MotionSource,
     *,
     fits: Fits | None = None,
-    cutoff: float | None = None,
     frequency: float | Sequence[float] | None = None,
     steps: int | Sequence[int] | None = None,
 ) -> Comparison:
@@ -194,8 +193,6 @@ def compare(
         The measured motion, a file of it, or a table or arrays (s, m) that hold it.
     fits : Fits, optional
         Which corrections of clock and sensor are fitted.
-    cutoff : float, optional
-        Frequency of a low-pass filter on both, Hz.
     frequency, steps : float and int, or a sequence of them, optional
         What is known of the measurement's drive, as in `find_runs`; the frequency of parameters is
         known by them.
@@ -237,8 +234,8 @@ def compare(
             period = 1.0 / p.drive.frequency
             runs = runs_of(measured, drive.or_at(p.drive.frequency))
             simulated = simulate_as_measured(p, measured, runs, "simulation")
-            return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
-        return comparisons.compare(_driven(run, Drive())[0], measured, fits, cutoff, drive=drive)
+            return comparisons.compare(simulated, measured, fits, runs, period)
+        return comparisons.compare(_driven(run, Drive())[0], measured, fits, drive=drive)
 
 
 def identify_actuator(

@@ -36,7 +36,6 @@ class ComparisonMetric:
     limit: str = ""  #: its option of `compare`, after ``--max-``; "": none
     meaning: str = ""  #: "" where it is a difference of the whole motions
     floor: float = 0.0  #: least tolerance: of a length in m, else as a part of the run's value
-    scaled: bool = False  #: whether the gain of the sensor counts
     unseen: str = ""  #: why a value may be nan
 
     @property
@@ -136,10 +135,10 @@ METRICS = (
         "period", "s", floor=1e-9,
         meaning="time from slip to slip; of a run that is simulated, that of its parameters"),
     ComparisonMetric(
-        "step size", "m", limit="step-error", floor=1e-10, scaled=True,
+        "step size", "m", limit="step-error", floor=1e-10,
         meaning="way from slip to slip", unseen="too few cycles"),
     ComparisonMetric(
-        "backstep", "m", limit="backstep-error", floor=1e-10, scaled=True,
+        "backstep", "m", limit="backstep-error", floor=1e-10,
         meaning="fall after the slip", unseen="too few samples after the slips"),
     ComparisonMetric(
         "ringing frequency", "Hz", limit="frequency-error", floor=5e-3,

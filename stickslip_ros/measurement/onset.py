@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.steps.ringing import Ringing
+from stickslip_ros.measurement.steps.run import Run
 
 #: c above.
 _PUSH = 5.0
@@ -29,7 +30,7 @@ _PUSH = 5.0
 _REACH, _PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
 _CYCLE_BEFORE = 0.3
-#: Approximate number of samples for the onsets, and number of their cycles if there are enough.
+#: Approximate number of samples that are enough, and of their cycles if there are as many.
 _SAMPLES, _CYCLES = 20_000, 8
 #: So many samples of a swing show about where they are.
 _SEEN = 12.0
@@ -51,44 +52,44 @@ class Onset:
     shift_error: float  #: standard uncertainty, s
 
 
-def cycle_of(t: Array, slips: Array, period: float) -> NDArray[np.int64]:
-    """Return the number of the cycle that each time (s) lies in; a cycle holds its slip inside."""
-    return np.searchsorted(slips - _CYCLE_BEFORE * period, t).astype(np.int64)
+def thinned(t: Array, run: Run | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return which samples at times (s) are enough, and the number of the cycle of each of them.
 
-
-def thin_samples(t: Array, x: Array, slips: Array, period: float) -> tuple[Array, Array]:
-    """Return whole cycles with a limited number of samples, spread over the motion.
-
-    If there are few cycles with very many samples, all cycles stay, with every n-th sample.
+    They are whole cycles, each with its slip inside, spread over the motion; without a run, or of
+    few cycles with very many samples, every n-th sample of all.
     """
-    cycle = cycle_of(t, slips, period)
+    begins = run.slips - _CYCLE_BEFORE * run.period if run else np.empty(0)
+    cycle = np.searchsorted(begins, t).astype(np.int64)
     share = len(t) // _SAMPLES + 1
-    apart = min(share, max(1, len(slips) // _CYCLES))
+    apart = min(share, max(1, len(begins) // _CYCLES))
     kept = np.flatnonzero(cycle % apart == 0)[:: -(-share // apart)]
-    return t[kept], x[kept]
+    return kept, cycle[kept]
 
 
-def detrend(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Array]:
-    """Return the columns without their mean and slope in each cycle."""
-    count = np.maximum(np.bincount(cycle), 1)
-    time = t - (np.bincount(cycle, t) / count)[cycle]
-    square = np.bincount(cycle, time * time)
-    square[square == 0.0] = 1.0
-    result = []
-    for column in columns:
-        about = column - (np.bincount(cycle, column) / count)[cycle]
-        slope = np.bincount(cycle, about * time) / square
-        result.append(about - slope[cycle] * time)
-    return result
+def beside_lines(t: Array, columns: Array, cycle: NDArray[np.int64]) -> Array:
+    """Return columns, (samples, n), without mean and slope in each cycle; its number rises."""
+    first = np.flatnonzero(np.diff(cycle, prepend=-1))
+    counts = np.diff(np.append(first, len(t)))
+
+    def mean(x: Array) -> Array:
+        sums = np.add.reduceat(x, first, axis=0)
+        return np.asarray(np.repeat(sums / counts[:, None], counts, axis=0))
+
+    time, about = t[:, None] - mean(t[:, None]), columns - mean(columns)
+    square = mean(time**2)
+    slope = mean(about * time) / np.where(square > 0.0, square, 1.0)
+    return np.asarray(about - slope * time)
 
 
-def find_onset(
-    t: Array, x: Array, slips: Array, period: float, ringing: Ringing, drift: bool, middle: float
-) -> Onset:
-    """Fit the answer to all slips of a motion; slips and middle (s) by the same clock as t."""
-    cycle = cycle_of(t, slips, period)
-    (position,) = detrend(t, [x], cycle)
-    omega, duration = 2.0 * math.pi * ringing.frequency, slips[-1] - slips[0] + period
+def find_onset(t: Array, x: Array, run: Run, ringing: Ringing, drift: bool, middle: float) -> Onset:
+    """Fit the answer to the slips of a run in a motion that rings so, at times t (s), x (m).
+
+    drift: whether to fit one about the middle (s). Slips and middle are by the same clock as t.
+    """
+    slips = run.slips[(run.slips > t[0]) & (run.slips < t[-1])]
+    some, cycle = thinned(t, run)
+    t, position = t[some], beside_lines(t[some], x[some, None], cycle)[:, 0]
+    omega, duration = 2.0 * math.pi * ringing.frequency, slips[-1] - slips[0] + run.period
 
     def left(trial: Array, part: slice = slice(None)) -> Array:
         # While the contact slides, it rings at another frequency than after it.
@@ -103,7 +104,7 @@ def find_onset(
         cosine, sine = own.columns(after).T
         answer = 1.0 - cosine + _PUSH * own.decay / (2.0 * math.pi * own.frequency) * sine
         answer[: bounds[1]] = 0.0
-        (answer,) = detrend(time, [answer], cycle[part])
+        answer = beside_lines(time, answer[:, None], cycle[part])[:, 0]
         size = float(answer @ answer)  # 0 for a place before all samples of the slips
         return np.asarray(seen - answer * (answer @ seen) / size) if size else seen
 
@@ -116,12 +117,9 @@ def find_onset(
     found = scipy.optimize.least_squares(
         lambda moved: left(moved - _AWAY) / scale, first + _AWAY, jac="3-point", **_DESCENT
     )
-    jacobian, rest = found.jac, found.fun
     # Cycles count as independent of each other; samples do not, because they share the ringing.
-    parts = np.stack([np.bincount(cycle, column * rest) for column in jacobian.T], axis=1)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    parts = np.stack([np.bincount(cycle, one * found.fun) for one in found.jac.T], axis=1)
+    inverse = np.linalg.pinv(found.jac.T @ found.jac)
     spread = inverse @ (parts.T @ parts) @ inverse
-    best = (found.x - _AWAY) / omega
-    return Onset(
-        float(best[0]), float(best[3] / duration) if drift else 0.0, math.sqrt(spread[0, 0]) / omega
-    )
+    shift, *_, end = ((found.x - _AWAY) / omega).tolist()
+    return Onset(shift, end / duration if drift else 0.0, math.sqrt(spread[0, 0]) / omega)

@@ -68,11 +68,9 @@ def compared(**parameters: float) -> Comparison:
     return compare_told(run(), measured(run(**parameters)))
 
 
-def compare_told(
-    run: Motion, sensor: Motion, fits: Fits | None = None, cutoff: float | None = None
-) -> Comparison:
+def compare_told(run: Motion, sensor: Motion, fits: Fits | None = None) -> Comparison:
     """Compare with the runs of steps that a known period finds, a third of the time of a search."""
-    return compare(run, sensor, fits, cutoff, runs=runs_of(sensor, Known.given(1.0 / PERIOD)))
+    return compare(run, sensor, fits, runs=runs_of(sensor, Known.given(1.0 / PERIOD)))
 
 
 def long(cycles: int, rate: float, **parameters: float) -> Motion:
@@ -204,7 +202,8 @@ def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
     own, (other,) = found.run_steps, found.runs
     assert own is not None
     limit = significant(len(METRICS)) * math.hypot(own.step_size_error, other.step_size_error)
-    assert metric(found, "step size").tolerance == pytest.approx(max(limit, 1e-10), rel=1e-6)
+    # Beside it, what a draw of the noise does to the run.
+    assert 1.0 < metric(found, "step size").tolerance / max(limit, 1e-10) < 1.3
     assert metric(found, "step size").measured == other.step_size
 
 
@@ -418,14 +417,6 @@ def test_what_is_not_fitted_is_taken_as_it_is() -> None:
     assert found.rmse == pytest.approx(1e-7, rel=0.01)
     with pytest.raises(ComparisonError, match="hardly overlap"):
         compare(run(), measured(run(), offset=10.0), fits, runs=found.runs)
-
-
-def test_a_low_pass_takes_the_noise_out_and_says_so() -> None:
-    found = compare_told(run(), measured(run()), cutoff=20e3)
-    assert found.rmse < 0.6 * NOISE
-    assert any("low-pass at 20000 Hz" in note for note in found.notes())
-    with pytest.raises(ComparisonError, match="below 45000 Hz"):
-        compare(run(), measured(run()), cutoff=48e3, runs=found.runs)
 
 
 def test_a_motion_without_steps_is_compared_all_the_same() -> None:
