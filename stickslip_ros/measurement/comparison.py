@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
+_HEADING = ("metric", "run", "measured", "difference", "tolerance")
+
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
@@ -88,16 +90,6 @@ class Comparison:
         """The run with most steps in both motions."""
         return max(self.pairs, key=lambda one: 0 if one.run is None else one.run.steps)
 
-    @property
-    def run_steps(self) -> Run | None:
-        """Steps of `main` in the run, None if there are none."""
-        return self.main.run
-
-    @property
-    def measured_steps(self) -> Run | None:
-        """Steps of `main` in the measurement, None if there are none."""
-        return self.main.measured
-
     def judge(self, allowed: Mapping[str, float]) -> list[ComparisonMetric]:
         """Return what is held against limits, by the names of `LIMITS`; SI units.
 
@@ -105,25 +97,21 @@ class Comparison:
         """
         sizes = (self.rmse, self.step_rmse, self.shape_rmse, self.largest, self.normalised,
                  self.alignment.offset)  # fmt: skip
-        whole = {row.name: size for row, size in zip(WHOLE, sizes, strict=True)}
+        rows = [
+            replace(row, run=0.0, measured=size, tolerance=0.0)
+            for row, size in zip(WHOLE, sizes, strict=True)
+        ]
+        for pair in self.pairs:
+            doubts = "; ".join(pair.measured.doubts) if pair.measured else ""
+            why = f"{pair.name}, is not determined: {doubts}"
+            rows += [
+                replace(one, why_missing=why) if doubts and math.isfinite(one.difference) else one
+                for one in pair.metrics
+            ]
         found = []
-        for limit, row in LIMITS.items():
-            if limit not in allowed:
-                continue
-            if row.name in whole:
-                size = whole[row.name]
-                found.append(
-                    replace(row, run=0.0, measured=size, tolerance=0.0, allowed=allowed[limit])
-                )
-                continue
-            rows = []
-            for pair in self.pairs:
-                one = next(metric for metric in pair.metrics if metric.name == row.name)
-                doubts = "; ".join(pair.measured.doubts) if pair.measured else ""
-                if doubts and not math.isnan(one.difference):
-                    one = replace(one, why_missing=f"{pair.name}, is not determined: {doubts}")
-                rows.append(replace(one, allowed=allowed[limit]))
-            found.append(max(rows, key=lambda one: (bool(one.unknown), abs(one.difference))))
+        for limit in filter(allowed.__contains__, LIMITS):
+            held = [replace(one, allowed=allowed[limit]) for one in rows if one.limit == limit]
+            found.append(max(held, key=lambda one: (bool(one.unknown), abs(one.difference))))
         return found
 
     def notes(self) -> list[str]:
@@ -156,38 +144,41 @@ class Comparison:
     @property
     def summary(self) -> list[tuple[str, str, str]]:
         """Name, value and remark of the differences and of what was fitted, as people read them."""
-        place, fits, of_range = self.alignment, self.fits, 100.0 * self.normalised
+        place, fits = self.alignment, self.fits
         rows = [
-            ("RMSE", format_si(self.rmse, "m"), f"{of_range:.3g} % of the range"),
-            ("RMSE of the steps", format_si(self.step_rmse, "m"), "adds up from step to step"),
-            ("RMSE of the shape", format_si(self.shape_rmse, "m"), "within the cycles"),
-            ("largest difference", format_si(self.largest, "m"),
-             f"at {format_si(self.largest_at, 's', 6)}"),
-            ("sensor noise", format_si(self.noise, "m"), "standard deviation"),
-        ]  # fmt: skip
+            (name, format_si(size, "m"), remark)
+            for name, size, remark in (
+                ("RMSE", self.rmse, f"{100.0 * self.normalised:.3g} % of the range"),
+                ("RMSE of the steps", self.step_rmse, "adds up from step to step"),
+                ("RMSE of the shape", self.shape_rmse, "within the cycles"),
+                ("largest difference", self.largest, f"at {format_si(self.largest_at, 's', 6)}"),
+                ("sensor noise", self.noise, "standard deviation"),
+            )
+        ]
         offset = format_si(place.offset, "s", uncertainty=place.offset_error)
-        if fits.offset:
-            rows.append(("clock offset", offset, "time of the measurement less that of the run"))
-        if fits.drift:
-            rows.append(("clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"))
-        if fits.gain:
-            rows.append(("sensor gain", f"{place.gain:.6g}", "fitted"))
-        return rows
+        fitted = [
+            (fits.offset, "clock offset", offset, "time of the measurement less that of the run"),
+            (fits.drift, "clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"),
+            (fits.gain, "sensor gain", f"{place.gain:.6g}", "fitted"),
+        ]
+        return rows + [
+            (name, text, remark) for is_fitted, name, text, remark in fitted if is_fitted
+        ]
 
     def report(self) -> str:
         """Return differences, metrics and how they were determined as text."""
         rows = [(name, f"{value}, {remark}") for name, value, remark in self.summary]
-        names = ("metric", "run", "measured", "difference", "tolerance")
-        lines = [format_rows(rows, 18), "", "{:<18} {:>12} {:>12} {:>12} {:>12}".format(*names)]
+        lines = [format_rows(rows, 18), "", "{:<18} {:>12} {:>12} {:>12} {:>12}".format(*_HEADING)]
         for metric in self.metrics:
             row = f"{metric.name:<18} "
             if math.isfinite(metric.tolerance):
                 row += " ".join(f"{text:>12}" for text in metric.texts) + "  "
-            styles = {True: ("DIFFERS", "bold red"), False: ("agrees", "green")}
-            differs = metric.differs
-            lines.append(
-                row + (metric.verdict if differs is None else style_text(*styles[differs]))
-            )
+            styled = {
+                True: style_text("DIFFERS", "bold red"),
+                False: style_text("agrees", "green"),
+                None: metric.verdict,
+            }
+            lines.append(row + styled[metric.differs])
         return "\n".join([*lines, "", *self.notes()])
 
     @property
@@ -220,23 +211,23 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         rows = [(one.name, *one.texts, one.verdict) for one in self.metrics]
-        rows.append(
-            ("rmse", format_si(self.rmse, "m"), "noise", format_si(self.noise, "m"), "", "")
-        )
+        sizes = format_si(self.rmse, "m"), "noise", format_si(self.noise, "m")
         title = f"{self.run.source} and {self.measurement.source}"
-        return html_table(title, rows, ("metric", "run", "measured", "difference", "tolerance", ""))
+        return html_table(title, [*rows, ("rmse", *sizes, "", "")], (*_HEADING, ""))
 
     def as_json(self) -> dict[str, Any]:
         """Return the results for JSON, SI units, None for unknown values."""
-        by_run = [
-            {
-                "start": None if one.measured is None else one.measured.start,
-                "direction": None if one.measured is None else one.measured.direction,
-                "steps": 0 if one.measured is None else one.measured.steps,
-                "metrics": {metric.name: metric.as_json() for metric in one.metrics},
+        place = self.alignment
+
+        def of_run(pair: RunPair) -> dict[str, Any]:
+            seen = pair.measured
+            return {
+                "start": seen and seen.start,
+                "direction": seen and seen.direction,
+                "steps": seen.steps if seen else 0,
+                "metrics": {metric.name: metric.as_json() for metric in pair.metrics},
             }
-            for one in self.pairs
-        ]
+
         found = {
             "rmse": self.rmse,
             "step_rmse": self.step_rmse,
@@ -246,13 +237,13 @@ class Comparison:
             "normalised_error": self.normalised,
             "noise": self.noise,
             "samples": len(self.t),
-            "offset": self.alignment.offset,
-            "offset_uncertainty": self.alignment.offset_error,
-            "drift": self.alignment.drift,
-            "level": self.alignment.level,
-            "gain": self.alignment.gain,
+            "offset": place.offset,
+            "offset_uncertainty": place.offset_error,
+            "drift": place.drift,
+            "level": place.level,
+            "gain": place.gain,
             "metrics": {metric.name: metric.as_json() for metric in self.metrics},
-            "by_run": by_run,
+            "by_run": [of_run(pair) for pair in self.pairs],
             "steps": sum(p.measured.steps for p in self.pairs if p.measured and not p.left_out),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,

@@ -143,7 +143,7 @@ def test_a_minute_is_compared_as_a_second_is(cycles: int, off: float, period: fl
     # In a minute, a twentieth of the time between samples: damping biases where slips begin.
     assert found.alignment.offset == pytest.approx(OFFSET, abs=off)
     assert abs(found.alignment.offset - OFFSET) < 2.0 * found.alignment.offset_error
-    for steps in (found.run_steps, found.measured_steps):
+    for steps in (found.main.run, found.main.measured):
         assert steps is not None
         assert cycles - 1 <= len(steps.slips) <= cycles  # the last slip is where the record ends
     assert metric(found, "period").run == pytest.approx(0.01, rel=1e-7)
@@ -199,7 +199,7 @@ def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
     assert [significant(1), significant(10)] == pytest.approx([3.0, 3.64], abs=5e-3)
     assert len(METRICS) == len(compared().metrics) - 1  # but for the count of steps, which is exact
     found = compared()
-    own, (other,) = found.run_steps, found.runs
+    own, (other,) = found.main.run, found.runs
     assert own is not None
     limit = significant(len(METRICS)) * math.hypot(own.step_size_error, other.step_size_error)
     # Beside it, what a draw of the noise does to the run.
@@ -308,8 +308,8 @@ def test_a_run_that_is_not_determined_is_left_out_beside_one_that_is() -> None:
         assert found.differing == []
         assert found.rmse < 2.0 * NOISE
         assert [one.left_out for one in found.pairs] == [k == 0, k == 1]
-        assert found.run_steps is not None
-        assert found.run_steps.direction * found.run_steps.steps == steps
+        assert found.main.run is not None
+        assert found.main.run.direction * found.main.run.steps == steps
         assert found.as_json()["steps"] == abs(steps)
         assert any("left out: 2 cycles" in note for note in found.notes())
         (said,) = found.judge({"step-error": 1.0})

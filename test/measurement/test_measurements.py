@@ -82,8 +82,8 @@ def test_steps_that_only_the_actuator_shows_are_simulated() -> None:
     run = ss.simulate(preload=0.4, steps=8).trace
     blocked = ss.Motion("blocked", t, x, None, np.interp(t, run.t, run.u))
     found = ss.compare({"preload": 0.4}, blocked, fits=Fits(offset=False))
-    assert found.run_steps is not None
-    assert (found.run_steps.steps, [one.steps for one in found.runs]) == (8, [8])
+    assert found.main.run is not None
+    assert (found.main.run.steps, [one.steps for one in found.runs]) == (8, [8])
     assert "step size" in found.differing
     assert found.run.t[0] < blocked.t[0]
     assert found.run.t[-1] > blocked.t[-1]
