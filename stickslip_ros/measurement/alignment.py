@@ -112,11 +112,7 @@ class ClockSearch:
     def fit_steps(self, alike: Sequence[Run], measured: Run) -> Alignment:
         """Return the alignment of a measured run with one of the same direction."""
         pair, period = self.pair, measured.period
-        starts = [
-            (replace(pair.unaligned, offset=float(measured.slips[0] - one.slips[0])), one)
-            for one in alike
-        ]
-        found, run = min(starts, key=lambda one: float(pair.left(one[0])[0]))
+        found, run = self._first_slips(alike, measured)
         margin, swing = _ABOUT * period, 1.0 / (measured.ringing_frequency or math.nan)
         part = pair.measurement.between(measured.start - margin, measured.end + margin)
         near = MotionPair(pair.run, part)
@@ -125,8 +121,6 @@ class ClockSearch:
                 shifts = np.linspace(-reach * size, reach * size, _PLACES)
                 best = int(np.argmin(near.left(found, run, shifts)))
                 found = replace(found, offset=found.offset + float(shifts[best]))
-        if not measured.determined or run.steps != measured.steps:
-            found = self.choose_period(found, run)
         self.check_overlap(found)
         own, other = separate_ringing(run), separate_ringing(measured)
         if own is None or other is None:
@@ -138,21 +132,27 @@ class ClockSearch:
         noise = noise_of(pair.measurement.x)
         return exact if pair.left(exact)[0] < _NOISE_ONLY * noise else found
 
-    def choose_period(self, found: Alignment, run: Run) -> Alignment:
-        """Return the best of all offsets some periods apart.
+    def _first_slips(self, alike: Sequence[Run], measured: Run) -> tuple[Alignment, Run]:
+        """Return where the first slips of a measured run and of one like it meet, and that one.
 
-        Equal steps look alike; of offsets that fit as well, the one with the longest overlap wins.
+        Where they may have other numbers of steps, the first may be another one, some periods
+        away. Equal steps look alike: of places that fit as well, the one with the longest overlap
+        wins.
         """
-        pair, period = self.pair, run.period
-        reach = int(max(pair.run.duration, pair.measurement.duration) / period)
-        numbers = sorted(range(-reach, reach + 1), key=abs)
-        moved = [replace(found, offset=found.offset + k * period) for k in numbers]
-        moved.sort(key=lambda one: -round(pair.overlap(one) / (_APART * period)))
-        left = [(float(pair.left(one, run)[0]), one) for one in moved[:_PERIODS]]
-        least = min(size for size, _ in left)
-        good = [one for size, one in left if size <= _AS_GOOD * least < math.inf]
-        other = good[1].offset if len(good) > 1 else None
-        return replace(good[0], other_offset=other) if good else found
+        pair, places = self.pair, []
+        for run in alike:
+            same = measured.determined and run.steps == measured.steps
+            for k in (0,) if same else range(1 - measured.steps, run.steps):
+                begun = float(measured.slips[0] - run.slips[0]) - k * run.period
+                found = replace(pair.unaligned, offset=begun)
+                rank = -round(pair.overlap(found) / (_APART * run.period)), abs(k)
+                places.append((rank, found, run))
+        best = sorted(places, key=lambda one: one[0])[:_PERIODS]
+        left = [float(pair.left(found, run)[0]) for _, found, run in best]
+        good = [k for k, size in enumerate(left) if size <= _AS_GOOD * min(left)]
+        _, found, run = best[good[0]]
+        other = best[good[1]][1].offset if len(good) > 1 else None
+        return replace(found, other_offset=other), run
 
     def _fit_onsets(self, found: Alignment, run: Run, own: Ringing, other: Ringing) -> Alignment:
         """Move the clock by how much later the slips begin in the measurement than in the run.
