@@ -182,15 +182,15 @@ class ClockSearch:
                 )
             drift = self.fits.drift and len(slips) > 1
             onsets.append(find_onset(t, x, run, ringing, drift, found.middle - found.offset))
-        in_run, in_measurement = onsets
+        (own_shift, own_drift, _), (shift, drifted, error) = onsets
         turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
         bent = _BENT * abs(1.0 / other.frequency - 1.0 / own.frequency)
         between = _STRAIGHT * motion.spacing if motion.v is None else 0.0
         return replace(
             found,
-            offset=found.offset + in_measurement.shift - in_run.shift,
-            drift=in_measurement.drift - in_run.drift,
-            offset_error=math.hypot(in_measurement.shift_error, turned, bent, between),
+            offset=found.offset + shift - own_shift,
+            drift=drifted - own_drift,
+            offset_error=math.hypot(error, turned, bent, between),
         )
 
     def fit_velocity(self, found: Alignment, run: Run | None) -> Alignment:

@@ -13,7 +13,7 @@ less than what the fits themselves can resolve.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -101,34 +101,35 @@ def pair_runs(
     """
     if not measured:
         return [RunPair.without_run(None, "the measurement has no steps")]
-    known = [one for one in own if one.determined]
-    wholes, periods, cycles = [], [], []
-    for one in measured:
-        begin, end = alignment.run_time(np.array([one.start, one.end])).tolist()
-        near = nearest_run(own, one.direction, begin, end) or one
-        periods.append(period or near.period)
-        wholes.append(nearest_run(known, one.direction, begin, end))
-        cycles.append(_cycles_in_common(pairs.t, one, wholes[-1], alignment))
+    near = [nearest_run(own, one, alignment) for one in measured]
+    wholes = [one if one and one.determined else None for one in near]
+    cycles = [
+        _cycles_in_common(pairs.t, one, whole, alignment)
+        for one, whole in zip(measured, wholes, strict=True)
+    ]
     noise, held = noise_of(motions.measurement.x), [one for one in cycles if len(one.slips)]
-    chance = np.random.default_rng(1).normal(0.0, noise, len(pairs.t))
-    read = (analyse_cycles(pairs.t, x, held, noise) for x in (pairs.run, pairs.run + chance))
-    readings = zip(*read, strict=True) if held else iter(())
+    with_noise = pairs.run + np.random.default_rng(1).normal(0.0, noise, len(pairs.t))
+    readings: Iterator[tuple[Run, Run]] = iter(())
+    with suppress(ArithmeticError, LookupError, ValueError):  # of samples too few to be read
+        plain, noisy = (analyse_cycles(pairs.t, x, held, noise) for x in (pairs.run, with_noise))
+        readings = zip(plain, noisy, strict=True)
     limit = significant(len(METRICS) * len(measured))
     found = []
-    for one, whole, time, common in zip(measured, wholes, periods, cycles, strict=True):
-        partner, noisy = next(readings) if len(common.slips) else (None, None)
+    for one, some, whole, common in zip(measured, near, wholes, cycles, strict=True):
+        partner, *others = next(readings, (None,)) if len(common.slips) else (None,)
         if partner is None or not partner.is_clear or partner.step_size * one.direction < 0.0:
             found.append(RunPair.without_run(one, "the run has no such steps there"))
             continue
-        others = [each for each in (noisy, whole) if each and each.steps == partner.steps]
-        given = motions.spacing, alignment.gain, limit, time, others
+        others += [whole] if whole and whole.steps == partner.steps else []
+        given = limit, period or (some or partner).period, others
+        metrics = step_metrics(partner, one, motions.spacing, alignment.gain, *given)
         why = "; ".join(one.doubts) or ("" if whole else "the run does not show how many it has")
         if whole and not why and whole.steps == one.steps:
             why = _part_of_a_step(pairs, partner, one, alignment)
         count = replace(COUNT, why_missing=why)
         if whole and not why:
             count = replace(COUNT, run=whole.steps, measured=one.steps, tolerance=0.0)
-        found.append(RunPair(partner, one, [*step_metrics(partner, one, *given), count]))
+        found.append(RunPair(partner, one, [*metrics, count]))
     return found
 
 
@@ -167,14 +168,15 @@ def _part_of_a_step(pairs: Pairs, run: Run, measured: Run, alignment: Alignment)
     )
 
 
-def nearest_run(runs: Sequence[Run], direction: int, begin: float, end: float) -> Run | None:
-    """Return the run with most time between begin and end (s), None if there is none."""
+def nearest_run(runs: Sequence[Run], measured: Run, alignment: Alignment) -> Run | None:
+    """Return the run that shares most time and the direction with one measured, or None."""
+    begin, end = alignment.run_time(np.array([measured.start, measured.end])).tolist()
 
     def shared(one: Run) -> float:
-        return min(one.end, end) - max(one.start, begin) if one.direction == direction else 0.0
+        return min(one.end, end) - max(one.start, begin)
 
-    nearest = max(runs, key=shared, default=None)
-    return nearest if nearest and shared(nearest) > 0.0 else None
+    alike = [one for one in runs if one.direction == measured.direction and shared(one) > 0.0]
+    return max(alike, key=shared, default=None)
 
 
 def significant(comparisons: int) -> float:
@@ -186,17 +188,12 @@ def significant(comparisons: int) -> float:
     return float(-scipy.special.ndtri(-0.5 * math.expm1(math.log1p(-chance) / comparisons)))
 
 
-def _value(run: Run, row: ComparisonMetric) -> float:
-    """Return a metric of a run of steps, by the name that the run has for it."""
-    return float(getattr(run, row.name.replace(" ", "_")))
-
-
 def _error(run: Run, row: ComparisonMetric, spacing: float) -> float:
     """Return its standard error, nan where that is unknown; spacing (s) is that of the samples."""
     if row.name == "period":  # the first and the last slip give it, each to about two samples
         return 2.0 * spacing / max(1, run.steps - 1)
     if row.unit == "m":
-        return float(getattr(run, f"{row.name.replace(' ', '_')}_error"))
+        return run.step_size_error if row.name == "step size" else run.backstep_error
     if run.ringing is None:
         return math.nan
     of_frequency, of_damping = run.ringing.frequency_error, run.ringing.damping_ratio_error
@@ -221,28 +218,25 @@ def step_metrics(
     spacing (s) is that of the samples, gain that of lengths of the measurement over those of the
     run, limit in standard errors; period (s) is that of the run where its parameters, or all of it,
     tell. others are the run of steps as all of its samples show it, or samples with noise: by as
-    much as
-    these are apart, samples and noise of the measurement may be to blame.
+    much as these are apart, samples and noise of the measurement may be to blame.
     """
     sure = {*run.doubts, *measured.doubts} <= _SURE
-    swing = max(
-        filter(math.isfinite, (run.ringing_frequency, measured.ringing_frequency)), default=0.0
-    )
+    swings = [one.ringing_frequency for one in (run, measured) if one.ringing]
+    folded = max(swings, default=0.0) * spacing > 0.5  # then samples show a slower swing
     metrics = []
     for row in METRICS:
         is_length = row.unit == "m"
         scale, why = 1.0 / gain if is_length else 1.0, ""
-        first, second = _value(run, row), scale * _value(measured, row)
-        blurred = [abs(first - _value(one, row)) for one in others]
+        name = row.name.replace(" ", "_")
+        first, second, *again = (float(getattr(one, name)) for one in (run, measured, *others))
+        second, blurred = scale * second, [abs(first - one) for one in again]
         error = math.hypot(_error(run, row, spacing), scale * _error(measured, row, spacing))
         if row.name == "period" and period is not None:
             first, blurred, error = period, [], _error(measured, row, spacing)
         if not math.isfinite(first + second):
             why = row.unseen
-        elif swing * spacing > 0.5 and row.name in ("ringing frequency", "damping ratio"):
-            why = (
-                "the samples are too far apart for the ringing: sample faster"  # show a slower one
-            )
+        elif folded and row.name in ("ringing frequency", "damping ratio"):
+            why = "the samples are too far apart for the ringing: sample faster"
         elif not math.isfinite(error):
             why = "the record does not tell its uncertainty"
         elif not sure:  # two that are the same may be read as other cycles

@@ -14,7 +14,6 @@ most contacts, and c = 3 to 8 for nearly all.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -41,15 +40,6 @@ _AWAY = 10.0
 #: not show the ringing, the fit has no minimum and would go on to a frequency of 0.
 _OTHER = 3.0
 _DESCENT = {"diff_step": 1e-3 / _AWAY, "xtol": 1e-6 / _AWAY, "ftol": 1e-10}
-
-
-@dataclass(frozen=True)
-class Onset:
-    """How much later than expected the slips begin: shift + drift (t - middle)."""
-
-    shift: float  #: s
-    drift: float  #: s/s
-    shift_error: float  #: standard uncertainty, s
 
 
 def thinned(t: Array, run: Run | None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -81,10 +71,13 @@ def beside_lines(t: Array, columns: Array, cycle: NDArray[np.int64]) -> Array:
     return np.asarray(about - slope * time)
 
 
-def find_onset(t: Array, x: Array, run: Run, ringing: Ringing, drift: bool, middle: float) -> Onset:
-    """Fit the answer to the slips of a run in a motion that rings so, at times t (s), x (m).
+def find_onset(
+    t: Array, x: Array, run: Run, ringing: Ringing, drift: bool, middle: float
+) -> tuple[float, float, float]:
+    """Return how much later the slips of a run begin in a motion that rings so: t (s), x (m).
 
-    drift: whether to fit one about the middle (s). Slips and middle are by the same clock as t.
+    It is shift + drift (t - middle), of which shift (s), drift and the standard uncertainty of the
+    shift (s) are returned. drift: whether to fit one. All times are by the same clock.
     """
     slips = run.slips[(run.slips > t[0]) & (run.slips < t[-1])]
     some, cycle = thinned(t, run)
@@ -122,4 +115,4 @@ def find_onset(t: Array, x: Array, run: Run, ringing: Ringing, drift: bool, midd
     inverse = np.linalg.pinv(found.jac.T @ found.jac)
     spread = inverse @ (parts.T @ parts) @ inverse
     shift, *_, end = ((found.x - _AWAY) / omega).tolist()
-    return Onset(shift, end / duration if drift else 0.0, math.sqrt(spread[0, 0]) / omega)
+    return shift, end / duration if drift else 0.0, math.sqrt(spread[0, 0]) / omega
