@@ -4,7 +4,7 @@
 The deflection is linear in the weights once the thresholds are chosen, and weights of a piezo
 actuator are not negative: least squares with that bound has one answer (K. Kuhnen, European
 Journal of Control 9 (2003) 407, has the bound too). Level and drift are fitted along, and so is
-creep as `model.actuator_chain` has it, for which the answer is sought along one number.
+creep as `model.actuator_chain` has it, of the deflection that was fitted before.
 
 A play operator is followed along the voltage, means of neighbouring samples, from a place on from
 which no earlier past plays a part: the voltage has been at both ends of its range.
@@ -13,7 +13,6 @@ which no earlier past plays a part: the voltage has been at both ends of its ran
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -49,9 +48,8 @@ _RANGE = (0.001, 0.999)
 _STIFFEST = 1e-3
 #: Least deflection that is one, m: far below it, shares of it overflow.
 _LEAST_SPAN = 1e-15
-#: Largest creep per decade in the search, as a larger lag is not creep; part of it that is at the
-#: bound; values that are tried first.
-_MOST_CREEP, _BOUND, _TRIED = 0.1, 0.98, 11
+#: Largest creep per decade, as a larger lag is not creep; rounds of its fit.
+_MOST_CREEP, _ROUNDS = 0.05, 3
 #: Creep is fitted if the voltage rests for this many times `creep_start`,
 #: and if creep takes this share off the deviations.
 _LONG, _GAIN = 10.0, 0.02
@@ -267,18 +265,20 @@ def _fit(
     since = seen.times - seen.times[used][0]
     drifts = timed or seen.loops > 1  # one loop without times is taken to close
     others = np.column_stack([np.ones(len(since)), *([since / since[-1]] if drifts else [])])
-    slow, creep = np.zeros_like(columns), 0.0
-    solve = _solver(columns[used], slow[used], others[used], wanted)
+    weights, shares, left = _solve(columns[used], others[used], wanted)
+    creep, slow = 0.0, np.zeros(len(since))
     if creep_start is not None:
-        behind, fading = _behind_creep(seen.times, columns, creep_start)
-        with_past = np.column_stack([others, fading])
-        lagging = _solver(columns[used], behind[used], with_past[used], wanted)
-        creep = _creep_of(solve, lagging)
-        if creep > 0.0:
-            solve, others, slow = lagging, with_past, behind
-    weights, shares, left = solve(creep)
+        lagging, first = weights, left
+        for _ in range(_ROUNDS):  # creep is small: that of the last fit is nearly that of the next
+            behind, fading = _behind_creep(seen.times, columns @ lagging, creep_start)
+            more = np.column_stack([others, fading, behind])
+            lagging, (*also, creep), left = _solve(columns[used], more[used], wanted)
+        if 0.0 < creep < _MOST_CREEP and left < (1.0 - _GAIN) * first:
+            weights, shares, slow, others = lagging, np.array(also), behind, more[:, :-1]
+        else:
+            creep, left = 0.0, first
     clean = wanted - others[used, 1:] @ shares[1:]
-    deviation = clean - shares[0] - (columns + creep * slow)[used] @ weights
+    deviation = clean - shares[0] - columns[used] @ weights - creep * slow[used]
     span = float(np.ptp(clean))
     area = 0.5 * float((clean[1:] + clean[:-1]) @ np.diff(volts))
     weights = weights * scale / seen.range
@@ -297,67 +297,42 @@ def _fit(
     )  # fmt: skip
 
 
-#: Weights of the voltage and the plays, none negative, shares of level, drift and an earlier past,
-#: and root mean square of the residuals, for a creep per decade.
-_Solver = Callable[[float], tuple[Array, Array, float]]
+def _solve(columns: Array, others: Array, wanted: Array) -> tuple[Array, Array, float]:
+    """Return weights of columns, none negative, shares of others, and what both leave (RMS).
 
-
-def _solver(columns: Array, slow: Array, others: Array, wanted: Array) -> _Solver:
-    """Return what solves the least squares problem for a creep per decade.
-
-    columns has the voltage and the plays, (samples, operators + 1), slow the same behind creep,
-    others what may have any share.
+    columns has the voltage and the plays, (samples, operators + 1).
     """
     # A triangle has the same answers.
-    parts = np.column_stack([columns, slow, others, wanted])
+    parts = np.column_stack([columns, others, wanted])
     triangle = np.asarray(np.linalg.qr(parts, mode="r"))
-    n = columns.shape[1]
-    low = np.concatenate([[_STIFFEST], np.zeros(n - 1), np.full(others.shape[1], -np.inf)])
-
-    def solve(creep: float) -> tuple[Array, Array, float]:
-        lagging = triangle[:, :n] + creep * triangle[:, n : 2 * n]
-        design = np.column_stack([lagging, triangle[:, 2 * n : -1]])
-        found = scipy.optimize.lsq_linear(design, triangle[:, -1], (low, np.inf), method="bvls")
-        return found.x[:n], found.x[n:], math.sqrt(2.0 * found.cost / len(wanted))
-
-    return solve
+    low = np.full(triangle.shape[1] - 1, -np.inf)
+    low[: columns.shape[1]] = 0.0
+    low[0] = _STIFFEST
+    found = scipy.optimize.lsq_linear(
+        triangle[:, :-1], triangle[:, -1], (low, np.inf), method="bvls"
+    )
+    weights, shares = np.split(found.x, [columns.shape[1]])
+    return weights, shares, math.sqrt(2.0 * found.cost / len(wanted))
 
 
-def _creep_of(without: _Solver, lagging: _Solver) -> float:
-    """Return the creep per decade that leaves least; 0 if that is hardly less than without it."""
+def _behind_creep(times: Array, x: Array, creep_start: float) -> tuple[Array, Array]:
+    """Return the creep of a deflection for 1 per decade, and the decay of the initial state.
 
-    def left(creep: float) -> float:
-        return lagging(creep)[2]
-
-    tried = np.linspace(0.0, _MOST_CREEP, _TRIED)
-    best = tried[int(np.argmin([left(one) for one in tried.tolist()]))]
-    bounds = np.clip([best - tried[1], best + tried[1]], 0.0, _MOST_CREEP)
-    creep = float(scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded").x)
-    helps = left(creep) < (1.0 - _GAIN) * without(0.0)[2]
-    return creep if helps and creep < _BOUND * _MOST_CREEP else 0.0
-
-
-def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Array, Array]:
-    """Return the creep of each column for 1 per decade, and the decay of the initial state.
-
-    times (s) has the shape (means,), columns (means, n); columns are straight between their times.
-    The recording is assumed to start with a jump at the first time.
+    times (s) and the deflection x, which is straight between them, have the shape (means,). The
+    recording is assumed to start with a jump at the first time.
     """
     chain = Chain.of(Parameters.of(creep=_MOST_CREEP, creep_start=creep_start))
     weight, tau = chain.creep_weight / _MOST_CREEP, chain.creep_times
     share = np.diff(times)[:, None] / tau
     fades = np.exp(-share)
-    late = 1.0 + np.expm1(-share) / share  # of the column at the end of a stretch
-    early = 1.0 - late - fades
-    follows = np.repeat(columns[:1], len(tau), axis=0)
-    found = np.empty_like(columns)
-    found[0] = follows.sum(axis=0)
-    for k in range(len(times) - 1):
-        follows *= fades[k, :, None]
-        follows += early[k, :, None] * columns[k] + late[k, :, None] * columns[k + 1]
-        found[k + 1] = follows.sum(axis=0)
-    past = np.exp(-(times[:, None] - times[0]) / tau).sum(axis=1)
-    return weight * found, weight * past
+    late = 1.0 + np.expm1(-share) / share  # of the deflection at the end of a stretch
+    gains = (1.0 - late - fades) * x[:-1, None] + late * x[1:, None]
+    follows = np.empty((len(x), len(tau)))
+    follows[0] = x[0]
+    for k, (fade, gain) in enumerate(zip(fades, gains, strict=True)):
+        follows[k + 1] = fade * follows[k] + gain
+    past = np.exp(-(times[:, None] - times[0]) / tau)
+    return weight * follows.sum(axis=1), weight * past.sum(axis=1)
 
 
 def _check(seen: ActuatorRecording, lead: float, best: IdentifiedActuator) -> None:

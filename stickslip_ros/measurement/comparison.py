@@ -22,12 +22,7 @@ from stickslip_ros.base.reporting import (
 from stickslip_ros.base.reporting.tables import Cell, frame
 from stickslip_ros.base.reporting.terminal import format_rows, style_text
 from stickslip_ros.measurement.alignment import align
-from stickslip_ros.measurement.metric import (
-    LIMITS,
-    WHOLE,
-    ComparisonMetric,
-    most_different,
-)
+from stickslip_ros.measurement.metric import LIMITS, WHOLE, ComparisonMetric, most_different
 from stickslip_ros.measurement.metrics import RunPair, pair_runs, runs_in
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair
 from stickslip_ros.measurement.steps.drive import Drive
@@ -41,6 +36,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _HEADING = ("metric", "run", "measured", "difference", "tolerance")
+_STYLED = {"differs": ("DIFFERS", "bold red"), "agrees": ("agrees", "green")}
 
 
 @dataclass(frozen=True, repr=False)
@@ -145,25 +141,22 @@ class Comparison:
     def summary(self) -> list[tuple[str, str, str]]:
         """Name, value and remark of the differences and of what was fitted, as people read them."""
         place, fits = self.alignment, self.fits
-        rows = [
-            (name, format_si(size, "m"), remark)
-            for name, size, remark in (
-                ("RMSE", self.rmse, f"{100.0 * self.normalised:.3g} % of the range"),
-                ("RMSE of the steps", self.step_rmse, "adds up from step to step"),
-                ("RMSE of the shape", self.shape_rmse, "within the cycles"),
-                ("largest difference", self.largest, f"at {format_si(self.largest_at, 's', 6)}"),
-                ("sensor noise", self.noise, "standard deviation"),
-            )
+        lengths = [
+            ("RMSE", self.rmse, f"{100.0 * self.normalised:.3g} % of the range"),
+            ("RMSE of the steps", self.step_rmse, "adds up from step to step"),
+            ("RMSE of the shape", self.shape_rmse, "within the cycles"),
+            ("largest difference", self.largest, f"at {format_si(self.largest_at, 's', 6)}"),
+            ("sensor noise", self.noise, "standard deviation"),
         ]
-        offset = format_si(place.offset, "s", uncertainty=place.offset_error)
-        fitted = [
-            (fits.offset, "clock offset", offset, "time of the measurement less that of the run"),
-            (fits.drift, "clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"),
-            (fits.gain, "sensor gain", f"{place.gain:.6g}", "fitted"),
-        ]
-        return rows + [
-            (name, text, remark) for is_fitted, name, text, remark in fitted if is_fitted
-        ]
+        rows = [(name, format_si(size, "m"), remark) for name, size, remark in lengths]
+        if fits.offset:
+            offset = format_si(place.offset, "s", uncertainty=place.offset_error)
+            rows.append(("clock offset", offset, "time of the measurement less that of the run"))
+        if fits.drift:
+            rows.append(("clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"))
+        if fits.gain:
+            rows.append(("sensor gain", f"{place.gain:.6g}", "fitted"))
+        return rows
 
     def report(self) -> str:
         """Return differences, metrics and how they were determined as text."""
@@ -173,12 +166,8 @@ class Comparison:
             row = f"{metric.name:<18} "
             if math.isfinite(metric.tolerance):
                 row += " ".join(f"{text:>12}" for text in metric.texts) + "  "
-            styled = {
-                True: style_text("DIFFERS", "bold red"),
-                False: style_text("agrees", "green"),
-                None: metric.verdict,
-            }
-            lines.append(row + styled[metric.differs])
+            styled = _STYLED.get(metric.verdict)
+            lines.append(row + (style_text(*styled) if styled else metric.verdict))
         return "\n".join([*lines, "", *self.notes()])
 
     @property
@@ -217,33 +206,21 @@ class Comparison:
 
     def as_json(self) -> dict[str, Any]:
         """Return the results for JSON, SI units, None for unknown values."""
-        place = self.alignment
-
-        def of_run(pair: RunPair) -> dict[str, Any]:
-            seen = pair.measured
-            return {
-                "start": seen and seen.start,
-                "direction": seen and seen.direction,
-                "steps": seen.steps if seen else 0,
-                "metrics": {metric.name: metric.as_json() for metric in pair.metrics},
-            }
-
+        of_pairs = []
+        for pair in self.pairs:
+            seen, metrics = pair.measured, {one.name: one.as_json() for one in pair.metrics}
+            told = {"start": seen and seen.start, "direction": seen and seen.direction}
+            of_pairs.append({**told, "steps": seen.steps if seen else 0, "metrics": metrics})
         found = {
-            "rmse": self.rmse,
-            "step_rmse": self.step_rmse,
-            "shape_rmse": self.shape_rmse,
+            **{one: getattr(self, one) for one in ("rmse", "step_rmse", "shape_rmse", "noise")},
             "max_error": self.largest,
             "max_error_at": self.largest_at,
             "normalised_error": self.normalised,
-            "noise": self.noise,
             "samples": len(self.t),
-            "offset": place.offset,
-            "offset_uncertainty": place.offset_error,
-            "drift": place.drift,
-            "level": place.level,
-            "gain": place.gain,
+            **{one: getattr(self.alignment, one) for one in ("offset", "drift", "level", "gain")},
+            "offset_uncertainty": self.alignment.offset_error,
             "metrics": {metric.name: metric.as_json() for metric in self.metrics},
-            "by_run": [of_run(pair) for pair in self.pairs],
+            "by_run": of_pairs,
             "steps": sum(p.measured.steps for p in self.pairs if p.measured and not p.left_out),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
@@ -277,15 +254,12 @@ def compare(
     difference = measured - pairs.run
     weights = pairs.weights
     rmse = math.sqrt(float(weights @ difference**2))
-    # Those of the run are the better known, those of the measurement stand in for them.
-    slips = np.concatenate([
-        np.empty(0),
-        *(one.run.slips if one.run else alignment.run_time(one.measured.slips)
-          for one in run_pairs if one.measured),
-    ])  # fmt: skip
-    # The mean difference of each cycle grows by that of the step sizes in every cycle. The rest is
-    # the shape: backstep, ringing, rise. Both are orthogonal.
-    level = level_of_cycles(pairs.t, difference, slips, weights)
+    slips = alignment.run_time(np.concatenate([np.empty(0), *(one.slips for one in shown)]))
+    # The mean difference of each cycle, of slip to slip or of a rest, grows by that of the step
+    # sizes in every cycle. What is left is the shape: backstep, ringing, rise. Both are orthogonal.
+    cycle = np.searchsorted(slips, pairs.t, side="right")
+    sums = [np.bincount(cycle, one) for one in (weights * difference, weights)]
+    level = (sums[0] / np.maximum(sums[1], 1e-300))[cycle]
     of_steps = math.sqrt(float(weights @ level**2)) if len(slips) else math.nan
     left_out, their = why_left_out(found_runs, shown), iter(run_pairs)
     every_pair = [
@@ -313,14 +287,3 @@ def compare(
         normalised=rmse / span if span > 0.0 else math.nan,
         noise=noise_of(measurement.x) / alignment.gain,
     )
-
-
-def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -> Array:
-    """Return the weighted mean difference (m) of the cycle that a sample is in, (samples,).
-
-    Cycles go from slip to slip (s); the rests before and after are cycles of their own.
-    """
-    edges = np.unique(np.concatenate(([0], np.searchsorted(t, slips), [len(t)])))
-    weight = np.add.reduceat(weights, edges[:-1])
-    levels = np.add.reduceat(weights * difference, edges[:-1])
-    return np.repeat(levels / np.where(weight > 0.0, weight, 1.0), np.diff(edges))
