@@ -123,8 +123,10 @@ class ClockSearch:
                 found = replace(found, offset=found.offset + float(shifts[best]))
         self.check_overlap(found)
         own, other = separate_ringing(run), separate_ringing(measured)
+        if own is None or other is None or self.fits.drift:
+            found = self.fit_velocity(found, run)
         if own is None or other is None:
-            return self.fit_velocity(found, run)
+            return found
         for _ in range(_BETWEEN if pair.run.v is None else 1):
             found = self._fit_onsets(found, run, own, other)
         exact = self.fit_velocity(found, None)
@@ -169,7 +171,7 @@ class ClockSearch:
             clock = np.arange(measurement.t[0], measurement.t[-1], tick)
             x = measurement.position_at(clock)
         # Both at the same places of the cycle: what the distance of samples does cancels.
-        t = clock - found.offset
+        t = found.run_time(clock)
         inside = (t >= motion.t[0]) & (t <= motion.t[-1])
         shown = (t[inside], motion.position_at(t[inside])), (t, x)
         onsets = []
@@ -180,16 +182,14 @@ class ClockSearch:
                     "run and measurement have no step in common; measure at least one, or leave "
                     "the clock as it is"
                 )
-            drift = self.fits.drift and len(slips) > 1
-            onsets.append(find_onset(t, x, run, ringing, drift, found.middle - found.offset))
-        (own_shift, own_drift, _), (shift, drifted, error) = onsets
+            onsets.append(find_onset(t, x, run, ringing))
+        (own_shift, _), (shift, error) = onsets
         turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
         bent = _BENT * abs(1.0 / other.frequency - 1.0 / own.frequency)
         between = _STRAIGHT * motion.spacing if motion.v is None else 0.0
         return replace(
             found,
             offset=found.offset + shift - own_shift,
-            drift=drifted - own_drift,
             offset_error=math.hypot(error, turned, bent, between),
         )
 

@@ -229,7 +229,7 @@ class Comparison:
         return to_json(found)
 
 
-def compare(
+def compare_motions(
     run: Motion,
     measurement: Motion,
     fits: Fits | None = None,

@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from stickslip_ros.base.compiled import report_compilation
 from stickslip_ros.base.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.base.shared_files import sample_file
-from stickslip_ros.measurement import comparison as comparisons
 from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
@@ -23,7 +22,7 @@ from stickslip_ros.measurement.actuator_identification import (
 from stickslip_ros.measurement.as_measured import simulate_as_measured
 from stickslip_ros.measurement.bags.finer import finest_motion
 from stickslip_ros.measurement.bags.load_motion import is_bag, is_parameter_file, load_motion
-from stickslip_ros.measurement.comparison import Comparison
+from stickslip_ros.measurement.comparison import Comparison, compare_motions
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.measurement.reading.given import given_loop, given_motion
@@ -222,8 +221,8 @@ def compare(
             period = 1.0 / p.drive.frequency
             runs = runs_of(measured, drive.or_at(p.drive.frequency))
             simulated = simulate_as_measured(p, measured, runs, "simulation")
-            return comparisons.compare(simulated, measured, fits, runs, period)
-        return comparisons.compare(_driven(run, Drive())[0], measured, fits, drive=drive)
+            return compare_motions(simulated, measured, fits, runs, period)
+        return compare_motions(_driven(run, Drive())[0], measured, fits, drive=drive)
 
 
 def identify_actuator(

@@ -71,26 +71,21 @@ def beside_lines(t: Array, columns: Array, cycle: NDArray[np.int64]) -> Array:
     return np.asarray(about - slope * time)
 
 
-def find_onset(
-    t: Array, x: Array, run: Run, ringing: Ringing, drift: bool, middle: float
-) -> tuple[float, float, float]:
-    """Return how much later the slips of a run begin in a motion that rings so: t (s), x (m).
+def find_onset(t: Array, x: Array, run: Run, ringing: Ringing) -> tuple[float, float]:
+    """Return how much later (s) the slips of a run begin in a motion, and the standard uncertainty.
 
-    It is shift + drift (t - middle), of which shift (s), drift and the standard uncertainty of the
-    shift (s) are returned. drift: whether to fit one. All times are by the same clock.
+    The motion is at x (m) at times t (s) by the clock of the run, and rings so.
     """
     slips = run.slips[(run.slips > t[0]) & (run.slips < t[-1])]
     some, cycle = thinned(t, run)
     t, position = t[some], beside_lines(t[some], x[some, None], cycle)[:, 0]
-    omega, duration = 2.0 * math.pi * ringing.frequency, slips[-1] - slips[0] + run.period
+    omega = 2.0 * math.pi * ringing.frequency
 
     def left(trial: Array, part: slice = slice(None)) -> Array:
         # While the contact slides, it rings at another frequency than after it.
-        faster, shorter = (math.exp(min(max(one, -_OTHER), _OTHER)) for one in trial[1:3])
+        faster, shorter = (math.exp(min(max(one, -_OTHER), _OTHER)) for one in trial[1:])
         own = Ringing(ringing.frequency * faster, ringing.decay * shorter)
         begin = slips + trial[0] / omega
-        if drift:
-            begin = begin + trial[3] / omega * (slips - middle) / duration
         time, seen = t[part], position[part]
         bounds = np.concatenate(([0], np.searchsorted(time, begin), [len(time)]))
         after = time - np.repeat(np.append(time[:1], begin), np.diff(bounds))
@@ -104,7 +99,7 @@ def find_onset(
     # Trials are angles of the ringing: of order one.
     reach = 2.0 * math.pi * _REACH
     few = slice(None, None, max(1, int(1.0 / (np.median(np.diff(t)) * ringing.frequency * _SEEN))))
-    tried = [np.array([at, *[0.0] * (2 + drift)]) for at in np.linspace(-reach, reach, _PLACES)]
+    tried = [np.array([at, 0.0, 0.0]) for at in np.linspace(-reach, reach, _PLACES)]
     first = min(tried, key=lambda one: float(np.sum(left(one, few) ** 2)))
     scale = float(np.std(position)) or 1.0
     found = scipy.optimize.least_squares(
@@ -114,5 +109,4 @@ def find_onset(
     parts = np.stack([np.bincount(cycle, one * found.fun) for one in found.jac.T], axis=1)
     inverse = np.linalg.pinv(found.jac.T @ found.jac)
     spread = inverse @ (parts.T @ parts) @ inverse
-    shift, *_, end = ((found.x - _AWAY) / omega).tolist()
-    return shift, end / duration if drift else 0.0, math.sqrt(spread[0, 0]) / omega
+    return float(found.x[0] - _AWAY) / omega, math.sqrt(spread[0, 0]) / omega

@@ -11,7 +11,7 @@ from table_1 import table_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.analyse import analysis_text
-from stickslip_ros.measurement import Fits
+from stickslip_ros.measurement.motion_pair import Fits
 
 
 @cache
