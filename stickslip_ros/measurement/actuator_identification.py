@@ -224,14 +224,12 @@ def identify_hysteresis(
     if times is not None and not (np.diff(times) > 0.0).all():
         raise ParameterError("the times do not increase; sort the samples by time, or leave it out")
     least = 2 * (operators + 2)
+    few = f"samples; {operators} play operators take {least} or more"
     if len(volts) < least:
-        raise ParameterError(
-            f"the loop has {len(volts)} samples; {operators} play operators take {least} or more"
-        )
+        raise ParameterError(f"the loop has {len(volts)} {few}")
     seen = record(times, volts, deflection)
     if len(seen.volts) - seen.first < least:
-        raise ParameterError(f"{len(seen.volts) - seen.first} samples without spikes; "
-                             f"{operators} play operators take {least} or more")  # fmt: skip
+        raise ParameterError(f"without spikes there are {len(seen.volts) - seen.first} {few}")
     thresholds = 0.5 * seen.range * (np.arange(operators) + 0.5) / operators
     # As after this recording, which then repeats, or never moved.
     fresh = np.zeros(operators)

@@ -73,10 +73,8 @@ class Pairs:
     @property
     def weights(self) -> Array:
         """The part of the whole time that each sample represents; their sum is 1."""
-        between = np.diff(self.t)
-        weight = np.zeros(len(self.t))
-        weight[:-1] += 0.5 * between
-        weight[1:] += 0.5 * between
+        weight = np.gradient(self.t)
+        weight[[0, -1]] *= 0.5
         return np.asarray(weight / weight.sum())
 
 
@@ -109,13 +107,11 @@ class MotionPair:
 
         Places (s) lie a margin (s) inside it.
         """
+        coarser, finer = self.run, self.measurement
+        t, place = coarser.t, alignment.measurement_time(coarser.t)
         if self.on_measurement:
-            coarser, finer = self.measurement, self.run
+            coarser, finer = finer, coarser
             t = place = alignment.run_time(coarser.t)
-        else:
-            coarser, finer = self.run, self.measurement
-            t = coarser.t
-            place = alignment.measurement_time(t)
         kept = (place >= finer.t[0] + margin) & (place <= finer.t[-1] - margin)
         return t[kept], coarser.x[kept], finer, place[kept]
 

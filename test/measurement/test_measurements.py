@@ -58,11 +58,6 @@ def test_the_clock_is_found_in_the_right_swing_of_the_ringing() -> None:
     assert found.rmse == pytest.approx(2e-9, rel=0.05)  # the noise of the sensor
 
 
-def test_a_run_can_be_compared_with_another_one() -> None:
-    run = ss.simulate(steps=10)
-    assert ss.compare(run, run).rmse == pytest.approx(0.0, abs=1e-13)
-
-
 @pytest.mark.long
 def test_a_standing_axis_has_nothing_to_compare(tmp_path: Path) -> None:
     """It ended with an IndexError."""
