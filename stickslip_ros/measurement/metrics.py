@@ -111,17 +111,17 @@ def pair_runs(
     with_noise = pairs.run + np.random.default_rng(1).normal(0.0, noise, len(pairs.t))
     readings: Iterator[tuple[Run, Run]] = iter(())
     with suppress(ArithmeticError, LookupError, ValueError):  # of samples too few to be read
-        plain, noisy = (analyse_cycles(pairs.t, x, held, noise) for x in (pairs.run, with_noise))
-        readings = zip(plain, noisy, strict=True)
+        both = [analyse_cycles(pairs.t, x, held, noise) for x in (pairs.run, with_noise)]
+        readings = zip(*both, strict=True)
     limit = significant(len(METRICS) * len(measured))
     found = []
     for one, some, whole, common in zip(measured, near, wholes, cycles, strict=True):
-        partner, *others = next(readings, (None,)) if len(common.slips) else (None,)
+        partner, noisy = next(readings, (None, None)) if len(common.slips) else (None, None)
         if partner is None or not partner.is_clear or partner.step_size * one.direction < 0.0:
             found.append(RunPair.without_run(one, "the run has no such steps there"))
             continue
-        others += [whole] if whole and whole.steps == partner.steps else []
-        given = limit, period or (some or partner).period, others
+        same = whole if whole and whole.steps == partner.steps else None
+        given = limit, period or (some or partner).period, noisy, same
         metrics = step_metrics(partner, one, motions.spacing, alignment.gain, *given)
         why = "; ".join(one.doubts) or ("" if whole else "the run does not show how many it has")
         if whole and not why and whole.steps == one.steps:
@@ -211,14 +211,16 @@ def step_metrics(
     gain: float,
     limit: float,
     period: float | None = None,
-    others: Sequence[Run] = (),
+    noisy: Run | None = None,
+    whole: Run | None = None,
 ) -> list[ComparisonMetric]:
     """Return the metrics of one run of steps.
 
     spacing (s) is that of the samples, gain that of lengths of the measurement over those of the
     run, limit in standard errors; period (s) is that of the run where its parameters, or all of it,
-    tell. others are the run of steps as all of its samples show it, or samples with noise: by as
-    much as these are apart, samples and noise of the measurement may be to blame.
+    tell. noisy and whole are the run of steps as it is read with noise, and by all of its samples:
+    by as much as these are apart, noise and samples of the measurement may be to blame. What chance
+    does of it is in the uncertainties already, so that of the noise is added in squares.
     """
     sure = {*run.doubts, *measured.doubts} <= _SURE
     swings = [one.ringing_frequency for one in (run, measured) if one.ringing]
@@ -228,11 +230,11 @@ def step_metrics(
         is_length = row.unit == "m"
         scale, why = 1.0 / gain if is_length else 1.0, ""
         name = row.name.replace(" ", "_")
-        first, second, *again = (float(getattr(one, name)) for one in (run, measured, *others))
-        second, blurred = scale * second, [abs(first - one) for one in again]
+        first, second = float(getattr(run, name)), scale * float(getattr(measured, name))
+        blurred = [float(getattr(one or run, name)) - first for one in (noisy, whole)]
         error = math.hypot(_error(run, row, spacing), scale * _error(measured, row, spacing))
         if row.name == "period" and period is not None:
-            first, blurred, error = period, [], _error(measured, row, spacing)
+            first, blurred, error = period, [0.0, 0.0], _error(measured, row, spacing)
         if not math.isfinite(first + second):
             why = row.unseen
         elif folded and row.name in ("ringing frequency", "damping ratio"):
@@ -242,7 +244,8 @@ def step_metrics(
         elif not sure:  # two that are the same may be read as other cycles
             why = "not compared: the cycles are not sure, see steps"
         tolerance = max(limit * error, row.floor * (1.0 if is_length else abs(first)))
-        tolerance += max(filter(math.isfinite, blurred), default=0.0)
+        by_noise, by_samples = (abs(one) if math.isfinite(one) else 0.0 for one in blurred)
+        tolerance = math.hypot(tolerance, by_noise) + by_samples
         metrics.append(
             replace(
                 row, run=first, measured=second, why_missing=why,

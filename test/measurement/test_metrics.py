@@ -101,9 +101,8 @@ def test_a_tolerance_holds_what_the_samples_do_to_the_run() -> None:
     """Of 57.6 nm that few samples show of a backstep of 87.1 nm, 89.0 nm measured differed."""
     run, sensor = (_steps(mean_backstep=MeasuredValue(x, 2e-9)) for x in (57.6e-9, 89e-9))
     whole = _steps(mean_backstep=MeasuredValue(87.1e-9, 0.0))
-    blurred = step_metrics(run, sensor, 1e-4, 1.0, 3.0, None, [whole])
-    for others, found in ((True, None), (False, True)):
-        metrics = blurred if others else step_metrics(run, sensor, 1e-4, 1.0, 3.0)
+    for noisy, all_of_it, found in ((None, whole, None), (sensor, None, None), (None, None, True)):
+        metrics = step_metrics(run, sensor, 1e-4, 1.0, 3.0, None, noisy, all_of_it)
         assert next(one.differs for one in metrics if one.name == "backstep") is found
 
 
