@@ -25,21 +25,21 @@ if TYPE_CHECKING:
     from stickslip_ros.base.errors import StickslipError
     from stickslip_ros.client import AxisClient, AxisFault
     from stickslip_ros.emulator import CONTROLLERS, OwnAxes, ServerThread, controller_of
-    from stickslip_ros.measurement import (
-        Comparison,
-        ComparisonError,
-        ComparisonMetric,
+    from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
+    from stickslip_ros.measurement.comparison import Comparison
+    from stickslip_ros.measurement.identification import Experiment, Fit, IdentificationError, Prior
+
+    # Not from the room: its module of the same name would be found first.
+    from stickslip_ros.measurement.identification.identify import identify
+    from stickslip_ros.measurement.measurements import (
         analyse,
         compare,
         find_runs,
         identify_actuator,
         read_measurement,
     )
-    from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
-    from stickslip_ros.measurement.identification import Experiment, Fit, IdentificationError, Prior
-
-    # Not from the room: its module of the same name would be found first.
-    from stickslip_ros.measurement.identification.identify import identify
+    from stickslip_ros.measurement.metric import ComparisonMetric
+    from stickslip_ros.measurement.motion_pair import ComparisonError
     from stickslip_ros.measurement.reading import MeasurementError
     from stickslip_ros.measurement.steps.record import TraceError
     from stickslip_ros.measurement.steps.run import Run
@@ -88,11 +88,13 @@ _PLACES = {
     "base.errors": "StickslipError",
     "client": "AxisClient AxisFault",
     "emulator": "CONTROLLERS OwnAxes ServerThread controller_of",
-    "measurement": "Comparison ComparisonError ComparisonMetric",
     "measurement.actuator_identification": "IdentifiedActuator",
+    "measurement.comparison": "Comparison",
     "measurement.identification": "Experiment Fit IdentificationError Prior",
     "measurement.identification.identify": "identify",
     "measurement.measurements": "analyse compare find_runs identify_actuator read_measurement",
+    "measurement.metric": "ComparisonMetric",
+    "measurement.motion_pair": "ComparisonError",
     "measurement.reading": "MeasurementError",
     "measurement.steps.record": "TraceError",
     "measurement.steps.run": "Run",

@@ -28,8 +28,9 @@ from stickslip_ros.measurement.metric import LIMITS
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
-    from stickslip_ros.measurement import Comparison, ComparisonMetric
     from stickslip_ros.measurement.bags.load_motion import LoadedMotion
+    from stickslip_ros.measurement.comparison import Comparison
+    from stickslip_ros.measurement.metric import ComparisonMetric
     from stickslip_ros.measurement.steps.run import Run
     from stickslip_ros.simulation.motion import Motion
 
@@ -54,7 +55,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         ("level", True, "fit the zero of the sensor"), ("gain", False, "fit its gain"),
     ):  # fmt: skip
         fitting.add_argument(f"--fit-{name}", action=yes_no, default=usual, help=text)
-    option(fitting, "--filter", "HZ", "low-pass filter both, without delay", quantity("Hz"))
     limits = parser.add_argument_group("limits, SI units")
     for name, limit in LIMITS.items():
         metavar = limit.unit.upper() or "X"
@@ -64,8 +64,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.cli.pages.compared import comparison_page
-    from stickslip_ros.measurement import Fits
-    from stickslip_ros.measurement.comparison import compare
+    from stickslip_ros.measurement.comparison import compare_motions
+    from stickslip_ros.measurement.motion_pair import Fits
 
     given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
     allowed = {name: value for name, value in given.items() if value is not None}
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(args)
     simulation, measurement, runs, period = _motions(args)
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
-    found = compare(simulation.motion, measurement, fits, args.filter, runs, period)
+    found = compare_motions(simulation.motion, measurement, fits, runs, period)
     say_doubts(measurement.source, runs or [])
     judgements = found.judge(allowed)
     title = f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"

@@ -4,24 +4,21 @@
 The deflection is linear in the weights once the thresholds are chosen, and weights of a piezo
 actuator are not negative: least squares with that bound has one answer (K. Kuhnen, European
 Journal of Control 9 (2003) 407, has the bound too). Level and drift are fitted along, and so is
-creep as `model.actuator_chain` has it, for which the answer is sought along one number.
+creep as `model.actuator_chain` has it, of the deflection that was fitted before.
 
-A recording is cut at the turning points of the voltage. Between two of them the voltage rises or
-falls, and the state of a play operator follows from its state at the first one. Changes below
-`_LEAST_WAY` of the range, or within the noise, do not count.
+A play operator is followed along the voltage, means of neighbouring samples, from a place on from
+which no earlier past plays a part: the voltage has been at both ends of its range.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
-from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import MEASURED, SIMULATED, draw_lines, format_si
@@ -35,18 +32,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-#: Least distance of two turning points, as a share of the range of the voltage, and in standard
-#: deviations of its noise.
-_LEAST_WAY, _NOISES = 0.01, 12.0
-#: Largest noise, as share of the range, at which turning points can be found.
-_NOISY = 0.5
-#: A turning point so near to an end of the range, as a share of it, is at that end.
+#: Largest noise, as share of the range, beside which a loop is seen.
+_NOISY = 0.04
+#: A voltage so near to an end of its range, as a share of it, is at that end.
 _END = 0.1
 #: A voltage that changes by less than this share of the range stays where it is.
 _STILL = 0.005
-#: Samples that a fit sees at most, means of neighbours; neighbours whose lowest and highest may be
-#: turning points.
-_MOST, _SOUGHT = 20_000, 20_000
+#: Samples that a fit sees at most, means of neighbours.
+_MOST = 20_000
 #: What counts as noise in a spike, as share of the range: a spike is eight times as far off.
 _RIPPLE = 0.006
 #: The range of a recording but for its spikes.
@@ -55,9 +48,8 @@ _RANGE = (0.001, 0.999)
 _STIFFEST = 1e-3
 #: Least deflection that is one, m: far below it, shares of it overflow.
 _LEAST_SPAN = 1e-15
-#: Largest creep per decade in the search, as a larger lag is not creep; part of it that is at the
-#: bound; values that are tried first.
-_MOST_CREEP, _BOUND, _TRIED = 0.1, 0.98, 11
+#: Largest creep per decade, as a larger lag is not creep; rounds of its fit.
+_MOST_CREEP, _ROUNDS = 0.05, 3
 #: Creep is fitted if the voltage rests for this many times `creep_start`,
 #: and if creep takes this share off the deviations.
 _LONG, _GAIN = 10.0, 0.02
@@ -74,55 +66,43 @@ _UNRELATED = 0.5
 
 @dataclass(frozen=True)
 class ActuatorRecording:
-    """Means of neighbouring samples, (means,), and the turning points between them, (turns,).
-
-    The first and the last sample count as turning points.
-    """
+    """Means of neighbouring samples, each array of shape (means,)."""
 
     times: Array  #: s, or numbers of samples where the time is not known
     volts: Array  #: V
     deflection: Array  #: m
-    branch: NDArray[np.int64]  #: number of the turning point before each mean
-    turn_volts: Array  #: voltage at each turning point
     first: int  #: the first mean from which on no earlier past plays a part; 0 if there is none
     loops: int  #: whole loops from there on
 
     @property
     def range(self) -> float:
         """Highest less lowest voltage (V)."""
-        return float(np.ptp(self.turn_volts))
+        return float(np.ptp(self.volts))
 
     @cached_property
     def longest_rest(self) -> float:
         """Longest time (s) from `first` on in which the voltage stays where it is."""
-        near, longest = _STILL * self.range, 0.0
-        times, volts = self.times[self.first :].tolist(), self.volts[self.first :].tolist()
-        begin, low, high = times[0], volts[0], volts[0]
-        for time, volt in zip(times, volts, strict=True):
-            low, high = min(low, volt), max(high, volt)
-            if high - low > near:
-                begin, low, high = time, volt, volt
-            longest = max(longest, time - begin)
-        return longest
+        times, volts = self.times[self.first :], self.volts[self.first :] / (_STILL * self.range)
+        # A stretch as high as half a bin lies in one bin of two sets of them, half a bin apart.
+        moves = [np.flatnonzero(np.diff(np.floor(0.5 * volts + part))) for part in (0.0, 0.5)]
+        rests = [np.diff(times[np.concatenate([[0], one + 1, [-1]])]) for one in moves]
+        return max(float(one.max()) for one in rests)
 
-    def plays(self, thresholds: Array, start: Array) -> tuple[Array, Array]:
-        """Return the plays (V) at each mean, (means, operators), and after the last.
+    def plays(self, thresholds: Array, start: Array) -> Array:
+        """Return the plays (V) at each mean, (means, operators).
 
         thresholds and start, the plays before the first sample, are in V, (operators,).
         """
-        stands = np.empty((len(self.turn_volts), len(thresholds)))
-        stand = start
-        for k, volts in enumerate(self.turn_volts):
-            stands[k] = stand = np.clip(stand, volts - thresholds, volts + thresholds)
-        rises = np.diff(self.turn_volts) > 0.0
-        before, volts = stands[self.branch], self.volts[:, None]
-        up = np.maximum(before, volts - thresholds)
-        down = np.minimum(before, volts + thresholds)
-        return np.where(rises[self.branch][:, None], up, down), stands[-1]
+        found, stand = np.empty((len(self.volts), len(thresholds))), start
+        for k, (low, high) in enumerate(
+            zip(self.volts[:, None] - thresholds, self.volts[:, None] + thresholds, strict=True)
+        ):
+            found[k] = stand = np.minimum(np.maximum(stand, low), high)
+        return found
 
 
 def record(times: Array | None, volts: Array, deflection: Array) -> ActuatorRecording:
-    """Cut a recording; times (s), volts (V) and deflection (m) have the shape (samples,).
+    """Average a recording; times (s), volts (V) and deflection (m) have the shape (samples,).
 
     Raises ParameterError if the voltage has no whole loop, or the deflection does not change.
     """
@@ -135,68 +115,42 @@ def record(times: Array | None, volts: Array, deflection: Array) -> ActuatorReco
           for one in (volts, deflection))
     )  # fmt: skip
     volts, deflection = volts[kept], deflection[kept]
-    times = np.flatnonzero(kept).astype(np.float64) if times is None else times[kept]
-    turns = _turning_points(volts)
-    first, loops = _settled(volts[turns])
-    share = -(-len(volts) // _MOST)
-    starts = np.union1d(np.arange(0, len(volts), share), turns[1:-1])
-    counts = np.diff(np.append(starts, len(volts)))
-    means = [np.add.reduceat(one, starts) / counts for one in (times, volts, deflection)]
-    branch = np.searchsorted(turns[1:-1], starts, side="right")
-    return ActuatorRecording(
-        times=means[0],
-        volts=means[1],
-        deflection=means[2],
-        branch=branch,
-        turn_volts=volts[turns],
-        first=int(np.searchsorted(starts, turns[first])),
-        loops=loops,
-    )
-
-
-def _turning_points(volts: Array) -> NDArray[np.int64]:
-    """Return the places of the turning points in volts, both ends included. ParameterError."""
     whole, noise = float(np.ptp(volts)), noise_of(volts)
-    least = max(_LEAST_WAY * whole, _NOISES * noise)
-    if least > _NOISY * whole:
+    if noise > _NOISY * whole:
         raise ParameterError(
             f"the voltage goes over {whole:.3g} V and has {noise:.3g} V of noise: no loop is to be "
             "seen in it; is that the column of the voltage?"
         )
-    share = max(1, len(volts) // _SOUGHT)
-    rows = volts[: len(volts) // share * share].reshape(-1, share)
-    # The lowest and the highest of neighbours are enough.
-    lowest, highest = (np.arange(0, rows.size, share) + one
-                       for one in (rows.argmin(axis=1), rows.argmax(axis=1)))  # fmt: skip
-    found = [0, len(volts) - 1]
-    for sign, places in ((1.0, highest), (-1.0, lowest)):
-        # An end of the recording is as far from the next turning point as any.
-        seen = np.pad(sign * volts[places], 1, constant_values=-np.abs(volts).max() - whole)
-        found += places[scipy.signal.find_peaks(seen, prominence=least)[0] - 1].tolist()
-    return np.unique(found)
+    times = np.flatnonzero(kept).astype(np.float64) if times is None else times[kept]
+    starts = np.arange(0, len(volts), -(-len(volts) // _MOST))
+    counts = np.diff(np.append(starts, len(volts)))
+    times, volts, deflection = (
+        np.add.reduceat(one, starts) / counts for one in (times, volts, deflection)
+    )
+    return ActuatorRecording(times, volts, deflection, *_settled(volts))
 
 
-def _settled(turns: Array) -> tuple[int, int]:
-    """Return the turning point from which on the plays are known, and the number of loops after it.
+def _settled(volts: Array) -> tuple[int, int]:
+    """Return from where on the plays are known, by a voltage (V), and the number of loops after it.
 
     The plays are known once the voltage has been at both of its ends. 0 if no whole loop follows:
     then the initial plays have to be fitted. ParameterError without a loop.
     """
-    low, high = float(turns.min()), float(turns.max())
+    low, high = float(volts.min()), float(volts.max())
     near = _END * (high - low)
-    ends = [(k, volts > low + near) for k, volts in enumerate(turns.tolist())
-            if not low + near < volts < high - near]  # fmt: skip
-    met = [end for end, before in zip(ends, [None, *ends], strict=False)
-           if before is None or end[1] != before[1]]  # fmt: skip
-    closes = len(met) == 2 and abs(turns[-1] - turns[0]) < near
-    if len(met) < 3 and not closes:
+    ends = np.flatnonzero((volts <= low + near) | (volts >= high - near))
+    upper = volts[ends] > low + near
+    visits = np.split(ends, np.flatnonzero(np.diff(upper)) + 1)
+    closes = len(visits) == 2 and abs(volts[-1] - volts[0]) < near
+    if len(visits) < 3 and not closes:
         raise ParameterError(
-            f"the voltage begins at {turns[0]:g} V and ends at {turns[-1]:g} V, between "
+            f"the voltage begins at {volts[0]:g} V and ends at {volts[-1]:g} V, between "
             f"{low:g} V and {high:g} V, and never goes from end to end and back; "
             "a loop ends where it began"
         )
-    later = (len(met) - 2) // 2
-    return (met[1][0], later) if later else (0, 1)
+    loops = (len(visits) - 2) // 2
+    second = visits[1][np.argmax(np.abs(volts[visits[1]] - volts[visits[0][0]]))]
+    return (int(second), loops) if loops else (0, 1)
 
 
 @dataclass(frozen=True)
@@ -261,7 +215,7 @@ def identify_hysteresis(
     times are known and the voltage rests long enough. Play operators make point-symmetric loops;
     the asymmetry of a measured loop stays in the error. Raises ParameterError.
     """
-    given = [volts, deflection, *([] if times is None else [times])]
+    given = [one for one in (volts, deflection, times) if one is not None]
     if len({one.shape for one in given}) > 1 or not all(np.isfinite(one).all() for one in given):
         raise ParameterError(
             "voltage, deflection and times have to be finite numbers, as many of each: "
@@ -270,18 +224,16 @@ def identify_hysteresis(
     if times is not None and not (np.diff(times) > 0.0).all():
         raise ParameterError("the times do not increase; sort the samples by time, or leave it out")
     least = 2 * (operators + 2)
+    few = f"samples; {operators} play operators take {least} or more"
     if len(volts) < least:
-        raise ParameterError(
-            f"the loop has {len(volts)} samples; {operators} play operators take {least} or more"
-        )
+        raise ParameterError(f"the loop has {len(volts)} {few}")
     seen = record(times, volts, deflection)
     if len(seen.volts) - seen.first < least:
-        raise ParameterError(f"{len(seen.volts) - seen.first} samples without spikes; "
-                             f"{operators} play operators take {least} or more")  # fmt: skip
+        raise ParameterError(f"without spikes there are {len(seen.volts) - seen.first} {few}")
     thresholds = 0.5 * seen.range * (np.arange(operators) + 0.5) / operators
     # As after this recording, which then repeats, or never moved.
     fresh = np.zeros(operators)
-    pasts = [fresh] if seen.first else [seen.plays(thresholds, fresh)[1], fresh]
+    pasts = [fresh] if seen.first else [seen.plays(thresholds, fresh)[-1], fresh]
     rests = times is not None and seen.longest_rest > _LONG * creep_start
     creeps = creep_start if rests else None
     fits = [_fit(seen, thresholds, past, times is not None, creeps) for past in pasts]
@@ -299,7 +251,7 @@ def _fit(
     area by which the loops lead the voltage, share of range and full scale, and the actuator.
     """
     used = slice(seen.first, None)
-    plays, _ = seen.plays(thresholds, past)
+    plays = seen.plays(thresholds, past)
     columns = np.column_stack([seen.volts - seen.volts[0], plays - plays[0]]) / seen.range
     scale = float(np.ptp(seen.deflection[used]))
     if not scale > _LEAST_SPAN:
@@ -307,25 +259,27 @@ def _fit(
             f"the deflection of the loops spans {scale:g} m, and {_LEAST_SPAN:g} m or more show "
             "one; is it in the second column, in m?"
         )
-    wanted = seen.deflection[used] / scale
+    wanted, volts = seen.deflection[used] / scale, seen.volts[used]
     since = seen.times - seen.times[used][0]
     drifts = timed or seen.loops > 1  # one loop without times is taken to close
     others = np.column_stack([np.ones(len(since)), *([since / since[-1]] if drifts else [])])
-    solve, creep = _solver(others[used], columns[used], wanted), 0.0
+    weights, shares, left = _solve(columns[used], others[used], wanted)
+    creep, slow = 0.0, np.zeros(len(since))
     if creep_start is not None:
-        slow, fading = _behind_creep(seen.times, columns, creep_start)
-        with_past = np.column_stack([others, fading])
-        lagging = _solver(with_past[used], columns[used], wanted, slow[used])
-        creep = _creep_of(solve, lagging)
-        if creep > 0.0:
-            solve, others, columns = lagging, with_past, columns + creep * slow
-    weights, left = solve(creep)
-    rest, others = wanted - columns[used] @ weights, others[used]
-    shares = np.linalg.lstsq(others, rest, rcond=None)[0]
-    clean, deviation = wanted - others[:, 1:] @ shares[1:], rest - others @ shares
-    span, volts = float(np.ptp(clean)), seen.volts[used]
+        lagging, first = weights, left
+        for _ in range(_ROUNDS):  # creep is small: that of the last fit is nearly that of the next
+            behind, fading = _behind_creep(seen.times, columns @ lagging, creep_start)
+            more = np.column_stack([others, fading, behind])
+            lagging, (*also, creep), left = _solve(columns[used], more[used], wanted)
+        if 0.0 < creep < _MOST_CREEP and left < (1.0 - _GAIN) * first:
+            weights, shares, slow, others = lagging, np.array(also), behind, more[:, :-1]
+        else:
+            creep, left = 0.0, first
+    clean = wanted - others[used, 1:] @ shares[1:]
+    deviation = clean - shares[0] - columns[used] @ weights - creep * slow[used]
+    span = float(np.ptp(clean))
     area = 0.5 * float((clean[1:] + clean[:-1]) @ np.diff(volts))
-    weights *= scale / seen.range
+    weights = weights * scale / seen.range
     actuator = Actuator(float(weights[0]), thresholds, weights[1:])
     return left, area / (seen.range * span * seen.loops), IdentifiedActuator(
         actuator,
@@ -341,66 +295,42 @@ def _fit(
     )  # fmt: skip
 
 
-#: Weights, not negative, and root mean square of the residuals for a creep per decade.
-_Solver = Callable[[float], tuple[Array, float]]
+def _solve(columns: Array, others: Array, wanted: Array) -> tuple[Array, Array, float]:
+    """Return weights of columns, none negative, shares of others, and what both leave (RMS).
 
-
-def _solver(others: Array, columns: Array, wanted: Array, slow: Array | None = None) -> _Solver:
-    """Return the solver of a least squares problem with the columns of others projected out.
-
-    columns has the voltage and the plays, (samples, operators + 1), slow the same behind creep.
+    columns has the voltage and the plays, (samples, operators + 1).
     """
-    parts = [others, columns, *([] if slow is None else [slow]), wanted[:, None]]
     # A triangle has the same answers.
-    triangle = np.asarray(np.linalg.qr(np.column_stack(parts), mode="r"))
-    rest, n = triangle[others.shape[1] :, others.shape[1] :], columns.shape[1]
-
-    def solve(creep: float) -> tuple[Array, float]:
-        plain = rest[:, :n] if slow is None else rest[:, :n] + creep * rest[:, n:-1]
-        weights, left = scipy.optimize.nnls(plain, rest[:, -1] - _STIFFEST * plain[:, 0])
-        weights[0] += _STIFFEST
-        return np.asarray(weights), float(left) / math.sqrt(len(wanted))
-
-    return solve
-
-
-def _creep_of(without: _Solver, lagging: _Solver) -> float:
-    """Return the creep per decade with the smallest residual; 0 if it is hardly smaller."""
-
-    def left(creep: float) -> float:
-        return lagging(creep)[1]
-
-    tried = np.linspace(0.0, _MOST_CREEP, _TRIED)
-    best = tried[int(np.argmin([left(one) for one in tried.tolist()]))]
-    step = float(tried[1])
-    bounds = (max(0.0, best - step), min(_MOST_CREEP, best + step))
-    creep = float(scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded").x)
-    helps = left(creep) < (1.0 - _GAIN) * without(0.0)[1]
-    return creep if helps and creep < _BOUND * _MOST_CREEP else 0.0
+    parts = np.column_stack([columns, others, wanted])
+    triangle = np.asarray(np.linalg.qr(parts, mode="r"))
+    low = np.full(triangle.shape[1] - 1, -np.inf)
+    low[: columns.shape[1]] = 0.0
+    low[0] = _STIFFEST
+    found = scipy.optimize.lsq_linear(
+        triangle[:, :-1], triangle[:, -1], (low, np.inf), method="bvls"
+    )
+    weights, shares = np.split(found.x, [columns.shape[1]])
+    return weights, shares, math.sqrt(2.0 * found.cost / len(wanted))
 
 
-def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Array, Array]:
-    """Return the creep of each column for 1 per decade, and the decay of the initial state.
+def _behind_creep(times: Array, x: Array, creep_start: float) -> tuple[Array, Array]:
+    """Return the creep of a deflection for 1 per decade, and the decay of the initial state.
 
-    times (s) has the shape (means,), columns (means, n); columns are straight between their times.
-    The recording is assumed to start with a jump at the first time.
+    times (s) and the deflection x, which is straight between them, have the shape (means,). The
+    recording is assumed to start with a jump at the first time.
     """
     chain = Chain.of(Parameters.of(creep=_MOST_CREEP, creep_start=creep_start))
     weight, tau = chain.creep_weight / _MOST_CREEP, chain.creep_times
     share = np.diff(times)[:, None] / tau
     fades = np.exp(-share)
-    late = 1.0 + np.expm1(-share) / share  # of the column at the end of a stretch
-    late = np.where(share > 1e-5, late, 0.5 * share)
-    early = 1.0 - late - fades
-    follows = np.repeat(columns[:1], len(tau), axis=0)
-    found = np.empty_like(columns)
-    found[0] = follows.sum(axis=0)
-    for k in range(len(times) - 1):
-        follows *= fades[k, :, None]
-        follows += early[k, :, None] * columns[k] + late[k, :, None] * columns[k + 1]
-        found[k + 1] = follows.sum(axis=0)
-    past = np.exp(-(times[:, None] - times[0]) / tau).sum(axis=1)
-    return weight * found, weight * past
+    late = 1.0 + np.expm1(-share) / share  # of the deflection at the end of a stretch
+    gains = (1.0 - late - fades) * x[:-1, None] + late * x[1:, None]
+    follows = np.empty((len(x), len(tau)))
+    follows[0] = x[0]
+    for k, (fade, gain) in enumerate(zip(fades, gains, strict=True)):
+        follows[k + 1] = fade * follows[k] + gain
+    past = np.exp(-(times[:, None] - times[0]) / tau)
+    return weight * follows.sum(axis=1), weight * past.sum(axis=1)
 
 
 def _check(seen: ActuatorRecording, lead: float, best: IdentifiedActuator) -> None:

@@ -23,43 +23,34 @@ from stickslip_ros.measurement.motion_pair import (
     ComparisonError,
     Fits,
     MotionPair,
-    without_slopes,
 )
-from stickslip_ros.measurement.onset import find_onset, thin_samples
+from stickslip_ros.measurement.onset import beside_lines, find_onset, thinned
 from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Run
 
-
-@dataclass(frozen=True)
-class AlignmentSettings:
-    """How the clock of a measurement is looked for."""
-
-    grid: int = 2**20  #: samples of the cross-correlation at most
-    periods: int = 40  #: offsets whole periods apart that are tried at most
-    as_good: float = 1.2  #: times the least difference that fits equally well
-    apart: float = 0.25  #: part of a period by which times in common differ
-    samples: int = 16  #: in common, at least
-    overlap: float = 0.05  #: part of the shorter motion in common, at least
-    noise_only: float = 1.2  #: times the noise below which nothing but noise is left
-    fewest: int = 8  #: distances of samples that the cross-correlation takes
-    dense: float = 0.05  #: swings of the ringing between samples of a trace
-    #: Where the clock is looked for about a place: part of a period, swings of the ringing, and
-    #: distances of samples; places tried in each.
-    reaches: tuple[float, float, float] = (0.55, 4.0, 2.0)
-    places: int = 111
-    about: float = 2.0  #: periods beside the steps in which it is
-    rounds: int = 30  #: of least squares at most
-    converged: float = 1e-9  #: change (s) that ends them: the runner moves by far less than noise
-    between: int = 3  #: rounds of the onsets of a run that is not known between its samples
-    straight: float = 0.05  #: part of a sample by which it moves where a slip begins then
-    bent: float = 0.01  #: part by which another period of the ringing moves where it begins
-    periods_apart: float = 3.0  #: of the ringing in a cycle from which on it is seen by itself
-    decays_apart: float = 2.0  #: the same of its decays
-    still: float = 1e-12  #: part of the positions by which they differ at rest: by rounding
-
-
-SETTINGS = AlignmentSettings()
+#: Samples in common at least, and part of the shorter motion; samples of the cross-correlation.
+_SAMPLES, _OVERLAP, _GRID = 16, 0.05, 2**20
+#: Where the clock is looked for about a place: part of a period, swings of the ringing, and
+#: distances of samples; places in each. Periods beside the steps in which it is.
+_REACHES, _PLACES, _ABOUT = (0.55, 4.0, 2.0), 111, 2.0
+#: Offsets whole periods apart that are tried at most; times the least difference that is as good;
+#: part of a period by which times in common differ.
+_PERIODS, _AS_GOOD, _APART = 40, 1.2, 0.25
+#: Times the noise below which nothing but noise is left.
+_NOISE_ONLY = 1.2
+#: Rounds of least squares at most, and the change (s) that ends them: the runner moves by far less
+#: than noise.
+_ROUNDS, _CONVERGED = 30, 1e-9
+#: Swings of the ringing between samples of a trace. Rounds of the onsets of a run that is not known
+#: between its samples, and part of one of these by which its slips may begin elsewhere.
+_DENSE, _BETWEEN, _STRAIGHT = 0.05, 3, 0.05
+#: Part by which another period of the ringing moves where it begins.
+_BENT = 0.01
+#: Periods and decays of the ringing in a cycle from which on it is seen by itself.
+_PERIODS_APART, _DECAYS_APART = 3.0, 2.0
+#: Part of the positions by which they differ at rest: by rounding.
+_STILL = 1e-12
 
 
 def align(pair: MotionPair, fits: Fits, own: Sequence[Run], measured: Sequence[Run]) -> Alignment:
@@ -89,8 +80,8 @@ class ClockSearch:
     def check_overlap(self, found: Alignment) -> Alignment:
         """Return an alignment itself. Raises ComparisonError if it brings too little together."""
         pair = self.pair
-        apart = pair.overlap(found) < SETTINGS.overlap * pair.shorter
-        if apart or len(pair.at(found).t) < SETTINGS.samples:
+        apart = pair.overlap(found) < _OVERLAP * pair.shorter
+        if apart or len(pair.at(found).t) < _SAMPLES:
             run, measured = pair.run.t, pair.measurement.t
             cure = "let the clock offset be fitted"
             if self.fits.offset:
@@ -104,17 +95,10 @@ class ClockSearch:
     def correlate(self) -> Alignment:
         """Return the alignment by the cross-correlation of the velocities."""
         pair = self.pair
-        longest = max(pair.run.duration, pair.measurement.duration)
-        spacing = max(pair.spacing, longest / SETTINGS.grid)
-        speeds = []
-        for motion in (pair.measurement, pair.run):
-            grid = np.arange(motion.t[0], motion.t[-1], spacing)
-            speeds.append(np.diff(np.interp(grid, motion.t, motion.x)))
-        if min(map(len, speeds)) < SETTINGS.fewest:
-            raise ComparisonError(
-                f"run and measurement have fewer than {SETTINGS.fewest} samples in common; sample "
-                "more often"
-            )
+        motions = pair.measurement, pair.run
+        spacing = max(pair.spacing, max(one.duration for one in motions) / _GRID)
+        grids = [np.arange(one.t[0], one.t[-1] + spacing, spacing) for one in motions]
+        speeds = [np.diff(one.position_at(t)) for one, t in zip(motions, grids, strict=True)]
         correlation = scipy.signal.correlate(*speeds, method="fft")
         best = int(np.argmax(correlation))
         if not correlation[best] > 0.0:
@@ -123,58 +107,56 @@ class ClockSearch:
                 "check that both show the same motion, in the same direction"
             )
         lag = float(scipy.signal.correlation_lags(*map(len, speeds))[best]) * spacing
-        return replace(pair.unaligned, offset=lag + pair.measurement.t[0] - pair.run.t[0])
+        return replace(pair.unaligned, offset=lag + float(grids[0][0] - grids[1][0]))
 
     def fit_steps(self, alike: Sequence[Run], measured: Run) -> Alignment:
         """Return the alignment of a measured run with one of the same direction."""
-        pair = self.pair
-        starts = [
-            (replace(pair.unaligned, offset=float(measured.slips[0] - one.slips[0])), one)
-            for one in alike
-        ]
-        found, run = min(starts, key=lambda one: pair.difference(one[0]))
-        period, swing = measured.period, 1.0 / (measured.ringing_frequency or math.nan)
-        margin = SETTINGS.about * period
+        pair, period = self.pair, measured.period
+        found, run = self._first_slips(alike, measured)
+        margin, swing = _ABOUT * period, 1.0 / (measured.ringing_frequency or math.nan)
         part = pair.measurement.between(measured.start - margin, measured.end + margin)
         near = MotionPair(pair.run, part)
-        for reach, size in zip(SETTINGS.reaches, (period, swing, near.spacing), strict=True):
+        for reach, size in zip(_REACHES, (period, swing, near.spacing), strict=True):
             if math.isfinite(size):
-                found = near.best_near(found, reach * size, SETTINGS.places, run)
-        if not measured.determined or run.steps != measured.steps:
-            found = self.choose_period(found, run)
+                shifts = np.linspace(-reach * size, reach * size, _PLACES)
+                best = int(np.argmin(near.left(found, run, shifts)))
+                found = replace(found, offset=found.offset + float(shifts[best]))
         self.check_overlap(found)
         own, other = separate_ringing(run), separate_ringing(measured)
+        if own is None or other is None or self.fits.drift:
+            found = self.fit_velocity(found, run)
         if own is None or other is None:
-            return self.fit_velocity(found, run)
-        for _ in range(SETTINGS.between if pair.run.v is None else 1):
+            return found
+        for _ in range(_BETWEEN if pair.run.v is None else 1):
             found = self._fit_onsets(found, run, own, other)
         exact = self.fit_velocity(found, None)
         # Where the run leaves nothing but noise, every sample fixes the clock.
         noise = noise_of(pair.measurement.x)
-        return exact if pair.difference(exact) < SETTINGS.noise_only * noise else found
+        return exact if pair.left(exact)[0] < _NOISE_ONLY * noise else found
 
-    def choose_period(self, found: Alignment, steps: Run) -> Alignment:
-        """Return the best of all offsets some periods apart.
+    def _first_slips(self, alike: Sequence[Run], measured: Run) -> tuple[Alignment, Run]:
+        """Return where the first slips of a measured run and of one like it meet, and that one.
 
-        Equal steps look alike; of offsets that fit as well, the one with the longest overlap wins.
+        Where they may have other numbers of steps, the first may be another one, some periods
+        away. Equal steps look alike: of places that fit as well, the one with the longest overlap
+        wins.
         """
-        pair, period = self.pair, steps.period
-        reach = int(max(pair.run.duration, pair.measurement.duration) / period)
-        moved = [replace(found, offset=found.offset + k * period) for k in range(-reach, reach + 1)]
-        moved.sort(
-            key=lambda one: (
-                -round(pair.overlap(one) / (SETTINGS.apart * period)),
-                abs(one.offset - found.offset),
-            )
-        )
-        left = [(pair.difference(one, steps), one) for one in moved[: SETTINGS.periods]]
-        least = min(one for one, _ in left)
-        good = [one for size, one in left if size <= SETTINGS.as_good * least < math.inf]
-        if not good:
-            return found
-        return replace(good[0], other_offset=good[1].offset if len(good) > 1 else None)
+        pair, places = self.pair, []
+        for run in alike:
+            same = measured.determined and run.steps == measured.steps
+            for k in (0,) if same else range(1 - measured.steps, run.steps):
+                begun = float(measured.slips[0] - run.slips[0]) - k * run.period
+                found = replace(pair.unaligned, offset=begun)
+                rank = -round(pair.overlap(found) / (_APART * run.period)), abs(k)
+                places.append((rank, found, run))
+        best = sorted(places, key=lambda one: one[0])[:_PERIODS]
+        left = [float(pair.left(found, run)[0]) for _, found, run in best]
+        good = [k for k, size in enumerate(left) if size <= _AS_GOOD * min(left)]
+        _, found, run = best[good[0]]
+        other = best[good[1]][1].offset if len(good) > 1 else None
+        return replace(found, other_offset=other), run
 
-    def _fit_onsets(self, found: Alignment, steps: Run, own: Ringing, other: Ringing) -> Alignment:
+    def _fit_onsets(self, found: Alignment, run: Run, own: Ringing, other: Ringing) -> Alignment:
         """Move the clock by how much later the slips begin in the measurement than in the run.
 
         The uncertainty includes the bias that different ringings may cause: a difference in damping
@@ -182,63 +164,60 @@ class ClockSearch:
         also includes a part of the spacing of the run's samples, if these are interpolated
         linearly.
         """
-        run, measurement, middle = self.pair.run, self.pair.measurement, found.middle - found.offset
+        motion, measurement = self.pair.run, self.pair.measurement
         clock, x = measurement.t, measurement.x
         if measurement.v is not None:  # a trace, denser in the slips; the fit weighs samples alike
-            tick = min(self.pair.spacing, SETTINGS.dense / own.frequency)
+            tick = min(self.pair.spacing, _DENSE / own.frequency)
             clock = np.arange(measurement.t[0], measurement.t[-1], tick)
             x = measurement.position_at(clock)
         # Both at the same places of the cycle: what the distance of samples does cancels.
-        t = clock - found.offset
-        inside = (t >= run.t[0]) & (t <= run.t[-1])
-        shown = (t[inside], run.position_at(t[inside])), (t, x)
+        t = found.run_time(clock)
+        inside = (t >= motion.t[0]) & (t <= motion.t[-1])
+        shown = (t[inside], motion.position_at(t[inside])), (t, x)
         onsets = []
         for (t, x), ringing in zip(shown, (own, other), strict=True):
-            t, x = thin_samples(t, x, steps.slips, steps.period)
-            slips = steps.slips[(steps.slips > t[0]) & (steps.slips < t[-1])]
+            slips = run.slips[(run.slips > t[0]) & (run.slips < t[-1])]
             if not len(slips):
                 raise ComparisonError(
                     "run and measurement have no step in common; measure at least one, or leave "
                     "the clock as it is"
                 )
-            drift = self.fits.drift and len(slips) > 1
-            onsets.append(find_onset(t, x, slips, steps.period, ringing, drift, middle))
-        in_run, in_measurement = onsets
+            onsets.append(find_onset(t, x, run, ringing))
+        (own_shift, _), (shift, error) = onsets
         turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
-        bent = SETTINGS.bent * abs(1.0 / other.frequency - 1.0 / own.frequency)
-        between = SETTINGS.straight * run.spacing if run.v is None else 0.0
+        bent = _BENT * abs(1.0 / other.frequency - 1.0 / own.frequency)
+        between = _STRAIGHT * motion.spacing if motion.v is None else 0.0
         return replace(
             found,
-            offset=found.offset + in_measurement.shift - in_run.shift,
-            drift=in_measurement.drift - in_run.drift,
-            offset_error=math.hypot(in_measurement.shift_error, turned, bent, between),
+            offset=found.offset + shift - own_shift,
+            offset_error=math.hypot(error, turned, bent, between),
         )
 
-    def fit_velocity(self, found: Alignment, steps: Run | None) -> Alignment:
+    def fit_velocity(self, found: Alignment, run: Run | None) -> Alignment:
         """Move the clock by least squares, the velocity of the run taken for the derivative."""
-        drift = self.fits.drift
-        for _ in range(SETTINGS.rounds):
+        for _ in range(_ROUNDS):
             found = self.fit_sensor(found)
-            pairs = self.pair.at(found, self.pair.judges)
-            rest = (pairs.measured - found.level) / found.gain - pairs.run
-            columns = [-pairs.velocity]
-            if drift:
-                columns.append(-pairs.velocity * (pairs.t + found.offset - found.middle))
-            rest, *columns = without_slopes(pairs.t, [rest, *columns], steps)
-            sizes = np.array([np.linalg.norm(column) for column in columns])
-            if not (sizes > 0.0).all():
+            pairs = self.pair.at(found)
+            some, cycle = thinned(pairs.t, run)
+            left = (pairs.measured - found.level) / found.gain - pairs.run
+            since = pairs.t + found.offset - found.middle
+            columns = np.stack([left, -pairs.velocity, -pairs.velocity * since], axis=1)
+            kept = columns[some] if self.fits.drift else columns[some, :2]
+            clean = beside_lines(pairs.t[some], kept, cycle)
+            sizes = np.linalg.norm(clean, axis=0)
+            if not (sizes[1:] > 0.0).all():
                 raise ComparisonError("the run does not move; there is no clock to fit")
-            design = np.stack(columns, axis=1) / sizes
-            step, *_ = np.linalg.lstsq(design, rest, rcond=None)
-            left = rest - design @ step
-            step = step / sizes
+            design = clean[:, 1:] / sizes[1:]
+            step, *_ = np.linalg.lstsq(design, clean[:, 0], rcond=None)
+            error = float(np.std(clean[:, 0] - design @ step) / sizes[1])
+            shift, *drifts = (step / sizes[1:]).tolist()
             found = replace(
                 found,
-                offset=found.offset + float(step[0]),
-                drift=found.drift + (float(step[1]) if drift else 0.0),
-                offset_error=float(np.std(left) / sizes[0]),
+                offset=found.offset + shift,
+                drift=found.drift + sum(drifts),
+                offset_error=error,
             )
-            if abs(step[0]) < SETTINGS.converged:
+            if abs(shift) < _CONVERGED:
                 break
         return found
 
@@ -250,7 +229,7 @@ class ClockSearch:
         if fits.gain:
             about = pairs.run - (mean_run if fits.level else 0.0)
             square = float(weight @ about**2)
-            if not square > (SETTINGS.still * float(np.abs(pairs.run).max())) ** 2:
+            if not square > (_STILL * float(np.abs(pairs.run).max())) ** 2:
                 raise ComparisonError("the run does not move; there is no gain to fit")
             gain = float(weight @ (about * pairs.measured)) / square
             if not gain > 0.0:
@@ -258,14 +237,12 @@ class ClockSearch:
                     f"the fitted gain is {gain:.3g}; the measurement goes the other way: "
                     "check its sign or the sign of --steps"
                 )
-        return replace(
-            found, level=mean_measured - gain * mean_run if fits.level else 0.0, gain=gain
-        )
+        level = mean_measured - gain * mean_run if fits.level else 0.0
+        return replace(found, level=level, gain=gain)
 
 
-def separate_ringing(steps: Run) -> Ringing | None:
+def separate_ringing(run: Run) -> Ringing | None:
     """Return the ringing where it can be separated from the steps."""
-    periods, decays = steps.ringing_frequency * steps.period, steps.decay * steps.period
-    if not (periods >= SETTINGS.periods_apart and decays >= SETTINGS.decays_apart):
-        return None
-    return Ringing(steps.ringing_frequency, steps.decay)
+    periods, decays = run.ringing_frequency * run.period, run.decay * run.period
+    separate = periods >= _PERIODS_APART and decays >= _DECAYS_APART
+    return Ringing(run.ringing_frequency, run.decay) if separate else None

@@ -68,14 +68,10 @@ def simulate_as_measured(
     own, margin = p.drive.frequency, 1.0 / p.drive.frequency
     first, last = float(measurement.t[0]), float(measurement.t[-1])
     begin, end = runs[0].start, runs[-1].end
-    planned = [
-        PlannedRun(
-            run.start,
-            run.direction * run.steps,
-            None if abs(run.frequency / own - 1.0) < _SAME else run.frequency,
-        )
-        for run in runs
-    ]
+    planned = []
+    for run in runs:
+        frequency = None if abs(run.frequency / own - 1.0) < _SAME else run.frequency
+        planned.append(PlannedRun(run.start, run.direction * run.steps, frequency))
     before, after = max(begin - first, 0.0) + margin, max(last - end, 0.0) + margin
     since, until = -math.inf, math.inf
     if _steps_in(measurement, first, begin, runs[0].period):
@@ -94,8 +90,7 @@ def _steps_in(measurement: Motion, begin: float, end: float, period: float) -> b
     Then it is more like the same part of the cycle beside it, a period (s) away, than like a rest.
     """
     kept = measurement.between(begin, end)
-    if not 0.0 < end - begin < abs(period) or len(kept.t) < _FEWEST:
-        return False
-    stepping = kept.x - measurement.position_at(kept.t + period)
+    seen = 0.0 < end - begin < abs(period) and len(kept.t) >= _FEWEST
     # It has the noise of two readings: a rest beside another one is no motion.
-    return bool(np.var(stepping) < np.var(kept.x))
+    apart = kept.x - measurement.position_at(kept.t + period)
+    return seen and bool(np.var(apart) < np.var(kept.x))

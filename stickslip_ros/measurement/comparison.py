@@ -22,20 +22,9 @@ from stickslip_ros.base.reporting import (
 from stickslip_ros.base.reporting.tables import Cell, frame
 from stickslip_ros.base.reporting.terminal import format_rows, style_text
 from stickslip_ros.measurement.alignment import align
-from stickslip_ros.measurement.metric import (
-    LIMITS,
-    WHOLE,
-    ComparisonMetric,
-    most_different,
-)
+from stickslip_ros.measurement.metric import LIMITS, WHOLE, ComparisonMetric, most_different
 from stickslip_ros.measurement.metrics import RunPair, pair_runs, runs_in
-from stickslip_ros.measurement.motion_pair import (
-    ORDER,
-    Alignment,
-    Fits,
-    MotionPair,
-    low_pass,
-)
+from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair
 from stickslip_ros.measurement.steps.analysis import determined_part, runs_of, why_left_out
 from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.measurement.steps.noise import noise_of
@@ -46,6 +35,9 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
+_HEADING = ("metric", "run", "measured", "difference", "tolerance")
+_STYLED = {"differs": ("DIFFERS", "bold red"), "agrees": ("agrees", "green")}
+
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
@@ -55,7 +47,6 @@ class Comparison:
     measurement: Motion
     pairs: list[RunPair]  #: each run of steps of the measurement, one at least
     fits: Fits
-    cutoff: float | None  #: of the low-pass filter, Hz
     alignment: Alignment
     t: Array  #: the instants compared, by the clock of the run, s
     x: Array  #: position of the run, m
@@ -95,16 +86,6 @@ class Comparison:
         """The run with most steps in both motions."""
         return max(self.pairs, key=lambda one: 0 if one.run is None else one.run.steps)
 
-    @property
-    def run_steps(self) -> Run | None:
-        """Steps of `main` in the run, None if there are none."""
-        return self.main.run
-
-    @property
-    def measured_steps(self) -> Run | None:
-        """Steps of `main` in the measurement, None if there are none."""
-        return self.main.measured
-
     def judge(self, allowed: Mapping[str, float]) -> list[ComparisonMetric]:
         """Return what is held against limits, by the names of `LIMITS`; SI units.
 
@@ -112,25 +93,21 @@ class Comparison:
         """
         sizes = (self.rmse, self.step_rmse, self.shape_rmse, self.largest, self.normalised,
                  self.alignment.offset)  # fmt: skip
-        whole = {row.name: size for row, size in zip(WHOLE, sizes, strict=True)}
+        rows = [
+            replace(row, run=0.0, measured=size, tolerance=0.0)
+            for row, size in zip(WHOLE, sizes, strict=True)
+        ]
+        for pair in self.pairs:
+            doubts = "; ".join(pair.measured.doubts) if pair.measured else ""
+            why = f"{pair.name}, is not determined: {doubts}"
+            rows += [
+                replace(one, why_missing=why) if doubts and math.isfinite(one.difference) else one
+                for one in pair.metrics
+            ]
         found = []
-        for limit, row in LIMITS.items():
-            if limit not in allowed:
-                continue
-            if row.name in whole:
-                size = whole[row.name]
-                found.append(
-                    replace(row, run=0.0, measured=size, tolerance=0.0, allowed=allowed[limit])
-                )
-                continue
-            rows = []
-            for pair in self.pairs:
-                one = next(metric for metric in pair.metrics if metric.name == row.name)
-                doubts = "; ".join(pair.measured.doubts) if pair.measured else ""
-                if doubts and not math.isnan(one.difference):
-                    one = replace(one, why_missing=f"{pair.name}, is not determined: {doubts}")
-                rows.append(replace(one, allowed=allowed[limit]))
-            found.append(max(rows, key=lambda one: (bool(one.unknown), abs(one.difference))))
+        for limit in filter(allowed.__contains__, LIMITS):
+            held = [replace(one, allowed=allowed[limit]) for one in rows if one.limit == limit]
+            found.append(max(held, key=lambda one: (bool(one.unknown), abs(one.difference))))
         return found
 
     def notes(self) -> list[str]:
@@ -141,11 +118,6 @@ class Comparison:
             f"compared on {len(self.t)} samples of the {base}, the coarser of the two; "
             f"the {other} is interpolated"
         ]
-        if self.cutoff is not None:
-            notes.append(
-                f"low-pass at {self.cutoff:g} Hz on both (Butterworth, order {ORDER}, forward and "
-                "back: no delay); steps and ringing come from the unfiltered data"
-            )
         again = self.alignment.other_offset
         if again is not None and self.fits.offset:
             notes.append(
@@ -168,17 +140,17 @@ class Comparison:
     @property
     def summary(self) -> list[tuple[str, str, str]]:
         """Name, value and remark of the differences and of what was fitted, as people read them."""
-        place, fits, of_range = self.alignment, self.fits, 100.0 * self.normalised
-        rows = [
-            ("RMSE", format_si(self.rmse, "m"), f"{of_range:.3g} % of the range"),
-            ("RMSE of the steps", format_si(self.step_rmse, "m"), "adds up from step to step"),
-            ("RMSE of the shape", format_si(self.shape_rmse, "m"), "within the cycles"),
-            ("largest difference", format_si(self.largest, "m"),
-             f"at {format_si(self.largest_at, 's', 6)}"),
-            ("sensor noise", format_si(self.noise, "m"), "standard deviation"),
-        ]  # fmt: skip
-        offset = format_si(place.offset, "s", uncertainty=place.offset_error)
+        place, fits = self.alignment, self.fits
+        lengths = [
+            ("RMSE", self.rmse, f"{100.0 * self.normalised:.3g} % of the range"),
+            ("RMSE of the steps", self.step_rmse, "adds up from step to step"),
+            ("RMSE of the shape", self.shape_rmse, "within the cycles"),
+            ("largest difference", self.largest, f"at {format_si(self.largest_at, 's', 6)}"),
+            ("sensor noise", self.noise, "standard deviation"),
+        ]
+        rows = [(name, format_si(size, "m"), remark) for name, size, remark in lengths]
         if fits.offset:
+            offset = format_si(place.offset, "s", uncertainty=place.offset_error)
             rows.append(("clock offset", offset, "time of the measurement less that of the run"))
         if fits.drift:
             rows.append(("clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"))
@@ -189,17 +161,13 @@ class Comparison:
     def report(self) -> str:
         """Return differences, metrics and how they were determined as text."""
         rows = [(name, f"{value}, {remark}") for name, value, remark in self.summary]
-        names = ("metric", "run", "measured", "difference", "tolerance")
-        lines = [format_rows(rows, 18), "", "{:<18} {:>12} {:>12} {:>12} {:>12}".format(*names)]
+        lines = [format_rows(rows, 18), "", "{:<18} {:>12} {:>12} {:>12} {:>12}".format(*_HEADING)]
         for metric in self.metrics:
             row = f"{metric.name:<18} "
             if math.isfinite(metric.tolerance):
                 row += " ".join(f"{text:>12}" for text in metric.texts) + "  "
-            styles = {True: ("DIFFERS", "bold red"), False: ("agrees", "green")}
-            differs = metric.differs
-            lines.append(
-                row + (metric.verdict if differs is None else style_text(*styles[differs]))
-            )
+            styled = _STYLED.get(metric.verdict)
+            lines.append(row + (style_text(*styled) if styled else metric.verdict))
         return "\n".join([*lines, "", *self.notes()])
 
     @property
@@ -232,39 +200,27 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         rows = [(one.name, *one.texts, one.verdict) for one in self.metrics]
-        rows.append(
-            ("rmse", format_si(self.rmse, "m"), "noise", format_si(self.noise, "m"), "", "")
-        )
+        sizes = format_si(self.rmse, "m"), "noise", format_si(self.noise, "m")
         title = f"{self.run.source} and {self.measurement.source}"
-        return html_table(title, rows, ("metric", "run", "measured", "difference", "tolerance", ""))
+        return html_table(title, [*rows, ("rmse", *sizes, "", "")], (*_HEADING, ""))
 
     def as_json(self) -> dict[str, Any]:
         """Return the results for JSON, SI units, None for unknown values."""
-        by_run = [
-            {
-                "start": None if one.measured is None else one.measured.start,
-                "direction": None if one.measured is None else one.measured.direction,
-                "steps": 0 if one.measured is None else one.measured.steps,
-                "metrics": {metric.name: metric.as_json() for metric in one.metrics},
-            }
-            for one in self.pairs
-        ]
+        of_pairs = []
+        for pair in self.pairs:
+            seen, metrics = pair.measured, {one.name: one.as_json() for one in pair.metrics}
+            told = {"start": seen and seen.start, "direction": seen and seen.direction}
+            of_pairs.append({**told, "steps": seen.steps if seen else 0, "metrics": metrics})
         found = {
-            "rmse": self.rmse,
-            "step_rmse": self.step_rmse,
-            "shape_rmse": self.shape_rmse,
+            **{one: getattr(self, one) for one in ("rmse", "step_rmse", "shape_rmse", "noise")},
             "max_error": self.largest,
             "max_error_at": self.largest_at,
             "normalised_error": self.normalised,
-            "noise": self.noise,
             "samples": len(self.t),
-            "offset": self.alignment.offset,
+            **{one: getattr(self.alignment, one) for one in ("offset", "drift", "level", "gain")},
             "offset_uncertainty": self.alignment.offset_error,
-            "drift": self.alignment.drift,
-            "level": self.alignment.level,
-            "gain": self.alignment.gain,
             "metrics": {metric.name: metric.as_json() for metric in self.metrics},
-            "by_run": by_run,
+            "by_run": of_pairs,
             "steps": sum(p.measured.steps for p in self.pairs if p.measured and not p.left_out),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
@@ -273,16 +229,15 @@ class Comparison:
         return to_json(found)
 
 
-def compare(
+def compare_motions(
     run: Motion,
     measurement: Motion,
     fits: Fits | None = None,
-    cutoff: float | None = None,
     runs: Sequence[Run] | None = None,
     period: float | None = None,
     drive: Drive | None = None,
 ) -> Comparison:
-    """Compare; cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError.
+    """Compare a run and a measurement of the same motion. Raises ComparisonError.
 
     runs are those of the measurement, if they were looked for, else drive is what is known of it;
     period (s) is that of the parameters where the run was simulated at the frequency that the
@@ -295,21 +250,16 @@ def compare(
     alignment = align(motions, fits, own, shown)
     pairs = motions.at(alignment)
     run_pairs = pair_runs(motions, own, shown, alignment, pairs, period)
-    if cutoff is not None:
-        pairs = low_pass(pairs, cutoff)
     measured = (pairs.measured - alignment.level) / alignment.gain
     difference = measured - pairs.run
     weights = pairs.weights
     rmse = math.sqrt(float(weights @ difference**2))
-    # Those of the run are the better known, those of the measurement stand in for them.
-    slips = np.concatenate([
-        np.empty(0),
-        *(one.run.slips if one.run else alignment.run_time(one.measured.slips)
-          for one in run_pairs if one.measured),
-    ])  # fmt: skip
-    # The mean difference of each cycle grows by that of the step sizes in every cycle. The rest is
-    # the shape: backstep, ringing, rise. Both are orthogonal.
-    level = level_of_cycles(pairs.t, difference, slips, weights)
+    slips = alignment.run_time(np.concatenate([np.empty(0), *(one.slips for one in shown)]))
+    # The mean difference of each cycle, of slip to slip or of a rest, grows by that of the step
+    # sizes in every cycle. What is left is the shape: backstep, ringing, rise. Both are orthogonal.
+    cycle = np.searchsorted(slips, pairs.t, side="right")
+    sums = [np.bincount(cycle, one) for one in (weights * difference, weights)]
+    level = (sums[0] / np.maximum(sums[1], 1e-300))[cycle]
     of_steps = math.sqrt(float(weights @ level**2)) if len(slips) else math.nan
     left_out, their = why_left_out(found_runs, shown), iter(run_pairs)
     every_pair = [
@@ -323,7 +273,6 @@ def compare(
         measurement=measurement,
         pairs=every_pair or run_pairs,
         fits=fits,
-        cutoff=cutoff,
         alignment=alignment,
         t=pairs.t,
         x=pairs.run,
@@ -338,14 +287,3 @@ def compare(
         normalised=rmse / span if span > 0.0 else math.nan,
         noise=noise_of(measurement.x) / alignment.gain,
     )
-
-
-def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -> Array:
-    """Return the weighted mean difference (m) of the cycle that a sample is in, (samples,).
-
-    Cycles go from slip to slip (s); the rests before and after are cycles of their own.
-    """
-    edges = np.unique(np.concatenate(([0], np.searchsorted(t, slips), [len(t)])))
-    weight = np.add.reduceat(weights, edges[:-1])
-    levels = np.add.reduceat(weights * difference, edges[:-1])
-    return np.repeat(levels / np.where(weight > 0.0, weight, 1.0), np.diff(edges))

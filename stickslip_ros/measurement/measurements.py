@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from stickslip_ros.base.compiled import report_compilation
 from stickslip_ros.base.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.base.shared_files import sample_file
-from stickslip_ros.measurement import comparison as comparisons
 from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
@@ -23,7 +22,7 @@ from stickslip_ros.measurement.actuator_identification import (
 from stickslip_ros.measurement.as_measured import simulate_as_measured
 from stickslip_ros.measurement.bags.finer import finest_motion
 from stickslip_ros.measurement.bags.load_motion import is_bag, is_parameter_file, load_motion
-from stickslip_ros.measurement.comparison import Comparison
+from stickslip_ros.measurement.comparison import Comparison, compare_motions
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.measurement.reading.given import given_loop, given_motion
@@ -35,8 +34,8 @@ from stickslip_ros.simulation.motion import Motion
 from stickslip_ros.simulation.run import SimulatedRun
 from stickslip_ros.simulation.trace import Trace
 
-#: Whatever holds the position of a runner over time: a motion, a file, or a DataFrame, an xarray
-#: object or a pair of arrays as `given_motion` takes them.
+#: Whatever holds the position of a runner over time: a Motion, SimulatedRun or Trace, a file, or a
+#: DataFrame, a Dataset of xarray or a pair of arrays (s, m), as `given_motion` takes them.
 MotionSource = Any
 
 
@@ -46,8 +45,7 @@ def read_measurement(path: MotionSource, *, joint: str | None = None, **how: Any
     Parameters
     ----------
     path : str, path, DataFrame, Dataset or pair of arrays
-        The file or bag, or the name of a sample of the package; or a table or arrays that a program
-        holds.
+        The file or bag, or a sample of the package by its name; or what a program holds.
     joint : str, optional
         The joint to use in a bag.
     **how
@@ -62,11 +60,9 @@ def read_measurement(path: MotionSource, *, joint: str | None = None, **how: Any
 
     Raises
     ------
-    MeasurementError
+    MeasurementError, BagError
         The file cannot be read as a motion, or holds no such joint; the message names the option
         that helps.
-    BagError
-        The bag is damaged.
 
     Examples
     --------
@@ -140,13 +136,11 @@ def analyse(
 
     Parameters
     ----------
-    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
-        The motion, a file of it, or a table or arrays (s, m) that hold it.
+    measurement, frequency, steps
+        As in `find_runs`; of arrays, also the times (s) alone.
     *arrays : array_like
-        Where times (s) are given in place of a measurement: positions (m) and, where it was
-        measured, the actuator's deflection (m), each of shape (samples,).
-    frequency, steps : float and int, or a sequence of them, optional
-        What is known of the drive, as in `find_runs`.
+        Positions (m) and, where it was measured, the actuator's deflection (m) at these times, each
+        of shape (samples,).
     zero_amplitude : float, optional
         0-amplitude, m, measured separately, for Eq. 9.
 
@@ -178,7 +172,6 @@ def compare(
     measurement: MotionSource,
     *,
     fits: Fits | None = None,
-    cutoff: float | None = None,
     frequency: float | Sequence[float] | None = None,
     steps: int | Sequence[int] | None = None,
 ) -> Comparison:
@@ -189,15 +182,10 @@ def compare(
     run : Motion, SimulatedRun, Trace, Parameters, mapping, str or path
         The run; of parameters, also in a YAML file, the steps that the measurement shows are
         simulated.
-    measurement : Motion, SimulatedRun, Trace, str, path, DataFrame, Dataset or pair of arrays
-        The measured motion, a file of it, or a table or arrays (s, m) that hold it.
+    measurement, frequency, steps
+        As in `find_runs`; parameters tell the frequency.
     fits : Fits, optional
         Which corrections of clock and sensor are fitted.
-    cutoff : float, optional
-        Frequency of a low-pass filter on both, Hz.
-    frequency, steps : float and int, or a sequence of them, optional
-        What is known of the measurement's drive, as in `find_runs`; the frequency of parameters is
-        known by them.
 
     Returns
     -------
@@ -206,12 +194,8 @@ def compare(
 
     Raises
     ------
-    ComparisonError
-        The two cannot be brought together.
-    MeasurementError
-        A file cannot be read.
-    TraceError
-        The drive cannot be as given.
+    ComparisonError, MeasurementError, TraceError
+        The two cannot be brought together; a file cannot be read; the drive cannot be as given.
 
     Examples
     --------
@@ -236,8 +220,8 @@ def compare(
             period = 1.0 / p.drive.frequency
             runs = runs_of(measured, drive.or_at(p.drive.frequency))
             simulated = simulate_as_measured(p, measured, runs, "simulation")
-            return comparisons.compare(simulated, measured, fits, cutoff, runs, period)
-        return comparisons.compare(_driven(run, Drive())[0], measured, fits, cutoff, drive=drive)
+            return compare_motions(simulated, measured, fits, runs, period)
+        return compare_motions(_driven(run, Drive())[0], measured, fits, drive=drive)
 
 
 def identify_actuator(
@@ -249,13 +233,11 @@ def identify_actuator(
 ) -> IdentifiedActuator:
     """Return the play operators that repeat a recording of voltage and deflection.
 
-    The recording may contain many loops, rests and drift.
-
     Parameters
     ----------
     loop : str, path, DataFrame, Dataset or tuple of array_like
         A file or table, or voltage (V), deflection (m) and, where known, times (s), each of shape
-        (samples,).
+        (samples,). The recording may contain many loops, rests and drift.
     operators : int
         How many play operators.
     creep_start : float
@@ -270,10 +252,8 @@ def identify_actuator(
 
     Raises
     ------
-    MeasurementError
-        The file cannot be read, or holds no loop; an option is not known, or given with arrays.
-    ParameterError
-        An impossible number of operators.
+    MeasurementError, ParameterError
+        The file cannot be read; an option is not known, or given with arrays; there is no loop.
 
     Examples
     --------
@@ -282,20 +262,17 @@ def identify_actuator(
     >>> print(f"loop of {100 * found.width:.0f} % of the stroke, {1e9 * found.gain:.3f} nm/V")
     loop of 14 % of the stroke, 0.532 nm/V
     """
-    times: Any = None
     if isinstance(loop, tuple):
         if how:
             raise MeasurementError(f"{', '.join(how)}: options of files; arrays are in V, m and s")
         volts, deflection, *rest = (np.asarray(one, dtype=np.float64) for one in loop)
         times = rest[0] if rest else None
+        return identify_hysteresis(volts, deflection, operators, times, creep_start)
+    if isinstance(loop, str | PathLike):
+        read = read_loop(sample_file(Path(loop), MeasurementError), _reading(how))
     else:
-        read = (
-            read_loop(sample_file(Path(loop), MeasurementError), _reading(how))
-            if isinstance(loop, str | PathLike)
-            else given_loop(loop, _reading(how))
-        )
-        volts, deflection, times = read.volts, read.deflection, read.times
-    return identify_hysteresis(volts, deflection, operators, times, creep_start)
+        read = given_loop(loop, _reading(how))
+    return identify_hysteresis(read.volts, read.deflection, operators, read.times, creep_start)
 
 
 def _reading(how: Mapping[str, Any]) -> Reading:
@@ -312,29 +289,26 @@ def _driven(source: MotionSource, given: Drive, *arrays: ArrayLike) -> tuple[Mot
 
     The motion in a bag of ours is simulated again where its samples are too few.
     """
-    if arrays or not isinstance(source, str | PathLike) or not is_bag(Path(source)):
-        motion = _motion(source, *arrays)
-        return motion, given.or_recorded(motion, None)
-    loaded = load_motion(Path(source))
-    return finest_motion(Path(source), loaded), given.or_recorded(loaded.motion, loaded.drive)
-
-
-def _motion(source: MotionSource, *arrays: ArrayLike) -> Motion:
-    if isinstance(source, SimulatedRun):
-        source = source.motion
-    if isinstance(source, Trace):
-        source = Motion.of_trace(source, "trace")
-    if isinstance(source, str | PathLike):
-        source = read_measurement(source)
+    if isinstance(source, str | PathLike) and not arrays and is_bag(Path(source)):
+        loaded = load_motion(Path(source))
+        return finest_motion(Path(source), loaded), given.or_recorded(loaded.motion, loaded.drive)
     if isinstance(source, Parameters | dict):
         raise MeasurementError(
             f"{type(source).__name__} is no measurement: compare takes parameters first, as the run"
         )
-    if not isinstance(source, Motion):
-        return given_motion(source, *arrays)
+    if isinstance(source, SimulatedRun):
+        motion = source.motion
+    elif isinstance(source, Trace):
+        motion = Motion.of_trace(source, "trace")
+    elif isinstance(source, str | PathLike):
+        motion = read_measurement(source)
+    elif isinstance(source, Motion):
+        motion = source
+    else:
+        motion, arrays = given_motion(source, *arrays), ()
     if arrays:
         raise MeasurementError(
-            f"{source.source} is a measurement of its own; give it alone, or times (s) and "
+            f"{motion.source} is a measurement of its own; give it alone, or times (s) and "
             "positions (m) as arrays"
         )
-    return source
+    return motion, given.or_recorded(motion, None)

@@ -36,7 +36,6 @@ class ComparisonMetric:
     limit: str = ""  #: its option of `compare`, after ``--max-``; "": none
     meaning: str = ""  #: "" where it is a difference of the whole motions
     floor: float = 0.0  #: least tolerance: of a length in m, else as a part of the run's value
-    scaled: bool = False  #: whether the gain of the sensor counts
     unseen: str = ""  #: why a value may be nan
 
     @property
@@ -45,22 +44,15 @@ class ComparisonMetric:
         return self.measured - self.run
 
     @property
-    def differs(self) -> bool | None:
-        """Whether the two differ; None where that cannot be told."""
-        if self.why_missing or not math.isfinite(self.difference + self.tolerance):
-            return None
-        if abs(self.difference) > self.tolerance:
-            return True
-        larger = max(abs(self.run), abs(self.measured))
-        return False if self.tolerance <= max(_OF_VALUE * larger, _OF_STEP * self.step) else None
-
-    @property
     def verdict(self) -> str:
-        """The same in a word, or why it cannot be told."""
-        if self.differs is not None:
-            return "differs" if self.differs else "agrees"
+        """Whether the two differ, in a word, or why that cannot be told."""
         if self.why_missing or not math.isfinite(self.difference + self.tolerance):
             return self.why_missing or self.unseen or "not determined"
+        if abs(self.difference) > self.tolerance:
+            return "differs"
+        larger = max(abs(self.run), abs(self.measured))
+        if self.tolerance <= max(_OF_VALUE * larger, _OF_STEP * self.step):
+            return "agrees"
         beside = f" and {100.0 * _OF_STEP:g} % of the step" if self.step else ""
         return (
             f"cannot be told: the tolerance, {format_si(self.tolerance, self.unit, 3)}, is above "
@@ -68,14 +60,16 @@ class ComparisonMetric:
         )
 
     @property
-    def texts(self) -> tuple[str, str, str, str]:
+    def differs(self) -> bool | None:
+        """Whether the two differ; None where that cannot be told."""
+        return {"differs": True, "agrees": False}.get(self.verdict)
+
+    @property
+    def texts(self) -> tuple[str, ...]:
         """Run, measured, difference and tolerance with their unit; a dash for an unknown value."""
         size = max((abs(x) for x in (self.run, self.measured) if math.isfinite(x)), default=0.0)
-        run, measured = (format_si(x, self.unit, 5, size) for x in (self.run, self.measured))
-        difference, tolerance = (
-            format_si(x, self.unit, 3) for x in (self.difference, self.tolerance)
-        )
-        return run, measured, difference, tolerance
+        both = (format_si(x, self.unit, 5, size) for x in (self.run, self.measured))
+        return *both, *(format_si(x, self.unit, 3) for x in (self.difference, self.tolerance))
 
     def as_json(self) -> dict[str, Any]:
         """Return it by name, without the name."""
@@ -136,10 +130,10 @@ METRICS = (
         "period", "s", floor=1e-9,
         meaning="time from slip to slip; of a run that is simulated, that of its parameters"),
     ComparisonMetric(
-        "step size", "m", limit="step-error", floor=1e-10, scaled=True,
+        "step size", "m", limit="step-error", floor=1e-10,
         meaning="way from slip to slip", unseen="too few cycles"),
     ComparisonMetric(
-        "backstep", "m", limit="backstep-error", floor=1e-10, scaled=True,
+        "backstep", "m", limit="backstep-error", floor=1e-10,
         meaning="fall after the slip", unseen="too few samples after the slips"),
     ComparisonMetric(
         "ringing frequency", "Hz", limit="frequency-error", floor=5e-3,

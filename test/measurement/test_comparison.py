@@ -17,15 +17,11 @@ from table_1 import table_1
 import stickslip_ros as ss
 from stickslip_ros.base.reporting import to_json
 from stickslip_ros.cli.main import main
-from stickslip_ros.measurement import (
-    Comparison,
-    ComparisonError,
-    Fits,
-)
 from stickslip_ros.measurement.as_measured import simulate_as_measured, simulate_motion
-from stickslip_ros.measurement.comparison import compare
+from stickslip_ros.measurement.comparison import Comparison, compare_motions
 from stickslip_ros.measurement.metric import METRICS
 from stickslip_ros.measurement.metrics import significant
+from stickslip_ros.measurement.motion_pair import ComparisonError, Fits
 from stickslip_ros.measurement.steps.analysis import find_steps, runs_of
 from stickslip_ros.measurement.steps.drive import Drive as Known
 from stickslip_ros.measurement.steps.run import Run
@@ -67,11 +63,9 @@ def compared(**parameters: float) -> Comparison:
     return compare_told(run(), measured(run(**parameters)))
 
 
-def compare_told(
-    run: Motion, sensor: Motion, fits: Fits | None = None, cutoff: float | None = None
-) -> Comparison:
+def compare_told(run: Motion, sensor: Motion, fits: Fits | None = None) -> Comparison:
     """Compare with the runs of steps that a known period finds, a third of the time of a search."""
-    return compare(run, sensor, fits, cutoff, runs=runs_of(sensor, Known.given(1.0 / PERIOD)))
+    return compare_motions(run, sensor, fits, runs=runs_of(sensor, Known.given(1.0 / PERIOD)))
 
 
 def long(cycles: int, rate: float, **parameters: float) -> Motion:
@@ -119,7 +113,7 @@ def test_the_clock_is_found_though_the_axis_is_another(
 
 def test_a_trace_lies_on_itself() -> None:
     """Its samples are denser in the slips; they have to weigh no more for that."""
-    found = compare(run(), run())
+    found = compare_motions(run(), run())
     assert found.alignment.offset == pytest.approx(0.0, abs=1e-12)
     assert found.rmse < 1e-15
 
@@ -140,11 +134,13 @@ def test_offsets_of_more_than_a_step_are_found(offset: float) -> None:
 )
 def test_a_minute_is_compared_as_a_second_is(cycles: int, off: float, period: float) -> None:
     """Errors of the period do not add up over the cycles, and the clock is not periods off."""
-    found = compare(long(cycles, 2.5e4), measured(long(cycles, 2.5e4, sigma_1=10.0), rate=2.5e4))
+    found = compare_motions(
+        long(cycles, 2.5e4), measured(long(cycles, 2.5e4, sigma_1=10.0), rate=2.5e4)
+    )
     # In a minute, a twentieth of the time between samples: damping biases where slips begin.
     assert found.alignment.offset == pytest.approx(OFFSET, abs=off)
     assert abs(found.alignment.offset - OFFSET) < 2.0 * found.alignment.offset_error
-    for steps in (found.run_steps, found.measured_steps):
+    for steps in (found.main.run, found.main.measured):
         assert steps is not None
         assert cycles - 1 <= len(steps.slips) <= cycles  # the last slip is where the record ends
     assert metric(found, "period").run == pytest.approx(0.01, rel=1e-7)
@@ -169,28 +165,14 @@ def test_straight_lines_between_coarse_samples_count_as_uncertain(off: float) ->
 
 
 def test_a_measurement_that_agrees_differs_in_nothing_but_noise() -> None:
-    for found in (compared(), compare(run(), measured(run(), seed=2))):  # the period is found, too
+    for found in (
+        compared(),
+        compare_motions(run(), measured(run(), seed=2)),
+    ):  # the period is found, too
         assert found.differing == []
         assert found.rmse == pytest.approx(NOISE, rel=0.03)
         assert found.noise == pytest.approx(NOISE, rel=0.03)
         assert abs(found.alignment.offset - OFFSET) < 0.3e-6
-
-
-def test_the_metrics_that_differ_are_those_that_do() -> None:
-    """Judged by the runs themselves, without noise: those differences are the truth."""
-    other = run(sigma_1=10.0)
-    truth = compare(run(), other, Fits(offset=False, level=False))
-    found = compared(sigma_1=10.0)
-    for one in found.metrics:
-        real = abs(metric(truth, one.name).difference)
-        if one.differs is None:
-            continue
-        assert one.differs == (real > one.tolerance) or real == pytest.approx(
-            one.tolerance, rel=0.5
-        ), one
-    assert "damping ratio" in found.differing
-    assert "ringing frequency" not in found.differing
-    assert "period" not in found.differing
 
 
 def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
@@ -200,10 +182,11 @@ def test_a_difference_counts_from_what_chance_hardly_exceeds() -> None:
     assert [significant(1), significant(10)] == pytest.approx([3.0, 3.64], abs=5e-3)
     assert len(METRICS) == len(compared().metrics) - 1  # but for the count of steps, which is exact
     found = compared()
-    own, (other,) = found.run_steps, found.runs
+    own, (other,) = found.main.run, found.runs
     assert own is not None
     limit = significant(len(METRICS)) * math.hypot(own.step_size_error, other.step_size_error)
-    assert metric(found, "step size").tolerance == pytest.approx(max(limit, 1e-10), rel=1e-6)
+    # Beside it, what samples and a draw of the noise do to the run.
+    assert 1.0 < metric(found, "step size").tolerance / max(limit, 1e-10) < 1.1
     assert metric(found, "step size").measured == other.step_size
 
 
@@ -222,7 +205,7 @@ def test_the_rest_before_the_steps_tells_where_they_begin() -> None:
     simulated = simulate_as_measured(
         Parameters.of({**axis.parameters, **less}), sensor, runs, "simulation"
     )
-    found = compare(simulated, sensor, runs=runs)
+    found = compare_motions(simulated, sensor, runs=runs)
     assert abs(found.alignment.offset - bench.runs[0].start) * frequency < 0.03
 
 
@@ -237,7 +220,7 @@ def test_a_record_that_is_cut_within_a_cycle_is_compared_with_as_much_of_the_run
     x = whole.position_at(t) + np.random.default_rng(4).normal(0.0, 2e-9, len(t))
     sensor = Motion("sensor", t + 0.02, x).between(begin, end)
     runs = runs_of(sensor, Known.given(100.0))
-    found = compare(simulate_as_measured(p, sensor, runs, "run"), sensor, runs=runs)
+    found = compare_motions(simulate_as_measured(p, sensor, runs, "run"), sensor, runs=runs)
     assert found.rmse < 2.2e-9
     assert abs(found.alignment.offset - (0.05 if begin else 0.02)) < 2e-6  # begin of the cycle
     assert found.differing == []
@@ -258,21 +241,21 @@ def test_each_run_of_steps_is_compared_with_its_own() -> None:
     x += 2e-9 * np.sin(100.0 * np.pi * t) + 5e-8 * t  # hum and drift are none of the steps
     sensor = Motion("sensor", t, x)
     runs = runs_of(sensor, Known.given(100.0))
-    true = compare(to_and_fro(), sensor, runs=runs)
+    true = compare_motions(to_and_fro(), sensor, runs=runs)
     assert true.differing == []
     assert [one.measured.direction for one in true.pairs if one.measured] == [1, -1]
     for pair in true.pairs:
         step = next(one for one in pair.metrics if one.name == "step size")
         assert step.tolerance < 2e-9
         assert abs(step.difference) < 0.5e-9
-    other = compare(to_and_fro(preload=0.48), sensor, runs=runs)
+    other = compare_motions(to_and_fro(preload=0.48), sensor, runs=runs)
     assert "step size" in other.differing
     assert [len(other.as_json()["by_run"]), other.as_json()["steps"]] == [2, 18]
     half = other.run.between(-1.0, 0.11)
     assert half.u is not None
     held = np.concatenate((half.t, [0.16, 0.21, 0.26]))
     still = [np.append(column, column[[-1] * 3]) for column in (half.x, half.u)]
-    stopped = compare(
+    stopped = compare_motions(
         Motion("run", held, still[0], u=still[1]), sensor, Fits(offset=False), runs=runs
     )
     assert "the run has no such steps" in stopped.pairs[1].metrics[0].why_missing
@@ -304,12 +287,12 @@ def test_a_run_that_is_not_determined_is_left_out_beside_one_that_is() -> None:
         some = list(runs)
         some[k] = replace(some[k], doubts=("2 cycles",))
         simulated = simulate_as_measured(table_1(), sensor, some, "run")
-        found = compare(simulated, sensor, runs=some, period=PERIOD)
+        found = compare_motions(simulated, sensor, runs=some, period=PERIOD)
         assert found.differing == []
         assert found.rmse < 2.0 * NOISE
         assert [one.left_out for one in found.pairs] == [k == 0, k == 1]
-        assert found.run_steps is not None
-        assert found.run_steps.direction * found.run_steps.steps == steps
+        assert found.main.run is not None
+        assert found.main.run.direction * found.main.run.steps == steps
         assert found.as_json()["steps"] == abs(steps)
         assert any("left out: 2 cycles" in note for note in found.notes())
         (said,) = found.judge({"step-error": 1.0})
@@ -321,7 +304,7 @@ def test_a_limit_is_kept_by_what_can_be_known_alone() -> None:
     """A difference of 1.4 nm kept a limit of 2 nm, its tolerance 97 nm, its run doubted."""
     whole = measured(run())
     runs = without_doubts(whole)
-    found = compare(run(), whole, runs=runs)
+    found = compare_motions(run(), whole, runs=runs)
     step = metric(found, "step size")
     assert abs(step.difference) < 0.9 * step.tolerance
     (kept,) = found.judge({"step-error": 1.1 * step.tolerance})
@@ -329,7 +312,7 @@ def test_a_limit_is_kept_by_what_can_be_known_alone() -> None:
     assert (kept.kept, coarse.kept) == (True, False)
     assert "cannot be determined (its tolerance is " in coarse.judgement
     runs = [replace(one, doubts=("it was cut off",)) for one in runs]
-    (doubted,) = compare(run(), whole, runs=runs).judge({"step-error": 1.0})
+    (doubted,) = compare_motions(run(), whole, runs=runs).judge({"step-error": 1.0})
     assert not doubted.kept
     assert "is not determined: it was cut off" in doubted.judgement
 
@@ -341,7 +324,7 @@ def test_another_period_than_that_of_the_parameters_differs_in_every_run() -> No
     sensor, told = Motion("sensor", t, x), table_1(frequency=110.0)
     runs = find_steps(t, x, Known.given(100.0)).runs
     simulated = simulate_as_measured(told, sensor, runs, "run")
-    found = compare(simulated, sensor, runs=runs, period=1.0 / 110.0)
+    found = compare_motions(simulated, sensor, runs=runs, period=1.0 / 110.0)
     assert [one.verdict for one in found.pairs] == ["period differs"] * 2
     assert metric(found, "period").run == pytest.approx(1.0 / 110.0)
 
@@ -399,15 +382,15 @@ def test_gain_and_drift_are_fitted_if_asked() -> None:
     found = compare_told(run(), sensor, Fits(drift=True, gain=True))
     assert found.alignment.gain == pytest.approx(1.02, rel=1e-4)
     assert found.alignment.drift == pytest.approx(1e-4, abs=1e-5)
-    plain = compare(run(), sensor, runs=found.runs)
+    plain = compare_motions(run(), sensor, runs=found.runs)
     assert (plain.alignment.gain, plain.alignment.drift) == (1.0, 0.0)
     assert plain.rmse > 3.0 * found.rmse
     still = replace(run(), x=np.full_like(run().x, 1e-7), v=None, u=None)
     other_way, asked = replace(sensor, x=-sensor.x), Fits(offset=False, gain=True)
     with pytest.raises(ComparisonError, match="goes the other way"):
-        compare(run(), other_way, asked, runs=found.runs)
+        compare_motions(run(), other_way, asked, runs=found.runs)
     with pytest.raises(ComparisonError, match="no gain to fit"):
-        compare(still, sensor, asked, runs=found.runs)
+        compare_motions(still, sensor, asked, runs=found.runs)
 
 
 def test_what_is_not_fitted_is_taken_as_it_is() -> None:
@@ -416,51 +399,35 @@ def test_what_is_not_fitted_is_taken_as_it_is() -> None:
     assert (found.alignment.offset, found.alignment.level) == (0.0, 0.0)
     assert found.rmse == pytest.approx(1e-7, rel=0.01)
     with pytest.raises(ComparisonError, match="hardly overlap"):
-        compare(run(), measured(run(), offset=10.0), fits, runs=found.runs)
-
-
-def test_a_low_pass_takes_the_noise_out_and_says_so() -> None:
-    found = compare_told(run(), measured(run()), cutoff=20e3)
-    assert found.rmse < 0.6 * NOISE
-    assert any("low-pass at 20000 Hz" in note for note in found.notes())
-    with pytest.raises(ComparisonError, match="below 45000 Hz"):
-        compare(run(), measured(run()), cutoff=48e3, runs=found.runs)
+        compare_motions(run(), measured(run(), offset=10.0), fits, runs=found.runs)
 
 
 def test_a_motion_without_steps_is_compared_all_the_same() -> None:
-    found = compare(ramp(), Motion("sensor", ramp().t + 0.02, ramp().x))
+    found = compare_motions(ramp(), Motion("sensor", ramp().t + 0.02, ramp().x))
     assert found.alignment.offset == pytest.approx(0.02, abs=1e-5)
     assert all(metric.differs is None and metric.why_missing for metric in found.metrics)
 
 
-def test_an_error_of_the_steps_alone() -> None:
-    """Three nanometres more in every slip: RMSE by a sum, nothing within the cycles."""
-    slips, more = 0.01 * np.arange(1, STEPS + 1), 3e-9
+def test_an_error_of_the_steps_and_one_of_the_shape() -> None:
+    """Three nanometres more in every slip add up; a swing of 5 nm, four to a cycle, does not."""
     t = np.arange(0.0, STEPS * 0.01, 1e-5)
-    done = np.searchsorted(slips, t, side="right")
-    longer = Motion("sensor", t, run().position_at(t) + more * done)
-    found = compare_told(run(), longer, Fits(offset=False))
-    wanted = more * np.std(done)
-    assert found.rmse == pytest.approx(wanted, rel=1e-3)
-    assert found.step_rmse == pytest.approx(wanted, rel=0.01)
-    assert found.shape_rmse < 0.1 * more
-    assert found.as_json()["step_rmse"] == found.step_rmse
-
-
-def test_an_error_of_the_shape_alone() -> None:
-    """A swing of 5 nm, four to a cycle: its effective value within the cycles, no steps."""
-    t = np.arange(0.0, STEPS * 0.01, 1e-5)
-    x = run().position_at(t)
-    swing = 5e-9 * np.sin(2.0 * np.pi * 400.0 * t)
-    u = run().u
+    x, u = run().position_at(t), run().u
     assert u is not None
     plain = Motion("run", t, x, u=np.interp(t, run().t, u))
-    found = compare_told(plain, Motion("sensor", t, x + swing), Fits(offset=False))
-    assert found.shape_rmse == pytest.approx(5e-9 / np.sqrt(2.0), rel=0.01)
-    assert found.step_rmse < 0.1e-9
-    assert float(np.sqrt(np.mean(found.shape_difference**2))) == pytest.approx(
-        found.shape_rmse, rel=1e-3
+    more = 3e-9 * np.searchsorted(0.01 * np.arange(1, STEPS + 1), t, side="right")
+    swing = 5e-9 * np.sin(2.0 * np.pi * 400.0 * t)
+    longer, shaken = (
+        compare_told(plain, Motion("sensor", t, x + one), Fits(offset=False))
+        for one in (more, swing)
     )
+    assert longer.rmse == pytest.approx(np.std(more), rel=1e-3)
+    assert longer.step_rmse == pytest.approx(np.std(more), rel=0.01)
+    assert longer.shape_rmse < 0.3e-9
+    assert longer.as_json()["step_rmse"] == longer.step_rmse
+    assert shaken.shape_rmse == pytest.approx(5e-9 / np.sqrt(2.0), rel=0.01)
+    assert shaken.step_rmse < 0.1e-9
+    shape = float(np.sqrt(np.mean(shaken.shape_difference**2)))
+    assert shape == pytest.approx(shaken.shape_rmse, rel=1e-3)
 
 
 def test_steps_and_shape_make_the_whole() -> None:
@@ -474,7 +441,7 @@ def test_steps_and_shape_make_the_whole() -> None:
     assert [one.kept for one in found.judge({"step-rmse": 1.0, "shape-rmse": 1e-12})] == [
         True, False,
     ]  # fmt: skip
-    assert np.isnan(compare(ramp(), ramp()).shape_rmse)
+    assert np.isnan(compare_motions(ramp(), ramp()).shape_rmse)
 
 
 def without_doubts(motion: Motion) -> list[Run]:

@@ -11,6 +11,7 @@ from table_1 import TABLE_1, table_1
 import stickslip_ros as ss
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import event_texts
+from stickslip_ros.measurement.bags.finer import _times
 from stickslip_ros.measurement.bags.load_motion import load_motion
 from stickslip_ros.recordings import BagWriter
 
@@ -76,6 +77,17 @@ def test_the_events_of_a_bag_tell_how_its_axis_was_driven(tmp_path: Path) -> Non
     record(tmp_path / "foreign", 1000, with_commands=False)
     for name in ("lost", "jog", "stopped", "foreign"):
         assert load_motion(tmp_path / name).drive is None, name
+
+
+def test_the_ringing_after_a_motion_is_part_of_it() -> None:
+    """A bag that was simulated again lacked it after the last step: up to 30 nm."""
+    recorded = np.arange(0.0, 1.0, 0.01)
+    t = _times(recorded, (recorded > 0.195) & (recorded < 0.305), 1e-4)
+    dense = t[(t >= 0.2) & (t <= 0.3 + 1200e-4)]
+    assert np.diff(dense) == pytest.approx(1e-4)
+    assert len(dense) == 2200
+    assert t[t < 0.18] == pytest.approx(recorded[recorded < 0.18])
+    assert t[t > 0.45] == pytest.approx(recorded[recorded > 0.45])
 
 
 @pytest.mark.long

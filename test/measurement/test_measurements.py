@@ -11,7 +11,7 @@ from table_1 import table_1
 
 import stickslip_ros as ss
 from stickslip_ros.cli.analyse import analysis_text
-from stickslip_ros.measurement import Fits
+from stickslip_ros.measurement.motion_pair import Fits
 
 
 @cache
@@ -58,11 +58,6 @@ def test_the_clock_is_found_in_the_right_swing_of_the_ringing() -> None:
     assert found.rmse == pytest.approx(2e-9, rel=0.05)  # the noise of the sensor
 
 
-def test_a_run_can_be_compared_with_another_one() -> None:
-    run = ss.simulate(steps=10)
-    assert ss.compare(run, run).rmse == pytest.approx(0.0, abs=1e-13)
-
-
 @pytest.mark.long
 def test_a_standing_axis_has_nothing_to_compare(tmp_path: Path) -> None:
     """It ended with an IndexError."""
@@ -82,8 +77,8 @@ def test_steps_that_only_the_actuator_shows_are_simulated() -> None:
     run = ss.simulate(preload=0.4, steps=8).trace
     blocked = ss.Motion("blocked", t, x, None, np.interp(t, run.t, run.u))
     found = ss.compare({"preload": 0.4}, blocked, fits=Fits(offset=False))
-    assert found.run_steps is not None
-    assert (found.run_steps.steps, [one.steps for one in found.runs]) == (8, [8])
+    assert found.main.run is not None
+    assert (found.main.run.steps, [one.steps for one in found.runs]) == (8, [8])
     assert "step size" in found.differing
     assert found.run.t[0] < blocked.t[0]
     assert found.run.t[-1] > blocked.t[-1]

@@ -17,8 +17,6 @@ from stickslip_ros.measurement.motion_pair import (
     ComparisonError,
     Fits,
     MotionPair,
-    Pairs,
-    low_pass,
 )
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Run, even_cycles
@@ -103,9 +101,8 @@ def test_a_tolerance_holds_what_the_samples_do_to_the_run() -> None:
     """Of 57.6 nm that few samples show of a backstep of 87.1 nm, 89.0 nm measured differed."""
     run, sensor = (_steps(backstep=x, backstep_error=2e-9) for x in (57.6e-9, 89e-9))
     whole = _steps(backstep=87.1e-9)
-    blurred = step_metrics(run, sensor, 1e-4, 1.0, 3.0, None, [whole])
-    for others, found in ((True, None), (False, True)):
-        metrics = blurred if others else step_metrics(run, sensor, 1e-4, 1.0, 3.0)
+    for noisy, all_of_it, found in ((None, whole, None), (sensor, None, None), (None, None, True)):
+        metrics = step_metrics(run, sensor, 1e-4, 1.0, 3.0, None, noisy, all_of_it)
         assert next(one.differs for one in metrics if one.name == "backstep") is found
 
 
@@ -131,11 +128,11 @@ def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
     fine: Array = np.arange(-0.03, 0.15, 2e-5)
     sensor = Motion("sensor", fine, 3.0 + 2.0 * fine)
     clock = Alignment(offset=0.005)
-    of_run = MotionPair(run, sensor).at(clock, 5)
-    assert of_run.t == pytest.approx(T[::5])
-    assert of_run.run == pytest.approx(run.x[::5])
-    assert of_run.measured == pytest.approx(3.0 + 2.0 * (T[::5] + 0.005))
-    assert of_run.velocity == pytest.approx(np.gradient(run.x, T)[::5])
+    of_run = MotionPair(run, sensor).at(clock)
+    assert of_run.t == pytest.approx(T)
+    assert of_run.run == pytest.approx(run.x)
+    assert of_run.measured == pytest.approx(3.0 + 2.0 * (T + 0.005))
+    assert of_run.velocity == pytest.approx(np.gradient(run.x, T))
     coarse = Motion("sensor", fine[::10], 3.0 + 2.0 * fine[::10])
     of_sensor = MotionPair(run, coarse).at(clock)
     inside = (coarse.t - 0.005 >= 0.0) & (coarse.t - 0.005 <= T[-1])
@@ -173,31 +170,6 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
         search(run, sensor).fit_velocity(replace(start, offset=1.0), None)  # nothing in common
     with pytest.raises(ComparisonError, match="no clock to fit"):
         search(Motion("run", T, np.zeros_like(T)), sensor).fit_velocity(start, None)
-
-
-def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
-    """Back and forth, the amplitude at the cutoff is half; uneven samples are made even before."""
-    t: Array = np.arange(0.0, 0.5, 1e-4)
-    for frequency, kept in ((50.0, 1.0), (500.0, 0.5), (1000.0, 1.0 / (1.0 + 2.0**8))):
-        wave = np.sin(2.0 * np.pi * frequency * t)
-        for pairs in (
-            Pairs(t, wave, 2.0 * wave, 3.0 * wave),
-            Pairs(t[:4500], wave[:4500], 2.0 * wave[:4500], 3.0 * wave[:4500]),
-        ):
-            found = low_pass(pairs, 500.0)
-            middle = slice(1000, 4000)
-            size = math.sqrt(2.0) * np.std(found.run[middle])
-            assert size == pytest.approx(kept, rel=0.02, abs=3e-3)
-            assert found.measured == pytest.approx(2.0 * found.run)
-            assert found.velocity == pytest.approx(3.0 * found.run)
-    uneven = np.delete(t, np.arange(100, 4900, 7))
-    wave = np.sin(2.0 * np.pi * 50.0 * uneven)
-    found = low_pass(Pairs(uneven, wave, wave, wave), 500.0)
-    assert np.diff(found.t) == pytest.approx(1e-4)
-    assert found.run == pytest.approx(np.sin(2.0 * np.pi * 50.0 * found.t), abs=5e-3)
-    for cutoff in (0.0, 4501.0):
-        with pytest.raises(ComparisonError, match="above 0 and below 4500 Hz"):
-            low_pass(Pairs(t, t, t, t), cutoff)
 
 
 def test_ringing_beyond_half_the_rate_of_the_samples_is_not_compared() -> None:

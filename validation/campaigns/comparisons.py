@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from bench_traces import Drive, Sensor, bench_trace, random_axis
 
-from stickslip_ros.measurement import compare
+from stickslip_ros import compare
 from stickslip_ros.simulation.motion import Motion
 from validation.campaigns.arguments import arguments
 

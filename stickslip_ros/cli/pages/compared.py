@@ -66,8 +66,8 @@ def _plots(found: Comparison) -> list[PlotPlace]:
     if math.isfinite(found.shape_rmse):
         text += f" Within the cycles it is {format_si(found.shape_rmse, 'm')} RMSE."
     plots = [PlotPlace("overview", "Whole run", text, _overview(found))]
-    if found.run_steps is not None:
-        middle = len(found.run_steps.slips) // 2
+    if found.main.run is not None:
+        middle = len(found.main.run.slips) // 2
         step = next(metric for metric in found.metrics if metric.name == "step size")
         in_run, as_measured = (format_si(one, step.unit) for one in (step.run, step.measured))
         text = (
@@ -88,7 +88,7 @@ def _parameter(name: str, value: Value) -> str:
 
 def points_of(found: Comparison) -> dict[str, float]:
     """Return the points of the cycle that is shown, times in s; D is in the contact, unseen."""
-    steps = found.run_steps
+    steps = found.main.run
     if steps is None:
         return {}
     every = {name: float(steps.points[name][len(steps.slips) // 2]) for name in "ABCEF"}
@@ -105,7 +105,7 @@ def _overview(found: Comparison) -> Figure:
 
 def _step(found: Comparison, k: int) -> Figure:
     """Show one cycle with its phases."""
-    steps = found.run_steps
+    steps = found.main.run
     assert steps is not None
     start, slip = float(steps.starts[k]), float(steps.slips[k])
     after = 3.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else 0.1 * steps.period
@@ -138,7 +138,7 @@ def _step(found: Comparison, k: int) -> Figure:
 
 def _slip(found: Comparison, k: int) -> Figure:
     """Show the backstep and the ringing after a slip."""
-    steps = found.run_steps
+    steps = found.main.run
     assert steps is not None
     slip = float(steps.slips[k])
     swing = 1.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else 0.02 * steps.period

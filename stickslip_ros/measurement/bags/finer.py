@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.axis.events import NotRepeatable
 from stickslip_ros.axis.resimulation import Rerun, model_changes, parameters_of
@@ -43,51 +44,45 @@ def finest_motion(path: Path, loaded: LoadedMotion) -> Motion:
     adds, at the times of the bag (s) and between them while the axis moves. A line on stderr says
     so.
     """
-    with report_compilation(), announce_if_slow("simulating again"):
-        finer = _simulated_again(path, loaded)
-    return loaded.motion if finer is None else finer
+    if loaded.parameters is None or loaded.origin_ns is None:  # no bag, or that of a stranger
+        return loaded.motion
+    with report_compilation(), announce_if_slow("simulating again"), suppress(NotRepeatable):
+        return _simulated_again(path, loaded.motion, loaded.origin_ns, loaded.joint)
+    return loaded.motion
 
 
-def _simulated_again(path: Path, loaded: LoadedMotion) -> Motion | None:
-    motion, origin = loaded.motion, loaded.origin_ns
-    if loaded.parameters is None or origin is None:  # no bag, or that of a stranger
-        return None
-    with open_bag(path) as bag, suppress(NotRepeatable):
-        runs = [one for one in recorded_runs(bag) if f"{one.axis_name}{SLIDER}" == loaded.joint]
-        swings = max((_ringing_frequency(one) for one in runs), default=0.0)
-        if not swings * motion.spacing > 1.0 / ENOUGH:
-            return None
-        if any(one.missing_events or model_changes(one.events)[1] for one in runs):
-            print(
-                f"{path.name}: it lacks events, or was recorded with another model, so it is not "
-                "simulated again; its samples are taken as they are",
-                file=sys.stderr,
-            )
-            return None
-        parts = [
-            _states(one, motion.t + 1e-9 * (origin - one.start_ns), 1.0 / (_AIM * swings))
-            for one in runs
-        ]
-        shifts = [1e-9 * (one.start_ns - origin) for one in runs]
-        t, x, u = np.concatenate(
-            [part + np.array([[shift], [0.0], [0.0]])
-             for part, shift in zip(parts, shifts, strict=True)], axis=1,
-        )  # fmt: skip
-        if len(t) <= len(motion.t):
-            return None
-        rate = format_si(1.0 / float(np.median(np.diff(t))), "Hz", 3)
+def _simulated_again(path: Path, motion: Motion, origin_ns: int, joint: str | None) -> Motion:
+    """Return the motion of a joint at a finer rate; itself where that is of no use.
+
+    Its times count from an origin (ns). Raises NotRepeatable.
+    """
+    with open_bag(path) as bag:
+        runs = [one for one in recorded_runs(bag) if f"{one.axis_name}{SLIDER}" == joint]
+    swings = [Plant.of(p).ringing_frequency for one in runs for _, p in parameters_of(one.events)]
+    if not max(swings, default=0.0) * motion.spacing > 1.0 / ENOUGH:
+        return motion
+    if any(one.missing_events or model_changes(one.events)[1] for one in runs):
         print(
-            f"{path.name}: its {format_si(1.0 / motion.spacing, 'Hz', 3)} do not show the slips; "
-            f"simulated again from its commands at {rate}, without noise of the sensor",
+            f"{path.name}: it lacks events, or was recorded with another model, so it is not "
+            "simulated again; its samples are taken as they are",
             file=sys.stderr,
         )
-        return replace(motion, t=t, x=x, v=None, u=u)
-    return None
-
-
-def _ringing_frequency(run: RecordedRun) -> float:
-    """Return the highest ringing frequency (Hz) of the parameters that a run had."""
-    return max(Plant.of(p).ringing_frequency for _, p in parameters_of(run.events))
+        return motion
+    finer = []
+    for one in runs:
+        start = 1e-9 * (one.start_ns - origin_ns)
+        t, *states = _states(one, motion.t - start, 1.0 / (_AIM * max(swings)))
+        finer.append(np.stack([t + start, *states]))
+    t, x, u = np.concatenate(finer, axis=1)
+    if len(t) <= len(motion.t):
+        return motion
+    rate = format_si(1.0 / float(np.median(np.diff(t))), "Hz", 3)
+    print(
+        f"{path.name}: its {format_si(1.0 / motion.spacing, 'Hz', 3)} do not show the slips; "
+        f"simulated again from its commands at {rate}, without noise of the sensor",
+        file=sys.stderr,
+    )
+    return replace(motion, t=t, x=x, v=None, u=u)
 
 
 def _states(run: RecordedRun, recorded: Array, step: float) -> Array:
@@ -100,31 +95,24 @@ def _states(run: RecordedRun, recorded: Array, step: float) -> Array:
     recorded = recorded[(recorded >= 0.0) & (recorded < end)]
     if len(recorded) < 2:
         return np.empty((3, 0))
-    rerun = Rerun(run.events)
-    states = [(t, *_state(rerun, t)) for t in _times(run, recorded, step).tolist()]
-    return np.array(states, dtype=np.float64).reshape(-1, 3).T
+    scout, rerun = Rerun(run.events), Rerun(run.events)
+    moving = np.array([scout.advance(t).moving for t in recorded.tolist()], dtype=bool)
+    t = _times(recorded, moving, step)
+    states = ((state.x, state.u) for at in t.tolist() for state in (rerun.advance(at).state,))
+    return np.vstack([t, np.array(list(states)).T])
 
 
-def _state(rerun: Rerun, t: float) -> tuple[float, float]:
-    state = rerun.advance(t).state
-    return state.x, state.u
-
-
-def _times(run: RecordedRun, recorded: Array, step: float) -> Array:
+def _times(recorded: Array, moving: NDArray[np.bool_], step: float) -> Array:
     """Return the times recorded (s) while the axis rests, and times a step (s) apart beside them.
 
-    A step that goes into no period of the drive meets every part of a slip.
+    moving says of each recorded time whether the axis moves then. The ringing after a motion is
+    part of it. A step that goes into no period of the drive meets every part of a slip.
     """
-    scout = Rerun(run.events)
-    moving = np.array([scout.advance(t).moving for t in recorded.tolist()], dtype=bool)
-    moves = moving[:-1] | moving[1:]
     stops = moving | np.append(False, moving[:-1])  # before the next time recorded, and rings on
     last = np.maximum.accumulate(np.where(stops, recorded, -np.inf))
-    moves |= recorded[:-1] < last[:-1] + _RINGS_ON * step
+    moves = moving[:-1] | moving[1:] | (recorded[:-1] < last[:-1] + _RINGS_ON * step)
     step = max(step, float(np.diff(recorded)[moves].sum()) / _MOST)
     even = step * np.arange(recorded[0] // step + 1.0, recorded[-1] // step + 1.0)
     even = even[moves[np.searchsorted(recorded, even, side="right") - 1]]
-    beside = np.ones(len(recorded), dtype=bool)
-    beside[:-1] &= ~moves
-    beside[1:] &= ~moves
-    return np.union1d(recorded[beside], even)
+    rests = ~(np.append(moves, False) | np.append(False, moves))
+    return np.union1d(recorded[rests], even)

@@ -166,20 +166,17 @@ def read_bag(path: Path) -> tuple[Table, list[int]]:
     sources: list[tuple[str, str, int]] = []  # topic, field and origin of each column
     with open_bag(path) as bag:
         for topic, about in bag.topics.items():
-            names: dict[str, None] = {}
-            origin = 0
-            messages = _messages(bag, topic) if bag.counts[topic] else iter(())
+            looked: list[tuple[int, dict[str, float]]] = []
             # The parser of types prints types that it refuses; one that nobody knows is left out.
             with contextlib.suppress(BagError), contextlib.redirect_stderr(io.StringIO()):
-                for stamp, numbers in islice(messages, _LOOKED_AT):
-                    if numbers:
-                        origin = origin if names else stamp
-                        names |= dict.fromkeys([_TIME, *numbers])
-            for field in names:
+                messages = _messages(bag, topic) if bag.counts[topic] else iter(())
+                looked += [one for one in islice(messages, _LOOKED_AT) if one[1]]
+            names = [name for _, numbers in looked for name in (_TIME, *numbers)]
+            for field in dict.fromkeys(names):
                 unit = "s" if field == _TIME else _UNITS.get((about.type, field))
                 if about.type == JOINT_STATE_TYPE and field.endswith("/position"):
                     unit = "m"
-                sources.append((topic, field, origin))
+                sources.append((topic, field, looked[0][0]))
                 length, number = bag.counts[topic], len(sources)
                 columns.append(Column(f"{topic}/{field}", unit, number=number, length=length))
     if not columns:
@@ -223,10 +220,10 @@ def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
     Empty where the bag has no joints to choose from. Raises MeasurementError if the joint is not
     there, or several sliders are and none is named.
     """
-    positions = [c for c in table.columns if c.unit == "m" and c.name.endswith("/position")]
     # Commands may name the same joints: the topic that has most messages shows the motion. What no
     # sensor reads is no measurement.
-    positions.sort(
+    positions = sorted(
+        (one for one in table.columns if one.unit == "m" and one.name.endswith("/position")),
         key=lambda one: ("/truth/" not in one.name, one.length or 0, -one.number),
     )
     joints = {column.name.split("/")[-2]: column.name for column in positions}
