@@ -290,7 +290,7 @@ def _fit(
         width=_width(actuator, seen.range),
         loops=seen.loops,
         drift=float(shares[1]) * scale / float(since[-1]) if timed else None,
-        creep=creep or None,
+        creep=float(creep) or None,
         curves=np.stack([volts, scale * clean, scale * (clean - deviation)]),
     )  # fmt: skip
 

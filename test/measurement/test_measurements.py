@@ -29,7 +29,7 @@ def test_analyse_finds_what_the_integrator_did() -> None:
 def test_there_and_back_are_two_runs() -> None:
     runs = ss.find_runs("there_and_back.csv")
     assert [(run.direction, run.steps) for run in runs] == [(1, 8), (-1, 8)]
-    assert "of the 8 steps from 2.61 s to 2.69 s:" in analysis_text(runs, runs[1])
+    assert f"of the 8 steps from {runs[1].span}:" in analysis_text(runs, runs[1])
     assert "of the 8 steps" not in analysis_text(runs[1:], runs[1])
 
 

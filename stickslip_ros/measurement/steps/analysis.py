@@ -60,8 +60,8 @@ WIDEST_STEP = 1e-3
 #: Part of the actuator's stroke that a step never exceeds, gains of both sensors included.
 _OUTRUN = 1.1
 _HUMS = 0.05
-#: Swings in a cycle from which on ringing hides no slips.
-_FAST_RINGING = 6.0
+#: Swings in a cycle from which on ringing hides no slips; decays in a cycle below which it does.
+_FAST_RINGING, _OUTLASTS = 6.0, 0.7
 #: Part by which an estimated period may be off.
 _ESTIMATED = 0.06
 #: How many times an estimated period is tried, as it may be a part of the right one.
@@ -206,7 +206,9 @@ class _Analysis:
             periods = sorted(1.0 / one for one in set(self.drive.frequencies))
             grids, ringing = self._told(periods)
             if ringing is None or ringing.frequency * periods[0] <= _FAST_RINGING:
-                quick = ringing_at_the_end(self.record, periods[0]) or ringing
+                quick = ringing_at_the_end(self.record, periods[0])
+                if quick is None and ringing and ringing.decay * periods[0] < _OUTLASTS:
+                    quick = ringing
                 grids, ringing = (grids, ringing) if quick is None else self._told(periods, quick)
             return grids, ringing
         return self._estimated()

@@ -127,7 +127,8 @@ def measure_slip(
         return MeanSlip(why_unknown="no ringing is seen that shows where slips begin")
     swing, span = ringing.swing, float(np.ptp(fold.t))
     # Cycles may be sampled at the same places.
-    apart = span / max(len(np.unique(np.round(fold.t / (0.05 * record.spacing)))), 1)
+    gaps = np.diff(fold.t) > 0.2 * record.spacing / fold.cycles
+    apart = span / max(np.count_nonzero(gaps), 1)
     samples, places, least = swing / record.spacing, swing / apart, SETTINGS.samples_a_swing
     if samples < least or 0.25 * swing * len(fold.t) / span < _QUARTER_SAMPLES:
         return MeanSlip(

@@ -32,9 +32,10 @@ _SAMPLES_A_PERIOD, _ESTIMATED_SAMPLES = 200, 25
 _WINDOW, _OFF = (0.35, 0.12), 0.03
 #: Cycles in a row that the first template may come from; how many times one is made; runs at most.
 _IN_A_ROW, _ROUNDS, _MOST_RUNS = (2, 4, 8, 16, 32, 64), 3, 60
-#: Slips of a run that are timed at most: more do not tell period and phase better; samples of the
-#: window of each; largest shift in a round, samples; part of the slips that a line has to hold.
-_TIMED, _TIMED_WINDOW, _SHIFT, _HELD = 1500, (4, 24), 1.5, 0.7
+#: Slips of a run that are timed at most: more do not tell period and phase better; samples of a
+#: period in each round, and of the window; largest shift, samples; part of the slips that a line
+#: has to hold.
+_TIMED, _TIMED_SAMPLES, _TIMED_WINDOW, _SHIFT, _HELD = 1500, (200, 200, 200, 800), (4, 24), 1.5, 0.7
 #: Swings over which the record is smoothed where ringing is taken out; samples of a swing there;
 #: part of the sampling rate up to which it is.
 _SMOOTH, _SWING_SAMPLES, _RESOLVED = 0.1, 24, 0.25
@@ -279,10 +280,10 @@ def timed(pyramid: Pyramid, grid: SlipGrid) -> SlipGrid:
     """Return the grid with its slips timed against the mean of all."""
     if grid.count < 2:
         return grid
-    level = pyramid.level_for(grid.period, _SAMPLES_A_PERIOD)
-    window = int(np.clip(_WINDOW[1] * grid.period / level.spacing, *_TIMED_WINDOW))
     due, found = grid.slips[grid.timed], list[SlipGrid]()
-    for _ in range(_ROUNDS):
+    for samples in _TIMED_SAMPLES:
+        level = pyramid.level_for(grid.period, samples)
+        window = int(np.clip(_WINDOW[1] * grid.period / level.spacing, *_TIMED_WINDOW))
         rows = level.rows(due, window, window)
         good = np.isfinite(rows).all(axis=1)
         if good.sum() < 2:

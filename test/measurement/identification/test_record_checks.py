@@ -77,7 +77,7 @@ def test_a_few_cycles_of_another_frequency_are_left_out() -> None:
     known = Parameters.of({**axis.parameters, "frequency": 400.0, "amplitude": 300.0})
     found = Experiment.of(known, Motion("bench", bench.t, bench.x))
     assert [run.steps for run in found.runs] == [12]
-    assert "moves by 415.8 nm after the run, about as far as in a step" in found.left_out[0]
+    assert re.search(r"moves by 41\d.\d nm after the run, about as far as", found.left_out[0])
 
 
 @pytest.mark.parametrize(
