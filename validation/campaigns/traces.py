@@ -73,7 +73,7 @@ class Study:
             f"{', '.join(one.doubts)}"
             for one in runs
         )
-        if not all(one.determined and one.explained for one in runs):
+        if not all(one.determined for one in runs):
             return DOUBTFUL, text
         made = [(one.steps, one.direction) for one in trace.runs]
         if [(one.steps, one.direction) for one in runs] != made:

@@ -128,7 +128,7 @@ def measure_slip(
     swing, span = ringing.swing, float(np.ptp(fold.t))
     # Cycles may be sampled at the same places.
     gaps = np.diff(fold.t) > 0.2 * record.spacing / fold.cycles
-    apart = span / max(np.count_nonzero(gaps), 1)
+    apart = span / max(int(np.count_nonzero(gaps)), 1)
     samples, places, least = swing / record.spacing, swing / apart, SETTINGS.samples_a_swing
     if samples < least or 0.25 * swing * len(fold.t) / span < _QUARTER_SAMPLES:
         return MeanSlip(
