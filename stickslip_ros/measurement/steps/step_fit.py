@@ -153,7 +153,8 @@ def _rows_of(
 ) -> _Rows | None:
     """Return the rows of all runs and rests; None where no cycle and no rest shows a step."""
     blocks: list[tuple[Array, float, Array, int]] = []  # begins, width, cycle numbers, level
-    rings: dict[int, tuple[int, int]] = {}  # first and last blocks of runs that have not settled
+    # First and last blocks in which it rings, since when, and the run that has not settled, if any.
+    rings: list[tuple[int, int, float, int | None]] = []
     level, each = 0, np.eye(len(grids))
     for j, grid in enumerate(grids):
         if grid.count < _SHOW_STEP:
@@ -166,7 +167,7 @@ def _rows_of(
             begins = grid.first + cycles * grid.period + part * width
             blocks.append((begins, width, cycles[:, None] * each[j], level := level + 1))
         if ringing is not None and math.exp(-ringing.decay * grid.period * grid.settling) > _LASTS:
-            rings[j] = len(blocks) - parts, len(blocks)
+            rings.append((len(blocks) - parts, len(blocks), grid.first - grid.period, j))
     runs, went, seen = level, np.zeros(len(grids)), set()
     swing = math.inf if ringing is None else 0.3 * ringing.swing
     for j, (grid, pair) in enumerate(zip(grids, rests, strict=True)):
@@ -180,6 +181,8 @@ def _rows_of(
             if rest is None or rest in seen or count < 2:
                 continue
             seen.add(rest)
+            if after and count > 8 and ringing is not None:
+                rings.append((len(blocks), len(blocks) + 1, rest[0], None))
             width = (rest[1] - rest[0]) / count
             begins = rest[0] + width * np.arange(count, dtype=np.float64)
             blocks.append((begins, width, np.tile(went, (count, 1)), level))
@@ -197,11 +200,11 @@ def _rows_of(
             for one in record.jumps
         ], axis=0)[:, None])  # fmt: skip
     unsettled = {}
-    for j, (first, last) in rings.items():
+    for first, last, start, run in rings:
         assert ringing is not None
-        start = grids[j].first - grids[j].period
-        fades = math.exp(-ringing.decay * (grids[j].last - start))
-        unsettled[j] = sum(one.shape[1] for one in columns), fades
+        if run is not None:
+            fades = math.exp(-ringing.decay * (grids[run].last - start))
+            unsettled[run] = sum(one.shape[1] for one in columns), fades
         inside = (block >= first) & (block < last)
         power = 2j * math.pi * ringing.frequency - ringing.decay
         wave = np.exp(np.where(inside, power * (begin - start), 0.0))
