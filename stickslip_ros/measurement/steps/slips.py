@@ -35,7 +35,13 @@ _IN_A_ROW, _ROUNDS, _MOST_RUNS = (2, 4, 8, 16, 32, 64), 3, 60
 #: Slips of a run that are timed at most: more do not tell period and phase better; samples of a
 #: period in each round, and of the window; largest shift, samples; part of the slips that a line
 #: has to hold.
-_TIMED, _TIMED_SAMPLES, _TIMED_WINDOW, _SHIFT, _HELD = 1500, (200, 200, 200, 800), (4, 24), 1.5, 0.7
+_TIMED, _TIMED_SAMPLES, _TIMED_WINDOW, _SHIFT, _HELD = (
+    1500,
+    (200, 200, 800, 3200),
+    (4, 24),
+    1.5,
+    0.7,
+)
 #: Swings over which the record is smoothed where ringing is taken out; samples of a swing there;
 #: part of the sampling rate up to which it is.
 _SMOOTH, _SWING_SAMPLES, _RESOLVED = 0.1, 24, 0.25
@@ -332,11 +338,11 @@ def retimed(pyramid: Pyramid, grid: SlipGrid, ringing: Ringing | None) -> SlipGr
     if good.sum() < max(3, _HELD * len(rows)):
         return grid
     late = (np.argmin(rows, axis=1) - window) * level.spacing * good
-    found = _fit_grid(due + late, grid)
+    found, common = _fit_grid(due + late, grid), float(np.median(late[good]))
     # By 0.3 swings, it was another one; in a part of the slips, where the period was wrong.
-    other = float(np.quantile(np.abs(late), 0.75)) * ringing.frequency > 0.3
+    other = float(np.quantile(np.abs(late - common), 0.75)) * ringing.frequency > 0.3
     limit = max(grid.unevenness, level.spacing) if other else grid.unevenness
-    return found if found.unevenness < limit else grid
+    return found if found.unevenness < limit else replace(grid, first=grid.first + common)
 
 
 class SlipSizes:
@@ -463,7 +469,8 @@ def _likelier(
         for size, least in zip(found, (SETTINGS.slip_scatter, SETTINGS.rise_scatter), strict=True)
     )
     likelier = slips + rises
-    # A drive may end with a rise, but none begins with one that no slip ends.
+    # A drive may end with a rise, but none begins with one that no slip ends, nor without one.
     first = slice(0, beyond + grid.count // 2)
     likelier[first] += np.where((rises > 0.0) & (slips < 0.0), -slips, 0.0)[first]
+    likelier[:beyond] = np.where(rises < 0.0, np.minimum(likelier, rises), likelier)[:beyond]
     return due, likelier, np.isfinite(found[0])
