@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,6 +58,7 @@ from stickslip_ros.simulation.motion import Motion
 WIDEST_STEP = 1e-3
 #: Part of the actuator's stroke that a step never exceeds, gains of both sensors included.
 _OUTRUN = 1.1
+#: Part of a step from which on hum is taken out before slips are looked for.
 _HUMS = 0.05
 #: Swings in a cycle from which on ringing hides no slips; decays in a cycle below which it does.
 _FAST_RINGING, _OUTLASTS = 6.0, 0.7
@@ -75,6 +75,12 @@ class Findings:
     runs: list[Run]
     disturbances: Disturbances = field(default_factory=Disturbances)
     notes: tuple[str, ...] = ()  #: what was left out, in words
+
+    @property
+    def hides_slips(self) -> bool:
+        """Whether there is hum that a search for slips may take for some, or for none."""
+        seen = self.disturbances
+        return seen.hums and any(seen.hum > _HUMS * abs(run.step_size) for run in self.runs)
 
 
 def find_steps(
@@ -147,17 +153,11 @@ def _find_steps(t: ArrayLike, x: ArrayLike, drive: Drive, u: ArrayLike | None) -
             )
     parts = [_Analysis(one, drive) for one in record.between_pauses()]
     each = _read(parts, drive)
-    hums = [
-        one.disturbances.hums
-        and any(one.disturbances.hum > _HUMS * abs(r.step_size) for r in one.runs)
-        for one in each
+    quiet = [
+        _Analysis(part.record, drive, one.disturbances) if one.hides_slips else part
+        for part, one in zip(parts, each, strict=True)
     ]
-    if any(hums):
-        quiet = [
-            _Analysis(part.record, drive, one.disturbances if hum else None)
-            for part, one, hum in zip(parts, each, hums, strict=True)
-        ]
-        each = _read(quiet, drive)
+    each = each if quiet == parts else _read(quiet, drive)
     longest = max(each, key=lambda one: one.disturbances.duration)
     found = replace(longest, runs=[run for one in each for run in one.runs], notes=notes)
     if by_actuator and not any(one.determined for one in found.runs):
@@ -179,9 +179,12 @@ class _Analysis:
     """The steps of the analysis of one record."""
 
     def __init__(self, record: Record, drive: Drive, hum: Disturbances | None = None) -> None:
-        self.raw, self.drive = record, drive
-        self.record = record if hum is None else replace(record, x=record.x - hum.at(record.t))
-        self.pyramid, self.mean = Pyramid(self.record), MeanPosition(self.record)
+        self.drive, self.raw, self.raw_mean = drive, record, MeanPosition(record)
+        self.record, self.mean = record, self.raw_mean
+        if hum is not None:
+            self.record = replace(record, x=record.x - hum.at(record.t))
+            self.mean = MeanPosition(self.record)
+        self.pyramid = Pyramid(self.record)
 
     def findings(self, grids: list[SlipGrid], ringing: Ringing | None) -> Findings:
         """Return runs and disturbances by the grids and the ringing that a search has found."""
@@ -236,8 +239,7 @@ class _Analysis:
         _, _, grids = min((one for one in trials if one[0] > 0.85 * most), key=lambda one: one[1])
         period, ringing = max(grids, key=lambda one: one.count).period, None
         for _ in range(_CORRECTIONS):
-            found = find_grids(self.pyramid, period, near=_ESTIMATED)
-            grids, ringing = self._timed(found or grids)
+            grids, ringing = self._timed(find_grids(self.pyramid, period) or grids)
             longest = max(grids, key=lambda one: one.count)
             factor = period_factor(self.record, self.mean, self.pyramid, longest, ringing)
             if factor == 1.0:
@@ -283,10 +285,9 @@ class _Analysis:
     ) -> Findings:
         """Return the runs of grids with all numbers; known: their cycles, if these are known."""
         rests = find_rests(grids, self.record.t[0], self.record.t[-1])
-        mean = MeanPosition(self.raw)
-        steps, changes, disturbances = fit_steps(self.raw, mean, grids, ringing, rests)
+        steps, changes, disturbances = fit_steps(self.raw, self.raw_mean, grids, ringing, rests)
         evidence = Evidence(
-            self.record, self.pyramid, mean, grids, ringing, rests, steps, changes,
+            self.record, self.pyramid, self.raw_mean, grids, ringing, rests, steps, changes,
             disturbances, bool(self.drive.frequencies), known is not None,
         )  # fmt: skip
         runs = []
@@ -334,11 +335,6 @@ def analyse_cycles(
     ]
     runs = analysis.measured(grids, analysis.ringing(grids), cycles).runs
     return [as_simulated(record, one) for one in runs] if noise < EXACT else runs
-
-
-def has_actuator(u: Array | None) -> TypeGuard[Array]:
-    """Return True if the deflection u (m) of an actuator was measured and moves."""
-    return u is not None and len(u) > 0 and bool(np.ptp(u) > 0.0)
 
 
 def determined_part(motion: Motion, runs: Sequence[Run]) -> tuple[Motion, list[Run]]:

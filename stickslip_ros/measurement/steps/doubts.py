@@ -12,7 +12,7 @@ import numpy as np
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import format_si
 from stickslip_ros.measurement.steps.disturbances import MAINS, Change, Disturbances
-from stickslip_ros.measurement.steps.fold import Rest
+from stickslip_ros.measurement.steps.fold import Rest, way_between
 from stickslip_ros.measurement.steps.period import (
     estimate_periods,
     explained_by,
@@ -150,13 +150,7 @@ class Evidence:
             found.append(_change_at(changed.t, sizes))
         if before is None or after is None or not step.value:
             return found
-        near = 0.5 * grid.period
-        edges = np.array([
-            [max(before[0], before[1] - near), before[1]],
-            [after[0], min(after[1], after[0] + near)],
-        ])  # fmt: skip
-        first, last = self.mean.between(edges[:, 0], edges[:, 1])
-        apart = float(last - first) / step.value
+        apart = way_between(self.mean, before, after, grid.period) / step.value
         # The first steps differ, and a last rise without a slip may be one and a half of them.
         missing = 1.0 + (0.05 + 2.0 * abs(step.error / step.value)) * grid.count
         if not -missing < apart - grid.count < missing + 1.5 and not grid.sent:

@@ -79,6 +79,18 @@ def move_to_fall(record: Record, mean: MeanPosition, grid: SlipGrid) -> SlipGrid
     return replace(grid, first=grid.first + float(t[steepest_fall(x, inside)]))
 
 
+def way_between(mean: MeanPosition, before: Rest, after: Rest, period: float) -> float:
+    """Return how far (m) the runner goes from a rest to another one.
+
+    The place in each is the mean over half a period (s) beside the run between them.
+    """
+    near = 0.5 * period
+    begins = np.array([max(before[0], before[1] - near), after[0]])
+    ends = np.array([before[1], min(after[1], after[0] + near)])
+    first, last = mean.between(begins, ends)
+    return float(last - first)
+
+
 def find_rests(
     grids: Sequence[SlipGrid], begin: float, end: float
 ) -> list[tuple[Rest | None, Rest | None]]:

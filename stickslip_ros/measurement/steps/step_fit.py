@@ -31,7 +31,7 @@ from stickslip_ros.measurement.steps.disturbances import (
     Disturbances,
     hum_columns,
 )
-from stickslip_ros.measurement.steps.fold import Rest
+from stickslip_ros.measurement.steps.fold import Rest, way_between
 from stickslip_ros.measurement.steps.record import MeanPosition, Record
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import MeasuredValue
@@ -128,9 +128,8 @@ def fit_steps(
         unsettled = _UNSETTLED * value if _SHOW_STEP <= grid.count < _SETTLED else 0.0
         before, after = rests[j]
         if grid.count == _SHOW_STEP and before and after:  # the way from rest to rest is another
-            near = np.array([before[1] - 0.5 * grid.period, after[0]])
-            first, last = mean.between(near, near + 0.5 * grid.period)
-            unsettled = max(unsettled, 0.5 * abs(float(last - first) / grid.count - value))
+            way = way_between(mean, before, after, grid.period)
+            unsettled = max(unsettled, 0.5 * abs(way / grid.count - value))
         if j in fit.unsettled:
             column, left = fit.unsettled[j]
             waves = [fit.mean_of(column + k)[0] for k in (0, 1)]
