@@ -33,10 +33,10 @@ from cpu_time import cpu_seconds
 from diagnostic_msgs.msg import DiagnosticArray
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
-from live import Ros
+from live import Ros, wait_until
 from rcl_interfaces.srv import ListParameters
 from rclpy.duration import Duration
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -83,8 +83,15 @@ def _heard_by(node: Node, name: str) -> dict[str, type[Any]]:
 
 
 def _services_of(node: Node, name: str) -> dict[str, type[Any]]:
-    found = node.get_service_names_and_types_by_node(name, "/")
-    return {service: message_class(kinds[0]) for service, kinds in found}
+    """Return the services of a node, and their types, when the graph knows it."""
+
+    def found() -> list[tuple[str, list[str]]]:
+        with suppress(NodeNameNonExistentError):
+            return node.get_service_names_and_types_by_node(name, "/")
+        return []
+
+    services = wait_until(lambda: len(one := found()) >= 7 and one, f"services of {name}")
+    return {service: message_class(kinds[0]) for service, kinds in services}
 
 
 @contextmanager
