@@ -288,7 +288,7 @@ class _Analysis:
         steps, changes, disturbances = fit_steps(self.raw, self.raw_mean, grids, ringing, rests)
         evidence = Evidence(
             self.record, self.pyramid, self.raw_mean, grids, ringing, rests, steps, changes,
-            disturbances, bool(self.drive.frequencies), known is not None,
+            disturbances, self.drive.frequencies, known is not None,
         )  # fmt: skip
         runs = []
         for k, (grid, step) in enumerate(zip(grids, steps, strict=True)):

@@ -45,12 +45,16 @@ _ALIKE_SWINGS, _FALLS, _ALIKE_PLACES = 0.035, (0.2, 0.9), 2.1
 #: Swings before the begin that show how the runner rises, those about it that need not, places of
 #: samples there at least; deviations from the rise that are none.
 _RISE_SWINGS, _GUARD_SWINGS, _RISE_PLACES, _FALLEN = 2.5, 0.15, 5, 4.0
-#: Part of the backstep by which a deepest point between samples is missed, in squares of their
-#: distance in swings: half a distance of a cosine has pi^2 / 2 of it, of its height to both sides.
-_BETWEEN = 8.0
+#: Where cycles are sampled at the same places: part of the backstep by which its two ends between
+#: samples are missed, in their distance in swings.
+_BETWEEN = 1.1
+#: Times by which other errors are larger there, and in one or two cycles.
+_FEW_PLACES, _FEW_CYCLES = 2.2, 3
+#: Part of the backstep by which ringing that lasts until the next slip may move it.
+_RINGS_ON = 0.03
 #: Swings by which the begin of the slip may miss; length (m) that the shape of a fold may miss, and
 #: parts of the step of the converter; backstep (m) below which its error is not judged as part.
-_BEGIN_ERROR, _SHAPE, _CONVERTER, _SMALL = 0.02, 1e-10, 0.15, 2e-8
+_BEGIN_ERROR, _SHAPE, _CONVERTER, _SMALL = 0.02, 1e-10, 0.15, 1e-8
 
 
 def find_ringing(record: Record, fold: Fold, grid: SlipGrid, rest: Rest | None) -> Ringing | None:
@@ -163,14 +167,16 @@ def measure_slip(
         return replace(slip, why_unknown="too few samples where slips begin and end")
     low, low_error, _ = _vertex(fold.t[about] - deepest, fold.x[about], reach)
     value = high.value - low
-    error = math.hypot(
+    few = alike or fold.cycles < _FEW_CYCLES
+    error = (_FEW_PLACES if few else 1.0) * math.hypot(
         low_error,
         high.error,
         0.5 * (2.0 * math.pi * unevenness / swing) ** 2 * value,
-        _BETWEEN * (apart / swing) ** 2 * value if alike else 0.0,
+        _RINGS_ON * math.exp(-ringing.decay * period) * value,
         _CONVERTER * record.resolution,
         _SHAPE,
     )
+    error = math.hypot(error, _BETWEEN * (apart / swing) * value if alike else 0.0)
     slip = replace(slip, regained=_centre(fold, deepest, ringing) - low)
     if error > SETTINGS.backstep_error * max(value, _SMALL) or value < 0.0:
         return replace(slip, why_unknown=f"its error, {1e9 * error:.2g} nm, is too large")

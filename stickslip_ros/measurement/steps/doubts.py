@@ -52,7 +52,7 @@ class Evidence:
     steps: Sequence[MeasuredValue]
     changes: Sequence[Change | None]
     disturbances: Disturbances
-    told: bool  #: whether the frequency of the drive is known beforehand
+    frequencies: Sequence[float]  #: of the drive, Hz, as far as they are known beforehand
     known: bool = False  #: whether the cycles are known, by an actuator
 
     def doubts(self, k: int) -> tuple[str, ...]:
@@ -60,12 +60,12 @@ class Evidence:
         found = [*self._sampling(k)]
         if not self.known:
             found += [*self._ends(k), *self._size(k), *self._beside(k)]
-            found += self._other_period(k) if self.told else self._period(k)
+            found += self._other_period(k) if self.frequencies else self._period(k)
         return tuple(dict.fromkeys(found))
 
     def _sampling(self, k: int) -> list[str]:
         grid, spacing, found = self.grids[k], self.record.spacing, []
-        least = SETTINGS.samples_a_cycle_told if self.told else SETTINGS.samples_a_cycle
+        least = SETTINGS.samples_a_cycle_told if self.frequencies else SETTINGS.samples_a_cycle
         if round(grid.period / spacing, 1) < least:
             found.append(
                 f"{1.0 / spacing:.4g} samples a second are {grid.period / spacing:.1f} a cycle at "
@@ -184,6 +184,10 @@ class Evidence:
     def _other_period(self, k: int) -> list[str]:
         """Return the doubt about a period that is known, but of which another explains far more."""
         grid = self.grids[k]
+        seen = 1.0 / grid.period
+        given = min(self.frequencies, key=lambda one: abs(one / seen - 1.0))
+        if grid.count > 1 and abs(seen / given - 1.0) > 0.5 * SETTINGS.period_error:
+            return [f"slips are seen at {seen:.6g} Hz, not at {given:.6g} Hz; correct it"]
         if grid is not max(self.grids, key=lambda one: one.count) or grid.count < 3:
             return []
         named = f"not at the {1.0 / grid.period:.6g} Hz that are given; correct the frequency"

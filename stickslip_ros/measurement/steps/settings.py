@@ -11,11 +11,11 @@ class StepSettings:
     """Limits of the analysis; each name ends with the unit, or says what it is a part of."""
 
     # Slips, see `slips`.
-    period_error: float = 0.02  #: part by which a period may be off
+    period_error: float = 0.02  #: part by which a period may be off; a clock by half of it
     least_amplitude: float = 0.45  #: of a slip, where the mean one has 1
     slip_scatter: float = 0.2  #: standard deviation of their sizes, at least, as part of one
     rise_scatter: float = 0.25  #: the same of the rises before them
-    sure: float = 3.0  #: logarithm of how much likelier a count is than another one
+    sure: float = 5.5  #: logarithm of how much likelier a count is than another one
 
     # Rests, see `fold`; a rise without a slip may follow the last one.
     rest_after_slip_periods: float = 1.0

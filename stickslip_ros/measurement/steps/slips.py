@@ -411,7 +411,7 @@ def counted(
         first -= 1
     while last + 1 < len(there) and there[last + 1]:
         last += 1
-    pauses = np.flatnonzero(likelier[first:last] < -4.0 * SETTINGS.sure) + first
+    pauses = np.flatnonzero(likelier[first:last] < -2.2 * SETTINGS.sure) + first
     sure = np.where(there, likelier, -likelier)  # a rise whose slip is not seen leaves it open
     sure[~seen & (likelier <= 0.0)] = math.inf
     found = []

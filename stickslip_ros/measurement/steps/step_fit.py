@@ -46,7 +46,7 @@ _HUM_ODDS, _BENT_ODDS, _WALK_ODDS, _CHANGE_ODDS = 0.01, 0.02, 0.2, 0.01
 #: Drift beforehand (m/s), as on a bench, and in steps over the record; part of a step by which it
 #: changes; times a drift by which one bends, and the highest order of such a one; how far (m) a
 #: walk gets over the record; waves of its series (of Karhunen and Loeve).
-_DRIFT, _DRIFT_STEPS, _CHANGES, _BENT, _BENDS = 3e-7, 0.2, 0.1, (1.0, 4.0), 5
+_DRIFT, _DRIFT_STEPS, _CHANGES, _BENT, _BENDS = 3e-7, 0.2, 0.1, (0.1, 1.0, 4.0), 5
 _WALKS, _WAVES = (3e-10, 1e-9, 3e-9, 1e-8, 3e-8, 1e-7), 24
 #: Cycles from which on a change is looked for, and places in a run where it is.
 _MANY, _PLACES = 12, 9

@@ -92,7 +92,12 @@ def test_every_second_cycle_of_the_frequency_given_is_doubted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "seen"), [(700.0, "steps are seen at 1000 Hz"), (500.0, "slips are")]
+    ("told", "seen"),
+    [
+        (700.0, "steps are seen at 1000 Hz"),
+        (500.0, "slips are"),
+        (1014.0, "not at 1014 Hz"),
+    ],
 )
 def test_a_wrong_frequency_is_doubted(told: float, seen: str) -> None:
     """Steps of 173 nm, ten of them, were read where there are fourteen of 122."""
