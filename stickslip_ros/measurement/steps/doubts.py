@@ -182,15 +182,15 @@ class Evidence:
         return found
 
     def _other_period(self, k: int) -> list[str]:
-        """Return the doubt about a period that is known, but of which another explains far more."""
+        """Return the doubt about a period that is known: the slips or the motion show another."""
         grid = self.grids[k]
         seen = 1.0 / grid.period
         given = min(self.frequencies, key=lambda one: abs(one / seen - 1.0))
+        named = f"not at the {given:.6g} Hz that are given; correct the frequency"
         if grid.count > 1 and abs(seen / given - 1.0) > 0.5 * SETTINGS.period_error:
-            return [f"slips are seen at {seen:.6g} Hz, not at {given:.6g} Hz; correct it"]
+            return [f"slips are seen at {seen:.6g} Hz, {named}"]
         if grid is not max(self.grids, key=lambda one: one.count) or grid.count < 3:
             return []
-        named = f"not at the {1.0 / grid.period:.6g} Hz that are given; correct the frequency"
         explained = explained_by(self.record, self.mean, grid)
         own = explained(grid.period)
         hum = [k * mains for mains in MAINS for k in (1, 2)]

@@ -96,7 +96,7 @@ def test_every_second_cycle_of_the_frequency_given_is_doubted() -> None:
     [
         (700.0, "steps are seen at 1000 Hz"),
         (500.0, "slips are"),
-        (1014.0, "not at 1014 Hz"),
+        (1014.0, "Hz, not at the 1014 Hz that are given"),
     ],
 )
 def test_a_wrong_frequency_is_doubted(told: float, seen: str) -> None:
