@@ -2,7 +2,8 @@
 """Moves the actuator of an axis: rest at a level, drive cycles, or a slow ramp of the level.
 
 Cycles start from level 0. An actuator at another level first moves back to 0 at `scan_rate`. A
-change of a running cycle takes effect at its end.
+change of a running cycle takes effect at its end, but a cycle may be broken off: then the actuator
+stays at the level that it has, and the cycle is no step.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from stickslip_ros.axis.faults import Travel
 from stickslip_ros.axis.sensor import Readings, SensorDynamics, has_bandwidth
 from stickslip_ros.physics.model import DriveCycle
 from stickslip_ros.physics.model.actuator_chain import Chain
+from stickslip_ros.physics.model.waveforms import voltage_of
 from stickslip_ros.physics.solver import State
 from stickslip_ros.physics.solver.driven import DrivenSimulation, simulation_of
 
@@ -30,6 +32,8 @@ ENDLESS = 2**62  #: cycles that are as good as without end
 _BUDGET = 100_000
 #: Readings up to which one after the other costs less than all at once
 _FEW = 3
+#: Time (s) that a stop waits for the end of a cycle; a longer rest of it is broken off.
+SOON = 0.02
 #: Cycles that are run in one go at most, for their results take memory: 40 bytes each
 _MOST_CYCLES = 2**16
 
@@ -53,6 +57,7 @@ class Actuation:
         self._queued = 0  # steps that wait for the level to be 0
         self._sign = 1
         self._peak = 0.0  # voltage that the running cycles go to from 0
+        self._drive = p.drive  # when they began
         self._cycles_start = 0.0  # s
         self._cycles_u = 0.0  # commanded deflection then, m
         self._check = ENDLESS  # cycle after which the soft limits are checked again
@@ -184,6 +189,22 @@ class Actuation:
             self._change = (
                 (done + 1, self.sim.end_of_cycle) if self.sim.cycles_left else self._last_cycle()
             )
+
+    @property
+    def cycle_ends(self) -> float:
+        """When (s) the running cycle ends; now, if none runs."""
+        return self.sim.end_of_cycle if self.kind == CYCLES and self.sim.cycles_left else self.t
+
+    def break_off(self) -> None:
+        """End the running cycle where it is; the actuator stays at its level."""
+        volts = self._cycle_volts()
+        x = self.sim.position_of_cycle if self.sim.cycles_done else self._x_start
+        self._account_for_cycles()
+        self._x_end = x
+        self.halt()
+        self._dc_offset.moved(volts)
+        self._change, self._shortened = None, False
+        self.apply_parameters()
 
     def shorten(self) -> None:
         """End the cycles with the running one."""
@@ -353,7 +374,7 @@ class Actuation:
 
     def _start_cycles(self, count: int) -> None:
         self._cycles_start, self._cycles_u = self.t, self.sim.commanded
-        self._peak = self._sign * self._amplitude()
+        self._peak, self._drive = self._sign * self._amplitude(), self.config.parameters.drive
         self.sim.start(self._drive_cycle(), count)
         self._plan()
 
@@ -367,6 +388,19 @@ class Actuation:
         return self.config.drive_cycle(
             self._sign, self._amplitude(), self.hertz or self.config.frequency
         )
+
+    def _cycle_volts(self) -> list[float]:
+        """Return the voltages (V) between which the running cycle has gone straight, up to now."""
+        d = replace(
+            self._drive, amplitude=abs(self._peak), frequency=1.0 / self.sim.drive_cycle.period
+        )
+        cycle = voltage_of(d, self._sign)
+        since = self.t - self._cycles_start - self.sim.cycles_done * cycle.period
+        ends = np.cumsum(cycle.durations)
+        times = np.append(ends[ends < since], min(max(since, 0.0), cycle.period))
+        levels = np.concatenate([[0.0], np.cumsum(cycle.strokes)])
+        found: list[float] = np.interp(times, np.concatenate([[0.0], ends]), levels).tolist()
+        return found
 
     def _amplitude(self) -> float:
         # What may be commanded, and with it what the running steps may have, can become less.

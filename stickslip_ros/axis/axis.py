@@ -26,6 +26,9 @@ from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver import Simulation, State
 
+#: Time (s) from which on it is said that a command waits for the running cycle
+_SAID = 1.0
+
 
 class Axis(Device):
     """One axis. All times are seconds of simulation, all positions metres."""
@@ -83,6 +86,7 @@ class Axis(Device):
             mean_step=actuation.mean_step,
             backstep=actuation.sim.backstep,
             lost=lost,
+            begins=actuation.cycle_ends if self._leaving else math.nan,
             position=position,
             zero_offset=config.offset,
             velocity=self.supervisor.velocity,
@@ -135,7 +139,7 @@ class Axis(Device):
         reason, prepared, more = self._checked(command, arguments)
         if reason:
             raise self._refusal(name, reason, **details)
-        self.note(name, "applied", **details, **more)
+        self.note(name, "applied", **details, **more, **self._waits(command, arguments))
         with self._solving():
             if command.effect:
                 command.effect(self, *prepared)
@@ -144,7 +148,7 @@ class Axis(Device):
                 running = self.closed_loop
                 task = None if off else command.task(self, *prepared)
                 if task is None or task is not running:
-                    self._replace(task)
+                    self._replace(task, command.breaks_off(*arguments))
 
     def why_not(self, name: str, *arguments: Any) -> str:
         """Return why a command of the registry would be refused now, empty if it would not."""
@@ -176,6 +180,10 @@ class Axis(Device):
         joints names the one joint of the axis, <axis_name>_slider.
         """
         self.command("trajectory", list(joints), [list(point) for point in points])
+
+    def home(self) -> None:
+        """Go to the reference, a mark or an end of the travel; positions count from it then."""
+        self.command("home")
 
     def command_amplitude(self, volts: float) -> None:
         """Set the amplitude (V peak to peak) from the next cycle on."""
@@ -216,6 +224,14 @@ class Axis(Device):
             self._set_fault(reason)
 
     # -- inside
+
+    def _waits(self, command: Command, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """Return what the event of a command says if the running cycle keeps it waiting."""
+        begins = self.actuation.cycle_ends
+        waits = command.task or command.name in ("amplitude", "frequency")
+        if not waits or command.breaks_off(*arguments) or begins <= self.actuation.t + _SAID:
+            return {}
+        return {"begins": begins, "now": "stop breaks off the running cycle"}
 
     def _checked(
         self, command: Command, arguments: tuple[Any, ...]

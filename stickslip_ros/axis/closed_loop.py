@@ -161,6 +161,12 @@ class ClosedLoop:
         self._inside_since = None
         self._direction = 0
         self._nearest = math.inf
+        self._looked, self._moves_away, self._carried = (0.0, math.inf), False, False
+
+    def _expire(self, t: float) -> None:
+        """Stay where the runner is, if the time of the trajectory is over before it is there."""
+        if t >= self.trajectory.expires and not self._finished:
+            self.follow(Trajectory(t, self._seen.base if self._stroke else self._base(), []))
 
     def why_lost(self, x: float, actuation: Actuation) -> str:
         """Return why the goal will not be reached, empty if it still may be; x: reading (m).
@@ -219,6 +225,7 @@ class ClosedLoop:
             self._steps += actuation.steps_done
             self._strokes += abs(actuation.steps_done) * self._stroke
             self._stroke, self._rests_at = 0.0, t
+            self._expire(t)
             if t >= self.trajectory.end:
                 config, rests = actuation.config, _settling(actuation, self._sizes.ringing)
                 self._rests_at += rests
@@ -259,6 +266,8 @@ class ClosedLoop:
             # Before the goal, even if no step loses anything from now on: a load may go.
             soon = abs(self.trajectory.goal - self._seen.base) / abs(self._stroke or 1.0)
             soon = t + (soon + _FIRST_STEPS) / (actuation.hertz or actuation.config.frequency)
+            if self.trajectory.expires > t:
+                soon = min(soon, self.trajectory.expires)
             self._take = max(k, sensor.number_at(min(0.5 * (t + end), soon))) + 1
             if sensor.time_of(self._take) > end:
                 self._take = _NEVER
@@ -282,6 +291,7 @@ class ClosedLoop:
         self._learn()
         if reading.rests:
             self._reference = self._seen
+        self._expire(t)
         if self._stroke and t >= self.trajectory.end:
             # End a train that would take the base farther than a scan brings it back.
             sign, left = 1 if self._stroke > 0.0 else -1, actuation.steps_left

@@ -16,13 +16,14 @@ from typing import Any
 from stickslip_ros.axis.events import is_digest
 
 STOPPED, STEPPING, JOGGING, SCANNING = "stopped", "stepping", "jogging", "scanning"
-TARGETING, HOLDING, FAULT, DISABLED = "targeting", "holding", "fault", "disabled"
-STATES = (STOPPED, STEPPING, JOGGING, SCANNING, TARGETING, HOLDING, FAULT, DISABLED)
+TARGETING, HOLDING, HOMING = "targeting", "holding", "homing"
+FAULT, DISABLED = "fault", "disabled"
+STATES = (STOPPED, STEPPING, JOGGING, SCANNING, TARGETING, HOLDING, HOMING, FAULT, DISABLED)
 
 #: In place of a next state: the command leaves the state as it is, or is refused.
 SAME, REFUSED = "same", "refused"
 
-#: State -> next state, `SAME` or `REFUSED`. A running cycle is finished first.
+#: State -> next state, `SAME` or `REFUSED`. A running cycle is finished first, if nothing is said.
 Row = Mapping[str, str]
 
 
@@ -65,6 +66,7 @@ class AxisStatus:
     mean_step: float  #: mean over the present or last run, m; nan before its first step
     backstep: float  #: of the last slip, m; nan before the first
     lost: float  #: energy lost in the contact over the last cycle, J; nan before the first
+    begins: float  #: when the command that waits for the running cycle begins, s; nan if none does
     # -- position
     position: float  #: reading of the sensor, m
     zero_offset: float  #: subtracted from the reading, m
@@ -122,6 +124,8 @@ class Command:
     task: Callable[..., Any] | None = None
     #: The axis and what is carried out; what runs goes on.
     effect: Callable[..., None] | None = None
+    #: Arguments -> whether it breaks off a cycle that would end later than `actuation.SOON`.
+    breaks_off: Callable[..., bool] = lambda *arguments: False
     #: Name in the table of states and the row there of 0 or False, if that means something else;
     #: to a command with a task, it ends what runs.
     off: tuple[str, Row] | None = None

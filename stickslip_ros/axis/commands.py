@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.axis.command import (
     DISABLED,
     FLOAT64,
+    HOMING,
     INT32,
     INT32_RANGE,
     JOGGING,
@@ -50,6 +51,8 @@ _HORIZON = 1.0
 _LONGEST_PERIOD = 0.1
 #: s before the horizon, from when on the same velocity counts as new
 _RENEWED = 0.5
+#: s of stepping by which a set point may be ahead of the runner when the next one comes
+_AHEAD = 0.1
 #: Share by which two velocities may differ and count as the same: rounding on the way through ROS
 _SAME = 1e-9
 
@@ -162,23 +165,71 @@ def _follow_set_point(axis: Device, joint: str, interface: str, value: float) ->
     """
     loop, t = axis.closed_loop, axis.actuation.t
     start = loop.trajectory.at(t) if loop else axis.measured
+    up = down = math.inf
+    if not axis.finishes_cycles and (loop or interface == "velocity"):
+        up, down = axis.speed_of_steps(1), axis.speed_of_steps(-1)
+        stroke = axis.config.stroke(axis.config.amplitude)
+        far = max(up, down) * _AHEAD + stroke
+        start = min(max(start, axis.measured - far), axis.measured + far)
+    lasts = math.inf
     if interface == "position":
         ahead, goal = min(t - loop.trajectory.start, _LONGEST_PERIOD) if loop else 0.0, value
     else:
         low, high = axis.config.reach
         goal = min(max(start + value * _HORIZON, low), high)
         ahead = (goal - start) / value if value else 0.0
+        lasts = math.inf if axis.finishes_cycles else _HORIZON
+        _warn_of_velocity(axis, loop, value, up, down)
     if ahead <= 0.0:
         start = goal
-    trajectory = Trajectory(t, start, [(ahead, goal)] if ahead > 0.0 else [])
+    points = [(ahead, goal)] if ahead > 0.0 else []
+    trajectory = Trajectory(t, start, points, lasts=lasts)
     if loop is None:
         return _loop(axis, "target", trajectory)
     loop.follow(trajectory)
     return loop
 
 
+def _warn_of_velocity(
+    axis: Device, loop: ClosedLoop | None, value: float, up: float, down: float
+) -> None:
+    """Say once of a velocity (m/s) that steps, up and down at most so fast, do not reach it."""
+    before = loop.trajectory.velocity_at(axis.actuation.t)[0] if loop else math.nan
+    if -down <= value <= up or math.isclose(value, before, rel_tol=_SAME):
+        return
+    reached = up if value > 0.0 else down
+    reason = (
+        f"the velocity is {1e6 * value:.4g} um/s, {1e6 * reached:.4g} um/s is what steps reach at "
+        "this load: the axis goes so fast; raise frequency or amplitude"
+    )
+    axis.note("joint_command", WARNED, reason=reason)
+
+
 def _go_to(axis: Device, x: float) -> ClosedLoop:
     return _loop(axis, "target", Trajectory(axis.actuation.t, x, []))
+
+
+def _check_home(axis: Device) -> None:
+    """Raise ParameterError where limits leave the reference out of reach."""
+    limits, offset = axis.parameters.limits, axis.config.offset
+    if limits.home == "mark":
+        axis.config.check_target(limits.home_mark - offset)
+        return
+    low = limits.home == "low"
+    end = limits.travel_low if low else limits.travel_high
+    soft = (limits.soft_low if low else limits.soft_high) + offset
+    if soft > end if low else soft < end:
+        raise ParameterError(
+            f"soft_{limits.home} is {soft - offset:g} m, and the {limits.home} end of the travel, "
+            f"which is home, lies at {end - offset:g} m: set soft_{limits.home} beyond it"
+        )
+
+
+def _go_home(axis: Device) -> Any:
+    homing, where = import_module("stickslip_ros.axis.homing"), axis.parameters.limits.home
+    if where == "mark":
+        return homing.MarkTask(axis.config, axis.actuation.t, axis.step_size, axis.note)
+    return homing.EndTask(1 if where == "high" else -1, axis.note)
 
 
 def _set_load(axis: Device, newtons: float) -> None:
@@ -288,6 +339,7 @@ COMMANDS: dict[str, Command] = {
             row(JOGGING),
             example=(-700.0,),
             off=("jog 0", row(STOPPED)),
+            breaks_off=lambda hertz: not hertz,
             check=lambda axis, hertz: axis.config.check_drive(
                 axis.config.amplitude, abs(hertz) or axis.config.frequency
             ),
@@ -307,6 +359,7 @@ COMMANDS: dict[str, Command] = {
             example=(200.0,),
             check=lambda axis, volts: axis.config.check_level(volts),
             task=lambda axis, volts: _task("ScanTask", axis.config.nearest(volts), axis.note_limit),
+            breaks_off=lambda volts: True,
             unit="V",
             limits=lambda axis: (
                 axis.parameters.actuator.min_voltage,
@@ -351,12 +404,23 @@ COMMANDS: dict[str, Command] = {
             depth=1,
         ),
         Command(
+            "home",
+            "home",
+            TRIGGER,
+            "go to the reference, a mark or an end of the travel; positions count from it then",
+            row(HOMING),
+            arguments=(),
+            check=_check_home,
+            task=_go_home,
+        ),
+        Command(
             "stop",
             "stop",
             TRIGGER,
-            "end the running command: steps after their cycle, a scan where it is",
+            "end the running command within 20 ms: a longer cycle is broken off",
             row(STOPPED, fault=SAME, disabled=SAME),
             arguments=(),
+            breaks_off=lambda: True,
             task=lambda axis: None,
         ),
         Command(

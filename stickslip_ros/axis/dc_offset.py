@@ -63,6 +63,11 @@ class DcOffset:
         self._stand(volts)
         self._stand(0.0)
 
+    def moved(self, volts: list[float]) -> None:
+        """Remember voltages (V) that the actuator went between, and stay at the last."""
+        for one in volts:
+            self._stand(one)
+
     def replace(self, config: Config, level: float, now: State) -> float | None:
         """Set another actuator, at the same voltage and deflection.
 

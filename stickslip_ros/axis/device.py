@@ -13,9 +13,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any
 
-from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
+from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, SOON, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize, expected_loss
-from stickslip_ros.axis.command import DISABLED, FAULT, STOPPED
+from stickslip_ros.axis.command import DISABLED, FAULT, HOMING, STOPPED
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.events import (
     INJECTED,
@@ -29,7 +29,7 @@ from stickslip_ros.axis.events import (
 from stickslip_ros.axis.faults import MOVING, Moment
 from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supervisor
 from stickslip_ros.physics.model.arithmetic import arithmetic
-from stickslip_ros.physics.model.versions import MODEL_VERSION
+from stickslip_ros.physics.model.versions import COMMANDS_CHANGED, MODEL_VERSION
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver.driven import simulation_of
 from stickslip_ros.version import __version__
@@ -44,9 +44,17 @@ STEPS_OF_TIME = ("step_time", "step_cycles")
 class Device:
     """The tasks of one axis in time. All times are seconds of simulation, all positions metres."""
 
-    def __init__(self, parameters: Parameters | Mapping[str, Any]) -> None:
-        """Set up an axis at rest at 0; ParameterError if the parameters do not make one."""
+    def __init__(
+        self, parameters: Parameters | Mapping[str, Any], model: int = MODEL_VERSION
+    ) -> None:
+        """Set up an axis at rest at 0; ParameterError if the parameters do not make one.
+
+        model: the version whose commands it follows, see `finishes_cycles`.
+        """
         p = Parameters.of(parameters)
+        #: Whether it does as before model 18: a stop finishes its cycle, a velocity goes on to
+        #: where it was to be after its time, and a reset keeps what the closed loop has learned.
+        self.finishes_cycles = model < COMMANDS_CHANGED
         self.config: Config = Config.of(p)
         self.actuation = Actuation(self.config)
         self._task: AxisTask | None = None
@@ -64,7 +72,8 @@ class Device:
         self._events: list[Event] = []
         self._noted = 0  # events so far
         self._speeds: dict[Any, float] = {}  # m/s, of steps
-        versions = {"version": __version__, "model_version": MODEL_VERSION}
+        rules = COMMANDS_CHANGED - 1 if self.finishes_cycles else MODEL_VERSION
+        versions = {"version": __version__, "model_version": rules}
         versions["arithmetic"] = arithmetic()
         self.note(START, "applied", **p.flat(), **digests_of(p), **versions)
         self.take_faults()
@@ -90,9 +99,12 @@ class Device:
 
     @property
     def closed_loop(self) -> ClosedLoop | None:
-        """The closed loop, if it runs or begins after the running cycle."""
+        """The closed loop, if it runs or begins after the running cycle; not that of the way home.
+
+        Set points change it.
+        """
         task = self._next if self._leaving else self._task
-        return task if isinstance(task, ClosedLoop) else None
+        return task if isinstance(task, ClosedLoop) and task.state != HOMING else None
 
     @property
     def jogs(self) -> list[float]:
@@ -156,15 +168,17 @@ class Device:
         self.note("limit", "hit", limit=limit, position=self.measured)
 
     def clear_fault(self) -> None:
-        """Continue after a fault."""
+        """Continue after a fault, as if nothing had been before it."""
         self.fault = ""
         self._stalled = False
+        if not self.finishes_cycles:
+            self.step_size = StepSize(expected_loss(self.config.plant().contact))
 
     def set_enabled(self, on: bool) -> None:
         """Accept commands from now on, or refuse them and end the running one."""
         self._enabled = on
         if not on:
-            self._replace(None)
+            self._replace(None, breaks_off=True)
 
     def take_faults(self) -> bool:
         """Let the faults that the parameters name act from now on, and others no more.
@@ -273,14 +287,22 @@ class Device:
 
     # -- inside
 
-    def _replace(self, task: AxisTask | None) -> None:
-        """Replace the running task by another or by none; a running cycle is finished first."""
+    def _replace(self, task: AxisTask | None, breaks_off: bool = False) -> None:
+        """Replace the running task by another or by none; a running cycle is finished first.
+
+        breaks_off: unless it would end later than `SOON`, then it is broken off.
+        """
         actuation = self.actuation
         if actuation.kind == CYCLES:
-            self._leaving, self._next = True, task
-            actuation.change_later()
-            return
-        if actuation.kind != REST:
+            late = actuation.cycle_ends > actuation.t + SOON
+            if not (breaks_off and late) or self.finishes_cycles:
+                self._leaving, self._next = True, task
+                actuation.change_later()
+                return
+            actuation.break_off()
+            level = actuation.level / self.config.gain
+            self.note("cycle", "broken off", level=level, position=actuation.x)
+        elif actuation.kind != REST:
             actuation.halt()
         self._next = task
         self._change_task()
@@ -323,7 +345,7 @@ class Device:
             return
         self.fault = self._last_error = reason
         self.note("fault", "fault", reason=reason)
-        self._replace(None)
+        self._replace(None, breaks_off=True)
 
     def _refusal(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
         self._refused += 1

@@ -102,7 +102,7 @@ class Rerun:
             except ParameterError as error:
                 raise NotRepeatable(str(error)) from None
         try:
-            self.axis = Axis({**given, **self._changes})
+            self.axis = Axis({**given, **self._changes}, model_changes(events)[0])
         except ParameterError as error:
             if self._changes:
                 raise

@@ -18,11 +18,20 @@ Point = tuple[float, float]  #: time since the start (s), measured position (m)
 class Trajectory:
     """The wanted position over time; before the first point, the way to it."""
 
-    def __init__(self, start: float, x: float, points: Sequence[Point], wait: float = 0.0) -> None:
+    def __init__(
+        self,
+        start: float,
+        x: float,
+        points: Sequence[Point],
+        wait: float = 0.0,
+        lasts: float = math.inf,
+    ) -> None:
         """Begin at time start (s) and position x (m); the times of the points count from there.
 
-        For a time of wait (s) nothing moves.
+        For a time of wait (s) nothing moves. After the time that it lasts (s), the runner stays
+        where it is, unless it has reached the last point.
         """
+        self.expires = start + lasts  #: s
         self.begin = start + wait  #: time until which nothing moves, s
         points = [(wait, x), *points] if wait else points
         self._times = [start, *(start + t for t, _ in points)]

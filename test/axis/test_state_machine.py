@@ -37,6 +37,7 @@ def _axis_in(state: str) -> Axis:
         "scanning": lambda: axis.command_scan(300.0),
         "targeting": lambda: axis.command_position(-1e-3),
         "holding": lambda: axis.command_position(2e-8),
+        "homing": lambda: _go_home(axis),
         "fault": lambda: _break(axis),
         "disabled": lambda: axis.enable(False),
     }
@@ -44,6 +45,11 @@ def _axis_in(state: str) -> Axis:
     axis.advance(axis.state.t + 0.3037)
     assert axis.status.state == state
     return axis
+
+
+def _go_home(axis: Axis) -> None:
+    axis.set_parameters({"home_mark": -1e-3})
+    axis.home()
 
 
 def _break(axis: Axis) -> None:

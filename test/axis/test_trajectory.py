@@ -289,12 +289,38 @@ def test_a_velocity_is_a_command_once_until_it_is_renewed() -> None:
 
 
 def test_a_velocity_that_nobody_renews_ends() -> None:
-    """A controller that dies must not leave the runner on its way."""
+    """A controller that dies must not leave the runner on its way, however far it was to go."""
+    for velocity, gone in ((1e-5, 1e-5), (1.0, None)):
+        axis = Axis(FAST)
+        _stream(axis, "velocity", [velocity])
+        axis.advance(1.05)
+        x = axis.state.x
+        axis.advance(3.0)
+        assert axis.mode == "holding"
+        assert axis.state.x == pytest.approx(x, abs=1e-6)
+        assert axis.state.x == pytest.approx(gone or x, abs=2e-7)
+    assert [event.outcome for event in axis.take_events() if event.name == "joint_command"] == [
+        "applied", "warned",
+    ]  # fmt: skip
+
+
+def test_a_set_point_turns_a_velocity_at_once() -> None:
+    """It went 45 um farther the wrong way, and the steps that the loop ordered were a fault."""
     axis = Axis(FAST)
-    _stream(axis, "velocity", [1e-5])
-    axis.advance(3.0)
-    assert axis.mode == "holding"
-    assert axis.state.x == pytest.approx(1e-5, abs=4e-9)
+    _stream(axis, "velocity", [1.0] * 180)
+    x = axis.state.x
+    _stream(axis, "position", [5e-6])
+    furthest = max(_positions(axis, 2.0))
+    assert furthest < x + 2e-6 and axis.mode == "holding"
+    assert axis.state.x == pytest.approx(5e-6, abs=4e-9)
+
+
+def _positions(axis: Axis, seconds: float) -> list[float]:
+    begin, found = axis.state.t, []
+    for k in range(1, 101):
+        axis.advance(begin + 0.01 * k * seconds)
+        found.append(axis.state.x)
+    return found
 
 
 def test_a_velocity_ends_at_the_soft_limit() -> None:

@@ -59,6 +59,8 @@ def _is_finer(p: Parameters) -> bool:
 
 #: The version that 1.0.0 began with; what changed before it is not listed.
 FIRST_VERSION = 15
+#: The version from which on an axis breaks off cycles.
+COMMANDS_CHANGED = 18
 #: In order of their versions. One row stands for all changes of a kind: its version is that of the
 #: last of them, and its largest difference that of all together.
 CHANGES: tuple[ModelChange, ...] = (
@@ -80,6 +82,13 @@ CHANGES: tuple[ModelChange, ...] = (
         "a smaller tolerance holds behind amplifier, memory, creep and resonance too",
         _is_finer,
         "0.001 nm a step",
+    ),
+    # Runs of before repeat by the rules of before, see `Device.finishes_cycles`.
+    ModelChange(
+        COMMANDS_CHANGED,
+        "stops break off slow cycles, velocities end by time, and a reset forgets",
+        lambda p: False,
+        "none",
     ),
 )
 MODEL_VERSION = max((change.version for change in CHANGES), default=FIRST_VERSION)

@@ -42,6 +42,7 @@ __all__ = [
     "ramp",
     "sawtooth",
     "shape_of",
+    "voltage_of",
 ]
 
 
@@ -81,7 +82,7 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
         )
     if actuator.is_linear:
         return _drive_cycle(d, shape, p.actuator.gain_in_force, sign)
-    voltage = _drive_cycle(d, shape, 1.0, sign)
+    voltage = voltage_of(d, sign)
     loop = deflect(actuator, sign * shape.start * d.amplitude, voltage)
     return replace(loop, commanded=p.actuator.gain_in_force * voltage.slip_rate)
 
@@ -95,6 +96,11 @@ def command_of(p: Parameters, sign: int = 1) -> DriveCycle:
     if not has_chain(p.actuator):
         return drive_of(p, sign)
     return drive_of(replace(p, actuator=without_chain(p.actuator)), sign)
+
+
+def voltage_of(d: DriveParameters, sign: int = 1) -> DriveCycle:
+    """Return the cycle of the voltage: rates in V/s, from the level at which it begins."""
+    return _drive_cycle(d, shape_of(d), 1.0, sign)
 
 
 def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArray[np.bool_]]:

@@ -366,6 +366,12 @@ class LimitParameters:
         None, "m", 0.0, 1.0,
         "distance from a trajectory or a held target that causes a fault; 0: off", least=1e-12,
         reason="interferometers resolve 1e-12 m; the travel is below a metre")
+    home: str = text(
+        "mark", "reference that home goes to: the mark, or the low or the high end of the travel",
+        pattern="mark|low|high")
+    home_mark: float = number(
+        0.0, "m", -1.0, 1.0, "position of the reference mark, from the model's origin",
+        reason="no such drive is longer than a metre")
 
 
 @dataclass(frozen=True)
