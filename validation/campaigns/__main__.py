@@ -54,6 +54,10 @@ CAMPAIGNS: dict[str, Campaign] = {
         "random drives that are commanded over topics: ~/truth at rest",
         (f"{_STUDIES}drives", "--judge", "topics", "--count", "15"),
     ),
+    "controller": Campaign(
+        "random sequences of commands, held against a state machine that knows no physics",
+        (f"{_STUDIES}controller", "--count", "500"),
+    ),
     "targets": Campaign(
         "targets of the closed loop over ranges, loads and effects: ends, times, errors",
         (f"{_STUDIES}targets", "--count", "1000"),
