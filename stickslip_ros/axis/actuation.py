@@ -249,7 +249,8 @@ class Actuation:
     def advance(self, t: float) -> None:
         """Advance to time t (s)."""
         self._watch(t)
-        self.sim.advance(t)
+        if t > self.sim.t:
+            self.sim.advance(t)
 
     @property
     def due(self) -> float:
@@ -357,7 +358,8 @@ class Actuation:
             seen = self.sim.sample(np.array([sensor.time_of(k) for k in numbers])).x.tolist()
         else:
             for k in numbers:
-                self.sim.advance(sensor.time_of(k))
+                if (at := sensor.time_of(k)) > self.sim.t:
+                    self.sim.advance(at)
                 seen.append(self.sim.x)
         if numbers:
             self._readings.record(numbers, seen[-len(numbers) :])

@@ -267,10 +267,16 @@ def run(
 
     Raises SolverError if a cycle, or the time from the last cycle to t_end, exceeds the budget.
     """
-    state["previewing"] = 0
-    for _ in _slices(buffers, state, budget):
-        state["t_end"], state["stop_cycle"] = until
-        rows = rows[advance(*buffers, rows) :]
+    state["previewing"], state["spent"], state["allowance"] = 0, 0, SLICE
+    state["t_end"], state["stop_cycle"] = until
+    done = state["done"]
+    filled = advance(*buffers, rows)
+    if not state["unfinished"]:  # as nearly always: the rest of this costs more than the call
+        return
+    for _ in _slices(buffers, state, budget, SLICE if state["done"] == done else 0):
+        rows = rows[filled:]
+        state["t_end"], state["stop_cycle"] = until  # it leaves that of the cycle under way
+        filled = advance(*buffers, rows)
 
 
 def run_samples(buffers: KernelBuffers, state: np.void, times: Array, samples: Array) -> None:
@@ -297,10 +303,14 @@ def run_events(buffers: KernelBuffers, state: np.void, until: tuple[float, int])
     return parts
 
 
-def _slices(buffers: KernelBuffers, state: np.void, budget: int = 0) -> Iterator[None]:
-    """Yield with an allowance for each slice until one finishes all; SolverError like `run`."""
-    budget = budget or PER_CYCLE
-    left, done = budget, int(state["done"])
+def _slices(
+    buffers: KernelBuffers, state: np.void, budget: int = PER_CYCLE, spent: int = 0
+) -> Iterator[None]:
+    """Yield with an allowance for each slice until one finishes all; SolverError like `run`.
+
+    spent: arcs that the present cycle has taken of its budget.
+    """
+    left, done = budget - spent, int(state["done"])
     while left > 0:
         state["spent"], state["allowance"] = 0, SLICE
         yield
