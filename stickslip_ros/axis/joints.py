@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.axis.command import HOLDING, STOPPED
 from stickslip_ros.physics.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
+from stickslip_ros.physics.parameters.row import SMALLEST
 
 if TYPE_CHECKING:
     from stickslip_ros.axis.axis import Axis
@@ -58,8 +59,8 @@ class JointReport:
         v, rate = self._velocities
         self._said.append(reading)
         return (
-            (SLIDER, reading, v, -state.force),
-            (PIEZO, axis.simulation.commanded, rate, state.force),
+            (SLIDER, reading, v, said_force(-state.force)),
+            (PIEZO, axis.simulation.commanded, rate, said_force(state.force)),
         )
 
     def echoes(self, axis: Axis, x: float) -> bool:
@@ -82,6 +83,11 @@ class JointReport:
             self._last = t, reading, deflection
 
 
+def said_force(newtons: float) -> float:
+    """Return a force as messages say it: 0 for -0.0, and for what only decays towards 0."""
+    return 0.0 if abs(newtons) < SMALLEST else newtons
+
+
 def joints_of(axis: Axis) -> Joints:
     """Return slider and piezo of the model; the friction force is -F on the one, +F on the other.
 
@@ -89,8 +95,8 @@ def joints_of(axis: Axis) -> Joints:
     """
     state = axis.state
     return (
-        (SLIDER, state.x, state.v, -state.force),
-        (PIEZO, state.u, state.rate, state.force),
+        (SLIDER, state.x, state.v, said_force(-state.force)),
+        (PIEZO, state.u, state.rate, said_force(state.force)),
     )
 
 
@@ -102,6 +108,6 @@ def contact_joints(axis: Axis) -> Joints:
     state = axis.state
     each = axis.simulation.deflections.tolist() if axis.parameters.friction.contacts > 1 else ()
     return (
-        (CONTACT_SUFFIX, state.z, state.w, state.force),
+        (CONTACT_SUFFIX, state.z, state.w, said_force(state.force)),
         *((f"{CONTACT_SUFFIX}_{k}", z, state.w, None) for k, z in enumerate(each, 1)),
     )

@@ -18,7 +18,7 @@ from typing import Any
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import START, Event, NotRepeatable, event_texts, is_set_point
-from stickslip_ros.axis.joints import SOURCE, TRUTH, JointReport
+from stickslip_ros.axis.joints import SOURCE, TRUTH, JointReport, said_force
 from stickslip_ros.axis.resimulation import Rerun, model_changes, start_of
 from stickslip_ros.base.files import whole_folder
 from stickslip_ros.physics.model.arithmetic import arithmetic
@@ -60,7 +60,7 @@ class Difference:
         self.values += 1
         if abs(recorded) > self.scale:
             self.scale = abs(recorded)
-        if recorded == again:
+        if said_force(recorded) == said_force(again):
             return
         self.unequal += 1
         if not abs(again - recorded) <= self.largest:

@@ -342,3 +342,22 @@ def test_a_bad_file_is_refused_in_one_line(
         (line,) = capfd.readouterr().err.splitlines()
         assert line.startswith("axis_node: ")
         assert complaint in line
+
+
+def test_a_joint_that_another_publishes_is_warned_of(
+    ros: Ros, make_axis: MakeAxis, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """And it rests again afterwards, though that takes a subscription for a while."""
+    node = make_axis()
+    other = ros.node("y_stage").create_publisher(JointState, "/joint_states", 10)
+    said = ""
+
+    def is_told() -> bool:
+        nonlocal said
+        other.publish(JointState(name=["axis_slider"], position=[0.0]))
+        said += capfd.readouterr().err
+        return "start this axis with another axis_name" in said
+
+    ros.wait_until(is_told, "the warning")
+    assert "somebody else publishes the joint axis_slider on /joint_states" in said
+    ros.wait_until(lambda: not node.is_read, "the end of listening")

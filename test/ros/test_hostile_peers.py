@@ -37,7 +37,7 @@ from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.nodes import topics
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 from stickslip_ros.ros.nodes.guarded_node import MOST_PARAMETERS, GuardedNode
-from stickslip_ros.ros.nodes.messages import read_command
+from stickslip_ros.ros.nodes.messages import MalformedCommand, read_command
 from stickslip_ros.ros.nodes.recorder_node import RecorderNode
 
 #: What a client hears of an axis
@@ -78,6 +78,20 @@ def test_a_trajectory_waits_for_its_stamp() -> None:
             COMMANDS["trajectory"], _trajectory(2, **stamp), 3 * 10**9, "axis_slider"
         )
         assert read and read[2] == pytest.approx(wait)
+
+
+def test_a_joint_with_several_set_points_is_refused_whole() -> None:
+    """The first was obeyed."""
+    command = COMMANDS["joint_command"]
+    for names, message in (
+        (["axis_slider"] * 2, JointState(position=[1e-6, 2e-6])),
+        (["axis_slider", "y", "y"], JointState(velocity=[1e-6, 0.0, 0.0])),
+        (["axis_slider"], JointState(position=[1e-6, 2e-6])),
+    ):
+        message.name = names
+        with pytest.raises(MalformedCommand, match="give (it once|one for each)"):
+            read_command(command, message, 0, "axis_slider")
+        assert read_command(command, message, 0, "z_slider") is None
 
 
 def _send(ros: Ros, client: AxisClient, message: Any, topic: str = "joint_trajectory") -> None:

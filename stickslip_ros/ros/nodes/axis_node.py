@@ -15,7 +15,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
@@ -52,13 +51,12 @@ from stickslip_ros.ros.nodes.messages import (
     read_command,
     why_not,
 )
+from stickslip_ros.ros.nodes.neighbours import Commanders
 from stickslip_ros.ros.nodes.sim_loop import SimLoop
 from stickslip_ros.ros.nodes.topics import OUTPUTS, OutputTopic
 
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
-#: Reports after which a commander that sends nothing more is no longer counted
-_FORGOTTEN = 10
 _OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
 _COMMANDERS_WARN_PERIOD = 10.0  # s
 _PATIENCE = 1.0  # s, with slow results before the time begins
@@ -98,6 +96,7 @@ class AxisNode(GuardedNode):
         self._published = ("", False, -1.0)
         self.is_read = True  #: somebody subscribed to a state when one was published last
         self._doubles = 0  # others that publish the events of an axis of this name
+        self._joint_is_double = False  # somebody else publishes it
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
         self._sim_loop = sim_loop or SimLoop(self, values.node)
@@ -111,6 +110,7 @@ class AxisNode(GuardedNode):
             if not topic.of_process
         }
         self._states = {topic: JointState() for topic in OUTPUTS.values() if topic.joints}
+        self.joint_topic = self._outputs[topics.JOINTS.name].topic_name
         self._report = JointReport()
         self.reported: Joints = ()  #: what joint_states said last; empty without a reading
         self._commanders = Commanders()
@@ -222,6 +222,7 @@ class AxisNode(GuardedNode):
         read = [one for one in self._states if self._outputs[one.name].get_subscription_count()]
         self.is_read = bool(read)
         name, now = self.axis.parameters.node.axis_name, self._sim_loop.stamp()
+        self._sim_loop.speakers.said(now)
         self.reported = self._report.take(self.axis)  # its velocities are from instant to instant
         for topic in read:
             assert topic.joints
@@ -252,13 +253,20 @@ class AxisNode(GuardedNode):
     # -- inside
 
     def _warn_of_doubles(self) -> None:
-        """Warn of others that speak as this axis: each obeys, and the states of all mix."""
+        """Warn of others that speak as this axis, or of its joint: the states of all mix."""
         topic = self._outputs[topics.EVENTS.name].topic_name
         before, self._doubles = self._doubles, self.count_publishers(topic) - 1
         if self._doubles > before:
             self.get_logger().warning(
                 f"somebody else publishes as /{self._name}: a second axis, a bag that is played, "
                 "or one that was killed a moment ago; end it, or give it another name"
+            )
+        joint, before = self.axis.config.joint, self._joint_is_double
+        self._joint_is_double = joint in self._sim_loop.speakers.joints and not self._doubles
+        if self._joint_is_double and not before:
+            self.get_logger().warning(
+                f"somebody else publishes the joint {joint} on {self.joint_topic}: start this axis "
+                "with another axis_name, so that readers can tell them apart"
             )
 
     def _warn_of_overload(self) -> None:
@@ -426,39 +434,3 @@ def _as_declared(change: Parameter) -> Parameter:
 
 if __name__ == "__main__":
     sys.exit("run the node as: python -m stickslip_ros.executables axis_node")
-
-
-class Commanders:
-    """Tells the nodes that command an axis, as far as the graph and the numbers of messages do.
-
-    A message does not say who sent it. Where one node alone publishes on a topic, it did; where
-    several do, numbers that are out of turn show that more than one of them sends. Where there are
-    no numbers, all of them count.
-    """
-
-    def __init__(self) -> None:
-        """Start without having heard of anybody."""
-        self._last: dict[str, int | None] = {}  # number of the last message on each topic
-        self._mixed: dict[str, bool] = {}  # topics with messages since the last look: out of turn
-        self._heard: dict[str, int] = {}  # looks since a node has sent something
-
-    def note(self, topic: str, number: int | None) -> None:
-        """Take the number that the publisher gave a message; None: the middleware tells none."""
-        before = self._last.get(topic)
-        self._last[topic] = number
-        out_of_turn = number is None or (before is not None and number != before + 1)
-        self._mixed[topic] = self._mixed.get(topic, False) or out_of_turn
-
-    def look(self, node: Node) -> list[str]:
-        """Return the full names of those that command the axis, if there are several."""
-        self._heard = {name: n + 1 for name, n in self._heard.items() if n < _FORGOTTEN}
-        present: set[str] = set()
-        for topic in self._last:
-            infos = node.get_publishers_info_by_topic(topic)
-            names = {f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in infos}
-            present |= names
-            if topic in self._mixed and (len(infos) == 1 or self._mixed[topic]):
-                self._heard |= dict.fromkeys(names, 0)
-        self._mixed = {}
-        found = sorted(name for name in self._heard if name in present)
-        return found if len(found) > 1 else []

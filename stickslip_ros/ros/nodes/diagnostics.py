@@ -17,7 +17,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.joints import TRUTH
+from stickslip_ros.axis.joints import TRUTH, said_force
 from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.physics.parameters import PARAMETERS, Parameters
@@ -142,7 +142,7 @@ class Diagnostics:
             "z_ss (m)": plant.contact.z_ss,
             "stiffness (N/m)": plant.contact.sigma_0,
             "deflection (m)": state.z,
-            "friction force (N)": state.force,
+            "friction force (N)": said_force(state.force),
             "regime": regime_now(axis.simulation),
             "phase": phase_now(axis.simulation),
             "last step size (m)": status.last_step,

@@ -132,10 +132,20 @@ def write_command(command: Command, *arguments: Any) -> Any:
 
 
 def _set_point(message: JointState, joint: str) -> tuple[str, str, float] | None:
-    """Return joint, interface and value; None for a short array. Raises NoSetPoint for nan."""
-    if joint not in message.name:
+    """Return joint, interface and value; None for a short array.
+
+    Raises NoSetPoint for nan, MalformedCommand where any joint has several set points.
+    """
+    names = list(message.name)
+    if joint not in names:
         return None
-    k = list(message.name).index(joint)
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise MalformedCommand(f"joint {twice} is given {names.count(twice)} times; give it once")
+    most = max(len(message.position), len(message.velocity))
+    if most > len(names):
+        raise MalformedCommand(f"{most} set points for {len(names)} joints; give one for each")
+    k = names.index(joint)
     found = [
         (joint, interface, values[k])
         for interface in ("position", "velocity")

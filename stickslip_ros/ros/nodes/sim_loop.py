@@ -42,6 +42,7 @@ from stickslip_ros.axis.pace import Pace, PaceReport
 from stickslip_ros.physics.parameters import NodeParameters, ParameterError
 from stickslip_ros.ros.nodes.followed_clock import FollowedClock, follows
 from stickslip_ros.ros.nodes.messages import publisher_of, stamp
+from stickslip_ros.ros.nodes.neighbours import JointSpeakers
 from stickslip_ros.ros.nodes.topics import CLOCK, READY
 
 _DIAGNOSTICS_PERIOD = 1.0  # s
@@ -62,6 +63,7 @@ class AxisOfLoop(Protocol):
 
     axis: Axis
     is_read: bool  #: somebody subscribed to a state when one was published last
+    joint_topic: str  #: full name of the topic of its joints
 
     def get_parameter(self, name: str) -> Parameter:
         """Return a parameter of the node, as `rclpy.node.Node`."""
@@ -94,6 +96,7 @@ class SimLoop:
         self.pacer = Pacer(1.0 / values.publish_rate, 0.0)
         self.blocks: list[float] = []  #: s that each took since the last report, all axes
         self.last_report = PaceReport(0.0, 0.0, 0.0)
+        self.speakers = JointSpeakers(node)
         self._node = node
         self._values = values
         self._start = 0
@@ -334,6 +337,7 @@ class SimLoop:
         if not self._to_report:
             self._to_report = list(self._axes)
             self.last_report = self.pace.report(monotonic_ns())
+            self.speakers.look([one.joint_topic for one in self._axes])
         self._to_report.pop(0).report()
         if not self._to_report:
             self.pacer.forget_worst()
