@@ -14,6 +14,7 @@ from child import python
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from heard import values
 from live import MakeAxis, Ros, Start
+from rclpy.node import Node
 
 from stickslip_ros.physics.parameters import PARAMETERS
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
@@ -273,3 +274,13 @@ def test_a_second_axis_of_the_same_name_is_told(
     with pytest.raises(TimeoutError, match="2 nodes publish as /stickslip_axis and obey: end all"):
         both.wait_for_state("holding", timeout=0.1)
     client.stop()
+
+
+def test_a_node_that_nobody_spins_is_told(ros: Ros, node: AxisNode) -> None:
+    """It was told to publish /clock."""
+    mine = Node("mine", context=ros.context)
+    with pytest.raises(
+        TimeoutError, match="nobody spins /mine, the node that the client was given"
+    ):
+        AxisClient(node=mine, timeout=0.5)
+    assert AxisClient(node=ros.add(mine)).step(1).wait().steps_done == 1

@@ -89,7 +89,7 @@ def test_a_joint_with_several_set_points_is_refused_whole() -> None:
         (["axis_slider"], JointState(position=[1e-6, 2e-6])),
     ):
         message.name = names
-        with pytest.raises(MalformedCommand, match="give (it once|one for each)"):
+        with pytest.raises(MalformedCommand, match=r"give (it once|one for each)"):
             read_command(command, message, 0, "axis_slider")
         assert read_command(command, message, 0, "z_slider") is None
 

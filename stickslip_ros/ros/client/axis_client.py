@@ -20,6 +20,8 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -74,12 +76,15 @@ class AxisClient(AxisListener):
             raise ValueError(f"axis is {axis!r}; give the full name of a node, as /{AXIS_NODE}")
         self.timeout = timeout  #: s, for each answer of the axis
         self._own: SpinThread | None = None
+        self._is_spun = False
         if node is None:
             self._own = SpinThread("stickslip_client")
             # It logs nothing, and a second one of that name would be warned of.
             own = Node("stickslip_client", context=self._own.context, enable_rosout=False)
             node = self._own.add(own)
         super().__init__(name, node)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._spun = node.create_timer(0.0, self._note_spun, clock=steady)
         self._answered = -1  # stamp (ns) of the answer to the last command
         self._commands = False  # something was sent: until then, what others send counts
         self._jogs = False  # the last command of this client that moves or ends a move
@@ -129,6 +134,7 @@ class AxisClient(AxisListener):
         if self._own:
             self._own.close()
         else:
+            self.node.destroy_timer(self._spun)
             for subscription in self._subscriptions:
                 self.node.destroy_subscription(subscription)
             for publisher in self._publishers.values():
@@ -148,7 +154,17 @@ class AxisClient(AxisListener):
         found = (name for name in topics if name.endswith(ending))
         return sorted(n.removesuffix(ending) for n in found if self.node.count_publishers(n))
 
+    def _note_spun(self) -> None:
+        self._is_spun = True
+        self._spun.cancel()
+
     def _why_absent(self, listeners: int) -> str:
+        if not self._is_spun:
+            return (
+                f"nobody spins {self.node.get_fully_qualified_name()}, the node that the client was "
+                "given: have another thread spin it, such as SpinThread, and make the client in none "
+                "of its callbacks; or leave out node"
+            )
         axes = self._axes()
         if not axes:
             return (

@@ -10,8 +10,12 @@ import os
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future as Done
+from concurrent.futures import wait
+from queue import SimpleQueue
 from typing import Protocol, TypeVar
 
 import rclpy
@@ -327,9 +331,7 @@ class SpinThread:
         self.executor = SingleThreadedExecutor(context=self.context)
         self._nodes: list[Node] = []
         self._ending = False
-        self._settling = False  # what waits is done until nothing does
-        self._settled = threading.Event()
-        self._done = 0  # callbacks while settling
+        self._work = SimpleQueue[tuple[Callable[[], None], Done[None]]]()
         self._thread = threading.Thread(target=self._spin, name=name, daemon=True)
         self._thread.start()
         # A program that ends without closing would be aborted in the middle of a wait.
@@ -341,23 +343,32 @@ class SpinThread:
         self.executor.add_node(node)
         return node
 
-    def settle(self, timeout: float = 5.0) -> int:
-        """Return when no callback waits any more, or after timeout (s): how many were executed."""
-        self._settled.clear()
-        self._done, self._settling = 0, True
-        self.executor.create_task(lambda: None)  # ends the present wait
-        self._settled.wait(timeout)
-        self._settling = False
-        return self._done
-
     def run(self, work: Callable[[], None]) -> None:
-        """Run something in the thread that spins; return when it is done. Raises what it raises."""
-        done = self.executor.create_task(work)
-        ended = threading.Event()
-        done.add_done_callback(lambda _: ended.set())
-        if not ended.wait(_LONGEST_WORK):
+        """Do something between two callbacks, in their thread; return then. Raises what it raises.
+
+        TimeoutError: a callback does not end.
+        """
+        done: Done[None] = Done()
+        self._work.put((work, done))
+        self.executor.create_task(lambda: None)  # ends the present wait
+        if not wait([done], _LONGEST_WORK).done:
             raise TimeoutError(f"nodes are busy for {_LONGEST_WORK:g} s: a callback does not end")
         done.result()
+
+    def take_what_waits(self, most: float = 5.0) -> int:
+        """Execute callbacks until none waits, or for a time (s); return how many. Within `run`."""
+        count, deadline = 0, time.monotonic() + most
+        entity: object
+        while time.monotonic() < deadline:
+            with self._passing_over():
+                try:
+                    handler, entity, _ = self.executor.wait_for_ready_callbacks(0.0)
+                except TimeoutException:
+                    break
+                count += entity is not None  # tasks have none
+                handler()
+                handler.result()  # raises what it raised
+        return count
 
     @property
     def nodes(self) -> Sequence[Node]:
@@ -377,34 +388,31 @@ class SpinThread:
             node.destroy_node()
         self.context.try_shutdown()
 
-    def _take_what_waits(self) -> None:
-        entity: object
-        try:
-            handler, entity, _ = self.executor.wait_for_ready_callbacks(0.0)
-        except TimeoutException:
-            self._settling = False
-            self._settled.set()
-            return
-        handler()
-        handler.result()  # raises what it raised
-        self._done += entity is not None  # tasks have none
-
     def _spin(self) -> None:
         # Shut down in the middle of `spin`, the executor falls over what it waits for.
-        while not self._ending:
-            try:
-                if self._settling:
-                    self._take_what_waits()
-                else:
-                    self.executor.spin_once(timeout_sec=1.0)
-            except ExternalShutdownException:
-                return
-            except InvalidHandle:
-                # Another thread destroyed something that the executor was about to wait for.
-                continue
-            except Exception:
-                # Otherwise no node would receive messages any more, and callers would wait in vain.
-                get_logger(self._thread.name).error(
-                    f"passed over, the thread goes on:\n{traceback.format_exc()}",
-                    throttle_duration_sec=_WARN_PERIOD,
-                )
+        with contextlib.suppress(ExternalShutdownException):
+            while not self._ending:
+                with self._passing_over():
+                    if self._work.empty():
+                        self.executor.spin_once(timeout_sec=1.0)
+                        continue
+                    work, done = self._work.get()
+                    try:
+                        done.set_result(work())
+                    except BaseException as error:
+                        done.set_exception(error)
+
+    @contextlib.contextmanager
+    def _passing_over(self) -> Iterator[None]:
+        """Log what a callback raises: else no node would receive anything, and callers wait."""
+        try:
+            yield
+        except ExternalShutdownException:
+            raise
+        except InvalidHandle:
+            pass  # another thread destroyed something that the executor was about to wait for
+        except Exception:
+            get_logger(self._thread.name).error(
+                f"passed over, the thread goes on:\n{traceback.format_exc()}",
+                throttle_duration_sec=_WARN_PERIOD,
+            )

@@ -7,8 +7,10 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -18,7 +20,10 @@ from stickslip_ros.ros.testing.offline import OfflineAxis
 
 
 class Watch(Node):
-    """A node under test: it notes where x is, by the simulated time, and stops it at 5 um."""
+    """A node under test: it notes where x is, by the simulated time, and stops it at 5 um.
+
+    The first that it hears is what was kept for it.
+    """
 
     def __init__(self, **options: Any) -> None:
         """Listen; options are those of a node."""
@@ -27,6 +32,12 @@ class Watch(Node):
         self.stopped_at = 0.0
         self._stop = self.create_client(Trigger, "/x/stop")
         self.create_subscription(JointState, "/x/joint_states", self._on_state, 10)
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.heard_at: list[int] = []  # ns
+        self.create_subscription(DiagnosticArray, "/x/status", self._on_status, kept)
+
+    def _on_status(self, _: DiagnosticArray) -> None:
+        self.heard_at.append(self.get_clock().now().nanoseconds)
 
     def _on_state(self, message: JointState) -> None:
         now = self.get_clock().now().nanoseconds
@@ -57,9 +68,8 @@ def story(world: InProcess) -> tuple[list[tuple[int, float]], float]:
     """Return what a node saw of a jog of x, and where it stopped it."""
     use_sim_time = Parameter("use_sim_time", value=True)
     watch = Watch(context=world.context, parameter_overrides=[use_sim_time])
-    world.add(watch)
-    world.wait_until(lambda: watch.seen, what="the first state")
-    begin, first = world.now, watch.seen[-1][0]
+    begin, first = world.now, world.add(watch).get_clock().now().nanoseconds
+    assert watch.heard_at == [first], "the status, which is kept"
     x = world.clients["x"]
     x.jog(1000.0)
     with world.fault("sensor_drift 1um/s", "y"):
