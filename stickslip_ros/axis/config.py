@@ -64,16 +64,6 @@ class Config:
     def check_all(self, jogs: Iterable[float] = ()) -> None:
         """Raise ParameterError where parameters, amplitude and frequency contradict each other."""
         faults_of(self.parameters)
-        limits = self.parameters.limits
-        if limits.travel_low == limits.travel_high:  # 0, which is the end of both ranges
-            raise ParameterError(
-                "travel_low and travel_high are 0 m; the runner begins at 0: set one on either side"
-            )
-        if limits.soft_low >= limits.soft_high:
-            raise ParameterError(
-                f"soft_low is {limits.soft_low:g} m; it has to be less than soft_high, "
-                f"{limits.soft_high:g} m"
-            )
         plant = self.plant()
         if has_bandwidth(self.parameters.sensor):
             samples_per_reading(self.parameters.sensor, plant.ringing_frequency)

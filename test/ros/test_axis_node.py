@@ -23,7 +23,8 @@ from table_1 import table_1
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.joints import contact_joints
 from stickslip_ros.physics.laws import LAWS
-from stickslip_ros.physics.parameters import PARAMETERS
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError
+from stickslip_ros.physics.parameters.parameters import read_yaml
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.nodes import diagnostics
 from stickslip_ros.ros.nodes.axis_host import main
@@ -334,6 +335,9 @@ def test_a_bad_file_is_refused_in_one_line(
 ) -> None:
     file = tmp_path / "own.yaml"
     for text, complaint in (
+        ("preload: 1.0\n    preload: 2.0", "'preload' stands there twice, again in line 4"),
+        ("mass: 0.004\n    preload:", f"{file}, line 4: preload is None; it has to be a number"),
+        ("preload: 1.0\n\tmass: 0.004", "line 4, column 1"),
         ("preloda: 1.0", "no parameter 'preloda'; did you mean preload"),
         ("slewrate: 0.02", "leaves 10000 us a cycle"),
     ):
@@ -342,6 +346,11 @@ def test_a_bad_file_is_refused_in_one_line(
         (line,) = capfd.readouterr().err.splitlines()
         assert line.startswith("axis_node: ")
         assert complaint in line
+        said = line.removeprefix("axis_node: ").removeprefix(f"{file}: ")
+        if "slewrate" not in text:  # that is refused by what drives
+            with pytest.raises(ParameterError) as refusal:
+                read_yaml(file)
+            assert said == str(refusal.value).removeprefix(f"{file}: ")
 
 
 def test_a_joint_that_another_publishes_is_warned_of(

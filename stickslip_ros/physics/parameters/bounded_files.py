@@ -78,6 +78,22 @@ class _Values(_OneOfEach, _SAFE):  # type: ignore[misc]
 _Values.add_constructor("tag:yaml.org,2002:int", _Values.construct_yaml_int)
 
 
+class _NoValue(ParameterError):
+    """A name below `ros__parameters` stands alone, which ROS refuses without saying which."""
+
+
+class _Filled(_Values):
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Any:
+        for key, value in node.value:
+            if key.value == _VALUES and isinstance(value, yaml.MappingNode):
+                for name, one in value.value:
+                    if one.tag == "tag:yaml.org,2002:null":
+                        line = name.start_mark.line + 1
+                        wanted = "it has to be a number or a text, or be left out"
+                        raise _NoValue(f"line {line}: {name.value} is None; {wanted}")
+        return super().construct_mapping(node, deep=deep)
+
+
 def load_values(text: str) -> Any:
     """Load YAML text.
 
@@ -288,7 +304,9 @@ def parameter_file_text(values: Mapping[str, Any]) -> str:
 
 def _content(path: Path) -> Any:
     try:
-        return load_values(read_small_text(path))
+        return _load(read_small_text(path), _Filled)
+    except _NoValue as error:
+        raise ParameterError(f"{path}, {error}") from None
     except ParameterError:
         raise
     except ValueError as error:

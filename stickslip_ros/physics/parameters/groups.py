@@ -14,8 +14,10 @@ from dataclasses import dataclass
 
 from stickslip_ros.physics.parameters.row import (
     Extended,
+    ParameterError,
     file,
     growth_per_kelvin,
+    is_column,
     number,
     switch,
     text,
@@ -372,6 +374,21 @@ class LimitParameters:
     home_mark: float = number(
         0.0, "m", -1.0, 1.0, "position of the reference mark, from the model's origin",
         reason="no such drive is longer than a metre")
+
+    def __post_init__(self) -> None:
+        """Raise ParameterError for limits that leave no place."""
+        ends = self.travel_low, self.travel_high, self.soft_low, self.soft_high
+        if any(map(is_column, ends)):
+            return
+        if self.travel_low == self.travel_high:  # 0, which is the end of both ranges
+            raise ParameterError(
+                "travel_low and travel_high are 0 m; the runner begins at 0: set one on either side"
+            )
+        if self.soft_low >= self.soft_high:
+            raise ParameterError(
+                f"soft_low is {self.soft_low:g} m; it has to be less than soft_high, "
+                f"{self.soft_high:g} m"
+            )
 
 
 @dataclass(frozen=True)

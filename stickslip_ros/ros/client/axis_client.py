@@ -161,9 +161,9 @@ class AxisClient(AxisListener):
     def _why_absent(self, listeners: int) -> str:
         if not self._is_spun:
             return (
-                f"nobody spins {self.node.get_fully_qualified_name()}, the node that the client was "
-                "given: have another thread spin it, such as SpinThread, and make the client in none "
-                "of its callbacks; or leave out node"
+                f"nobody spins {self.node.get_fully_qualified_name()}, the node that the client "
+                "was given: have another thread spin it, such as SpinThread, and make the client "
+                "in none of its callbacks; or leave out node"
             )
         axes = self._axes()
         if not axes:

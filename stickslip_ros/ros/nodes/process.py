@@ -15,6 +15,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future as Done
 from concurrent.futures import wait
+from itertools import pairwise
 from queue import SimpleQueue
 from typing import Protocol, TypeVar
 
@@ -36,7 +37,7 @@ from rclpy.utilities import remove_ros_args, try_shutdown
 
 from stickslip_ros.base.errors import StickslipError, UsageError, ending_signals
 from stickslip_ros.physics.parameters import ParameterError
-from stickslip_ros.physics.parameters.bounded_files import OF_EVERY_NODE
+from stickslip_ros.physics.parameters.bounded_files import OF_EVERY_NODE, nodes_in
 from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
@@ -123,6 +124,9 @@ def _caught_signals() -> Iterator[list[int]]:
 
 
 def _check_arguments(command_line: list[str]) -> None:
+    for flag, file in pairwise(command_line):
+        if flag == "--params-file":  # ROS takes the last of two values, and names no parameter
+            nodes_in(file)
     try:
         extra = remove_ros_args(command_line)[1:]
     except RuntimeError as error:
