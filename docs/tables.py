@@ -25,6 +25,7 @@ from stickslip_ros.emulator import CONTROLLERS, commands_of
 from stickslip_ros.measurement.metric import METRICS
 from stickslip_ros.measurement.twin.recording import KNOWN, UNKNOWN
 from stickslip_ros.physics.parameters import PARAMETERS, NodeParameters
+from stickslip_ros.ros.nodes.diagnostics import STATUS_KEYS
 from stickslip_ros.ros.nodes.own_parameters import OF_PROCESS
 from stickslip_ros.ros.nodes.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 
@@ -42,6 +43,12 @@ def _states() -> Iterator[Sequence[str]]:
     yield "command", *STATES
     for name, row in state_table().items():
         yield name, *(row[state] for state in STATES)
+
+
+def _status() -> Iterator[Sequence[str]]:
+    yield "key", "unit", "value"
+    for key, (_, meaning) in STATUS_KEYS.items():
+        yield f"`{key}`", key.partition(" (")[2].rstrip(")"), meaning
 
 
 def _commands() -> Iterator[Sequence[str]]:
@@ -173,7 +180,7 @@ def _entries(tag: str, names: Iterable[str]) -> str:
 
 
 TABLES: dict[str, list[Callable[[], str]]] = {
-    "states.md": [_table(_states)],
+    "states.md": [_table(_states), _table(_status)],
     "commands.md": [_table(_client)],
     "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values())), _table(_of_process)],
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],

@@ -102,7 +102,9 @@ def bring_up(context: LaunchContext) -> list:
         found.append(node_of("rviz2", namespace, [], arguments=view, ros_arguments=clock))
     if "record" in wanted:
         # Relative names: the recorder takes them to be in its own namespace.
-        words = [*axes, *clock]
+        # The host has topics as well; of one axis it is the axis.
+        both = ", ".join(f"'{name}'" for name in (*names, AXIS))
+        words = ["-p", f"axes:=[{both}]", *clock]
         found.append(node_of(PACKAGE, namespace, [], "recorder_node", ros_arguments=words))
     if "square" in wanted:
         words = [f"--namespace={namespace}"]

@@ -99,10 +99,8 @@ def _description(found: dict[str, Any]) -> list[str]:
     width = max((len(topic["name"]) for topic in found["topics"]), default=0)
     for topic in found["topics"]:
         kinds = {f"{one['reliability']}, {one['durability']}" for one in topic["offered_qos"]}
-        lines.append(
-            f"  {topic['name']:<{width}} {topic['messages']:>9}  {topic['type']}  "
-            f"{'; '.join(sorted(kinds))}"
-        )
+        said = "; ".join(sorted(kinds)) if topic["messages"] else "no messages"
+        lines.append(f"  {topic['name']:<{width}} {topic['messages']:>9}  {topic['type']}  {said}")
         if topic["undecodable"]:
             lines.append(f"    {topic['undecodable']}")
     for name, parameters in found["axes"].items():

@@ -244,7 +244,7 @@ def describe(bag: BagReader) -> dict[str, Any]:
                 "messages": bag.counts[topic.name],
                 "type_hash": topic.type_hash,
                 "encoding": topic.encoding,
-                "undecodable": _why_undecodable(topic),
+                "undecodable": _why_undecodable(topic) if bag.counts[topic.name] else None,
                 "offered_qos": [profile.as_json() for profile in topic.offered_qos],
             }
             for topic in bag.topics.values()

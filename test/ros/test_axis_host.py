@@ -13,6 +13,8 @@ from heard import Heard, stamp
 from live import Ros
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.base.shared_files import example
@@ -94,6 +96,22 @@ def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHos
     blocks = [names for names in list(stamps.values())[1:-1] if names != alone]
     assert len(blocks) > 5
     assert all(len(names) == 6 for names in blocks)
+
+
+def test_the_host_stops_all_axes_and_moves_several_together(ros: Ros, host: AxisHost) -> None:
+    user = ros.node("user")
+    with AxisClient("/x") as x, AxisClient("/z") as z:
+        x.jog(1000.0)
+        z.scan(100.0)
+        answer = ros.call(user, Trigger, "/stickslip_axis/stop", Trigger.Request())
+        assert (answer.success, answer.message) == (True, "")
+        x.wait_for_state("stopped")
+        z.wait_for_state("stopped")
+        both = JointTrajectory(joint_names=["x_slider", "y_slider"])
+        ros.send(ros.publisher(user, JointTrajectory, "/x/joint_trajectory"), both)
+        ros.wait_until(lambda: "joint_trajectory" in x.last_error, "the refusal")
+        cure = "give x_slider only, or all of them to /stickslip_axis/joint_trajectory"
+        assert x.last_error == f"trajectory for x_slider, y_slider; {cure}"
 
 
 @pytest.mark.long

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -23,6 +23,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.axis import AxisGroup
+from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import STEPS_OF_TIME
 from stickslip_ros.axis.faults import VANISH
@@ -52,6 +53,8 @@ from stickslip_ros.ros.nodes.topics import RUNNER_TOPIC
 TRAJECTORY, SET_POINT = COMMANDS["trajectory"], COMMANDS["joint_command"]
 #: Those that the host takes while it runs, for all axes
 _OF_TIME = ("real_time_factor", *STEPS_OF_TIME)
+#: Commands that the host takes for all axes
+_FOR_ALL = ("stop", "home")
 #: Parameters of the process as a whole: those of the host hold for all axes.
 _OF_PROCESS = ("publish_rate", "real_time_priority", "publish_clock", "start_paused", *_OF_TIME)
 
@@ -118,6 +121,7 @@ class AxisHost(GuardedNode):
                 sim_loop=sim_loop,
                 given={"axis_name": name, **common},
                 of_process=of_process,
+                together=self.resolve_topic_name(f"~/{TRAJECTORY.interface}"),
                 arguments=arguments,
                 **options,
             )
@@ -139,9 +143,10 @@ class AxisHost(GuardedNode):
             row = node_parameters.descriptor(PARAMETERS[name])
             row.dynamic_typing = True  # a whole number for a float; the axis checks it
             self.declare_parameter(name, of_process[name], row, ignore_override=True)
-        pause = COMMANDS["pause"]
-        server = self.axes[0].server(pause)
-        self.create_service(message_class(pause.type), f"~/{pause.interface}", server)
+        of_host = [(COMMANDS["pause"], self.axes[0].server(COMMANDS["pause"]))]  # of all, by one
+        of_host += [(one, self._for_all(one)) for one in COMMANDS.values() if one.name in _FOR_ALL]
+        for command, server in of_host:
+            self.create_service(message_class(command.type), f"~/{command.interface}", server)
         self._sim_loop = sim_loop
         self._joints = publisher_of(self, RUNNER_TOPIC, values.node.publish_rate)
         set_point = message_class(SET_POINT.type)
@@ -172,6 +177,18 @@ class AxisHost(GuardedNode):
         ]
         result = first.set_parameters_atomically(new)
         return super().set_parameters_atomically(parameter_list) if result.successful else result
+
+    def _for_all(self, command: Command) -> Callable[[Any, Any], Any]:
+        """Return the callback of a service by which every axis carries out a command."""
+
+        def callback(request: Any, response: Any) -> Any:
+            there = [node for node in self.axes if VANISH not in node.axis.config.faults]
+            done = [(node.get_name(), node.carry_out(command, lambda: request)) for node in there]
+            reasons = [f"{name}: {reason}" for name, reason in done if reason]
+            response.success, response.message = not reasons, "; ".join(reasons)
+            return response
+
+        return callback
 
     def _publish_joints(self) -> None:
         """Publish the sliders of all axes that have readings in one message."""

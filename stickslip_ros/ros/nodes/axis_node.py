@@ -20,7 +20,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.command import JOINT_STATE, Command
+from stickslip_ros.axis.command import JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import (
     WARNED,
@@ -77,14 +77,16 @@ class AxisNode(GuardedNode):
         sim_loop: SimLoop | None = None,
         given: Mapping[str, Any] | None = None,
         of_process: Mapping[str, Any] | None = None,
+        together: str = "",
         arguments: Sequence[str] | None = None,
         **options: Any,
     ) -> None:
         """Read the parameters, set up the axis; without a sim_loop start one of its own.
 
         given are defaults for parameters, of_process are parameters that override all others,
-        arguments are those of the command line if not of this process; options are those of
-        `rclpy.node.Node`. Raises ParameterError.
+        together is the topic of the host for several joints, if there is one, arguments are those
+        of the command line if not of this process; options are those of `rclpy.node.Node`. Raises
+        ParameterError.
         """
         super().__init__(name, **options)
         named = {*(given or ()), *node_parameters.of_axes(self, arguments)}
@@ -95,6 +97,7 @@ class AxisNode(GuardedNode):
         # state, overload and, while the axis moves, the time as published last
         self._published = ("", False, -1.0)
         self.is_read = True  #: somebody subscribed to a state when one was published last
+        self._together = together
         self._doubles = 0  # others that publish the events of an axis of this name
         self._joint_is_double = False  # somebody else publishes it
         self._name = self.get_fully_qualified_name().lstrip("/")
@@ -338,6 +341,9 @@ class AxisNode(GuardedNode):
             arguments = read_command(command, message(), now, joint)
             if arguments is not None and not self._is_echo(command, arguments):
                 self._sim_loop.check([command.name])
+                if command.type == TRAJECTORY and len(arguments[0]) > 1 and self._together:
+                    wanted = f"give {joint} only, or all of them to {self._together}"
+                    raise ParameterError(f"trajectory for {', '.join(arguments[0])}; {wanted}")
                 zero = self.axis.config.offset
                 self.axis.command(command.name, *arguments)
                 if self.axis.config.offset != zero:

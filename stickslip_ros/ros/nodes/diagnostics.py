@@ -36,6 +36,32 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 NO_READING = "the sensor gives no reading"
 LATER, _PATIENCE = "the 0-amplitude is being computed", 0.02  # s that a report waits for it
 
+#: Keys of ``~/status``: the attribute of `AxisStatus` that each holds, and what docs/states.md says
+STATUS_KEYS = {
+    "state": ("state", "one of those above"),
+    "moving": ("moving", "`True` while cycles or a slow move of the actuator run, else `False`"),
+    "paused": ("paused", "`True` while the time of the axis stands still"),
+    "target reached": ("target_reached", "`True` while the closed loop holds its target"),
+    "target (m)": ("target", "where the closed loop wants to be now; `nan` in open loop"),
+    "following error (m)": ("following_error", "target less position; `nan` in open loop"),
+    "measured position (m)": ("position", "from the zero that was set; `nan` without a reading"),
+    "zero offset (m)": ("zero_offset", "what is subtracted from the reading"),
+    "velocity (m/s)": ("velocity", "mean over the last 10 ms"),
+    "steps commanded": ("step_count", "cycles since the start, those backward taken off"),
+    "steps done": ("steps_done", "of the present or last run, with sign"),
+    "steps left": ("steps_left", "of the present run, with sign; 0 for a jog"),
+    "amplitude (V)": ("amplitude", "as commanded, peak to peak"),
+    "frequency (Hz)": ("frequency", "as commanded; of a jog its own"),
+    "scan level (V)": ("scan_level", "of the actuator, without the drive cycles"),
+    "load (N)": ("load", "external force along the axis"),
+    "held at": ("held_at", "`low` or `high` while that end of the travel holds the runner"),
+    "limits hit": ("limits_hit", "ends of the travel and soft limits, since the start"),
+    "injected faults": ("injected", "those that act, with commas"),
+    "refused commands": ("refused", "since the start"),
+    "last error": ("last_error", "reason of the last refusal or fault"),
+    "overload": ("", "why the axis does not keep its pace"),
+}
+
 
 class Diagnostics:
     """Makes the diagnostics of an axis; counts events since the last ones."""
@@ -99,30 +125,7 @@ class Diagnostics:
             level, message = WARN, f"held at the {status.held_at} end of the travel"
         else:
             level, message = (WARN, overload or news) if overload or news else (OK, status.state)
-        values: dict[str, object] = {
-            "state": status.state,
-            "moving": status.moving,
-            "paused": status.paused,
-            "target reached": status.target_reached,
-            "target (m)": status.target,
-            "following error (m)": status.following_error,
-            "measured position (m)": status.position,
-            "zero offset (m)": status.zero_offset,
-            "velocity (m/s)": status.velocity,
-            "steps commanded": status.step_count,
-            "steps done": status.steps_done,
-            "steps left": status.steps_left,
-            "amplitude (V)": status.amplitude,
-            "frequency (Hz)": status.frequency,
-            "scan level (V)": status.scan_level,
-            "load (N)": status.load,
-            "held at": status.held_at,
-            "limits hit": status.limits_hit,
-            "injected faults": status.injected,
-            "refused commands": status.refused,
-            "last error": status.last_error,
-            "overload": overload,
-        }
+        values = {key: getattr(status, name, overload) for key, (name, _) in STATUS_KEYS.items()}
         return diagnostic_status(self._node, "axis", level, message, values)
 
     def _friction(self, axis: Axis, status: AxisStatus) -> DiagnosticStatus:

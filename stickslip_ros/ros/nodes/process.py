@@ -130,7 +130,7 @@ def _check_arguments(command_line: list[str]) -> None:
     try:
         extra = remove_ros_args(command_line)[1:]
     except RuntimeError as error:
-        raise UsageError(str(error)) from error
+        raise UsageError(f"{error}{_cure(str(error))}") from error
     if extra:
         raise UsageError(
             f"unknown argument '{extra[0]}'; give parameters as --ros-args -p NAME:=VALUE"
@@ -178,6 +178,8 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
 def _cure(said: str) -> str:
     """Return the cure of an error of the middleware, if known."""
     cures = {
+        "parse remap rule": "; write --remap FROM:=TO",
+        "parse parameter override rule": "; write -p NAME:=VALUE",
         "log directory": "; set ROS_LOG_DIR to a folder that you may write to",
         "Too many open files": "; close other files or raise the limit (ulimit -n)",
     }

@@ -95,6 +95,7 @@ class RecordedTopic:
         self.name = name
         self.type_name = type_name
         self.received = False
+        self._known = False  # somebody else has subscribed
         self.losses = LossCount()
         self._node = node
         self._class = message_class(type_name)
@@ -125,6 +126,7 @@ class RecordedTopic:
     def follow_publishers(self) -> None:
         """Subscribe anew if a publisher cannot be heard with the request we made before."""
         offers = self._offered_now()
+        self.was_there()
         if not offers:
             return
         self._offers = offers
@@ -136,6 +138,11 @@ class RecordedTopic:
             self.close()
             self._qos = wanted
             self._subscribe()
+
+    def was_there(self) -> bool:
+        """Return whether anybody else has been on the topic so far."""
+        self._known = self._known or self._node.count_subscribers(self.name) > 1
+        return self._known or bool(self._offers)
 
     def publishers(self) -> frozenset[bytes]:
         """Return the ids of those who publish; of several, which count nothing, as looked up last.
