@@ -224,6 +224,20 @@ class Pace:
         self._cost = max(1e9 * spent / piece, self._cost / settings.growth, least)
 
 
+def overload(axis: Axis, report: PaceReport) -> str:
+    """Return a warning for an axis that does not keep its pace; else an empty text."""
+    if not report.overload:
+        return ""
+    wanted = axis.parameters.node.real_time_factor
+    how = f"real-time factor {report.factor:.3g} of {wanted:g}"
+    if report.behind:
+        how = f"{report.behind:.2g} s behind /clock"
+    return (
+        f"{how}: a second of motion takes {report.cost:.2g} s of processor, by "
+        f"{costly_settings(axis)}"
+    )
+
+
 def costly_settings(axis: Axis) -> str:
     """Return the settings of an axis that take processor time, to follow "because of"."""
     p, actuation = axis.parameters, axis.actuation

@@ -19,7 +19,7 @@ from stickslip_ros.emulator import CONTROLLERS, kind_for
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis
-    from stickslip_ros.emulator import Server
+    from stickslip_ros.emulator import OwnAxes, Server
 
 #: Time (s) after which the page stops at the latest.
 _STOPS = 0.1
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
             stack.enter_context(controller.recorder)
             own.forgets = False
         if args.page:
-            print(f"the axes are shown at {_show(stack, what, names, axes)}", flush=True)
+            print(f"the axes are shown at {_show(stack, what, names, own)}", flush=True)
         server = Server(controller, own.run)
         asyncio.run(_serve(server, args.host, port, args.controller, what))
     return 0
@@ -126,26 +126,25 @@ def _ended_by_signals() -> Iterator[None]:
             signal.signal(number, before[number])
 
 
-def _show(
-    stack: contextlib.ExitStack, what: str, names: Sequence[str], axes: Sequence[Axis]
-) -> str:
+def _show(stack: contextlib.ExitStack, what: str, names: Sequence[str], own: OwnAxes) -> str:
     """Serve a page with the axes until the stack is closed; return its address."""
     from threading import Thread
 
     from stickslip_ros.cli.workbench.server import AxesPanel, WorkbenchServer
 
-    panel = AxesPanel(what, _HEADS, lambda: _rows(names, axes))
+    panel = AxesPanel(what, _HEADS, lambda: _rows(names, own))
     server = stack.enter_context(WorkbenchServer(panel))
     Thread(target=server.serve_forever, args=(_STOPS,), daemon=True).start()
     stack.callback(server.shutdown)
     return server.address
 
 
-def _rows(names: Sequence[str], axes: Sequence[Axis]) -> list[tuple[str, ...]]:
+def _rows(names: Sequence[str], own: OwnAxes) -> list[tuple[str, ...]]:
     """Return a row for each axis, with the columns of `_HEADS`."""
     rows: list[tuple[str, ...]] = []
-    for name, axis in zip(names, axes, strict=True):
+    for name, axis in zip(names, own.axes, strict=True):
         status, place = axis.status, format_si(axis.state.x, "m", 6)
         drive = f"{status.amplitude:g} V, {status.frequency:g} Hz"
-        rows.append((name, axis.mode, place, str(status.step_count), drive))
+        state = f"{axis.mode}, time is dropped, {own.late}" if own.late else axis.mode
+        rows.append((name, state, place, str(status.step_count), drive))
     return rows

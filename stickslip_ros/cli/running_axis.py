@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.base.errors import StickslipError, UsageError
 from stickslip_ros.base.reporting import format_si
-from stickslip_ros.cli.options import add_axis, option, progress_bar, quantity, require_ros
+from stickslip_ros.cli.options import add_axis, flag, option, progress_bar, quantity, require_ros
 from stickslip_ros.physics.parameters import PARAMETERS, parse_assignment
 from stickslip_ros.physics.parameters.row import read_quantity
 
@@ -59,6 +59,7 @@ def send_arguments(parser: argparse.ArgumentParser) -> None:
     text = "print all commands with their values, and exit"
     parser.add_argument("--list", action=_ListCommands, nargs=0, help=text)
     add_axis(parser)
+    flag(parser, "--all", "of every axis that is found: a command without a value, such as stop")
     text = "wait until the move has ended or the target is reached (default: 60 s at most)"
     option(parser, "--wait", "S", text, quantity("s"), nargs="?", const=60.0)
     text = "send when so many nodes listen: 2 for the axis and a recorder (default: 1)"
@@ -87,6 +88,8 @@ def run_send(args: argparse.Namespace) -> int:
         raise UsageError(f"there is no command {args.name!r}; {hint}")
     command = COMMANDS[args.name]
     arguments = _read(command, args.values)
+    if args.all:
+        return _send_to_all(args, command)
     ends = command.name == "stop" or command.turns_off(arguments)
     if args.wait is not None and command.name == "jog" and not ends:
         raise UsageError(
@@ -118,6 +121,22 @@ def run_send(args: argparse.Namespace) -> int:
         except (TimeoutError, ValueError) as error:
             raise UsageError(str(error)) from None
     return _OK
+
+
+def _send_to_all(args: argparse.Namespace, command: Command) -> int:
+    if command.arguments != () or args.wait is not None:
+        cure = f"send {command.name} to each axis, by --axis NODE"
+        raise UsageError(f"--all is for commands without a value and without --wait; {cure}")
+    with require_ros():
+        from stickslip_ros.ros.client.everywhere import command_all
+    with progress_bar(0, f"every axis: {command.name}"):
+        reasons = command_all(command, args.timeout)
+    if not reasons:
+        raise UsageError("no axis is found: is axis_node running in this ROS_DOMAIN_ID?")
+    for axis, reason in sorted(reasons.items()):
+        said = f"stickslip send: {axis}: {reason}" if reason else f"{axis}: {command.name} done"
+        print(said, file=sys.stderr if reason else sys.stdout)
+    return _REFUSED if any(reasons.values()) else _OK
 
 
 def _setting(command: Command, arguments: Sequence[Any], axis: AxisClient) -> str:

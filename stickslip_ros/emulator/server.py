@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import threading
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, NoReturn
 
 from stickslip_ros.axis import Axis, Pace
+from stickslip_ros.axis.pace import overload
 from stickslip_ros.emulator.controller import Controller, Dialogue, Waiting
 
 #: Carries out an action in the thread that owns the axes, which are at the present time then.
@@ -27,6 +29,8 @@ _CHUNK = 4096  # bytes that are read in one go
 _UNREAD = 16384  # bytes of answers that may wait for the client
 _STALL_S = 30.0  # that a client may take to read them
 TICK_S = 0.02  # between looks at what is due without a command
+_LOOK_NS = 1_000_000_000  # between looks at how time goes
+_WARN_NS = 10_000_000_000  # between warnings that it is dropped
 _POLL_S = 0.005  # between looks at what a client waits for
 
 
@@ -154,8 +158,10 @@ class OwnAxes:
         """Take axes at time 0; clock_ns: a steady clock (ns)."""
         self.axes = axes
         self.forgets = True  #: what happens to the axes; off where somebody records it
+        self.late = ""  #: how much time was dropped lately, and why; empty if none was
         self._clock_ns = clock_ns
         self._pace: Pace | None = None
+        self._told, self._asked = -_WARN_NS, 0  # ns, of the last warning and of the last look
 
     def begin(self) -> None:
         """Start the time, once everything is compiled that commands will need.
@@ -170,7 +176,14 @@ class OwnAxes:
         if not self._pace:
             self.begin()
         assert self._pace
-        self._pace.catch_up(self._clock_ns())
+        self._pace.catch_up(now := self._clock_ns())
+        if now - self._asked > _LOOK_NS:
+            self._asked, report = now, self._pace.report(now)
+            moving = next((axis for axis in self.axes if axis.moving), self.axes[0])
+            self.late = overload(moving, report)
+            if self.late and now - self._told > _WARN_NS:
+                self._told = now
+                logging.getLogger(__name__).warning("time is dropped, %s", self.late)
         if self.forgets:
             for axis in self.axes:
                 axis.take_events()  # nobody reads them, and they would pile up

@@ -116,6 +116,24 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
     assert re.search(r"^jogging, .* paused, at .*, it ends with its cycle$", send("stop"), re.M)
 
 
+def test_a_command_goes_to_every_axis(
+    make_axis: MakeAxis, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nodes = [make_axis(name, axis_name=name[1:], allow_faults=True) for name in ("/x", "/y")]
+    for node in nodes:
+        node.axis.command("jog", 100.0)
+    assert main(["send", "stop", "--all"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"/{name}/stickslip_axis: stop done" for name in "xy"
+    ]
+    assert {node.axis.mode for node in nodes} <= {"stopped", "jogging"}  # to the end of its cycle
+    nodes[0].axis.command("parameters", {"fault": "refuse"})
+    assert main(["send", "zero", "--all"]) == 1
+    assert "stickslip send: /x/stickslip_axis: " in capsys.readouterr().err
+    assert main(["send", "steps", "3", "--all"]) == 2
+    assert "--all is for commands without a value" in capsys.readouterr().err
+
+
 def test_a_jog_is_not_waited_for(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:
     """It was sent, then refused: the axis ran on without end."""
     assert main(["send", "jog", "500", "--wait"]) == 2

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines are cut the same however they come in; many, slow and rude clients are served."""
 
+import asyncio
 import csv
 import io
 import re
@@ -25,6 +26,7 @@ from hypothesis import strategies as st
 from live import wait_until
 
 from stickslip_ros import Axis, ParameterError
+from stickslip_ros.cli.emulate import _rows
 from stickslip_ros.cli.main import main
 from stickslip_ros.emulator import (
     CONTROLLERS,
@@ -196,6 +198,21 @@ def test_time_begins_with_the_first_command() -> None:
             while client.ask(":GS0") != ":S0,0":
                 pass
         assert server.call(lambda: axis.status.step_count) == 20
+
+
+def test_time_that_is_dropped_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """10.4 s of wall were 0.25 s in the bag, in silence."""
+    axis, ticks = Axis({"frequency": 20_000.0}), iter(range(0, 10**12, 3 * 10**9))
+    own = OwnAxes([axis], lambda: next(ticks))
+    own.begin()
+    axis.command("jog", 20_000.0)
+    for _ in range(3):
+        asyncio.run(own.run(lambda: None))
+    assert re.match(r"real-time factor \S+ of 1: .* by 20000 cycles a second", own.late)
+    (said,) = (record.message for record in caplog.records)
+    assert said.startswith("time is dropped, real-time factor ")
+    (row,) = _rows(["x"], own)
+    assert row[1] == f"jogging, time is dropped, {own.late}"
 
 
 def test_names_are_no_axes() -> None:

@@ -9,14 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from child import python
 from diagnostic_msgs.msg import DiagnosticArray
 from live import MakeAxis, Ros, Start
+from rclpy.parameter import Parameter as RosParameter
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
+from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.nodes.axis_host import axis_or_host
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 from stickslip_ros.ros.nodes.recorder_node import RecorderNode
 from stickslip_ros.ros.nodes.twin_node import TwinNode
@@ -36,6 +40,23 @@ def test_the_example_for_users_passes(start_module: Start, tmp_path: Path) -> No
 
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
+
+
+def test_what_ros2_param_dump_writes_is_taken_by_every_command(
+    ros: Ros, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """There was no parameter 'emulate'."""
+    node = axis_or_host(context=ros.context, parameter_overrides=[RosParameter("mass", value=0.1)])
+    (one,) = node.nodes
+    values = {name: p.value for name, p in one.get_parameters_by_prefix("").items()}
+    assert {"emulate", "use_sim_time"} < set(values)
+    file = tmp_path / "stickslip_axis.yaml"
+    file.write_text(yaml.safe_dump({"/stickslip_axis": {"ros__parameters": values}}))
+    for _ in range(2):
+        assert Parameters.of(file).runner.mass == 0.1
+    (said,) = (record.message for record in caplog.records)
+    assert said.startswith(f"{file}: emulate, emulate_port are of nodes alone")
+    ros.add(one)
 
 
 def plotjuggler_names(topic: str, message: Any) -> set[str]:

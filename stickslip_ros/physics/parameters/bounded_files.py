@@ -7,10 +7,12 @@ ROS takes: `1e-6` and `7.0e6` are numbers, `1:30` is text.
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 import stat
 from collections.abc import Iterator, Mapping
+from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -249,6 +251,9 @@ def read_rows(
 #: Prefixes of the parameters that every ROS node has; the table does not contain them.
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
+#: Those of the process of an axis, which `ros2 param dump` writes between those of the axis
+OF_PROCESS = ("axes", "emulate", "emulate_port")
+
 _VALUES = "ros__parameters"
 _FORM = f"a file starts with '/**:' and below it '{_VALUES}:', or holds names with values alone"
 
@@ -276,7 +281,15 @@ def read_values(path: str | PathLike[str], known: Mapping[str, Parameter]) -> di
     for name in file_names(known):
         if merged.get(name) and (beside := path.parent / str(merged[name])).is_file():
             merged[name] = str(beside)
-    return {name: v for name, v in merged.items() if not name.startswith(OF_EVERY_NODE)}
+    if alone := ", ".join(name for name in OF_PROCESS if name in merged):
+        _say_once(f"{path}: {alone} are of nodes alone, and passed over")
+    others = (*OF_EVERY_NODE, *OF_PROCESS)
+    return {name: value for name, value in merged.items() if not name.startswith(others)}
+
+
+@cache
+def _say_once(text: str) -> None:
+    logging.getLogger(__name__).warning(text)
 
 
 def nodes_in(path: str | PathLike[str]) -> list[str]:

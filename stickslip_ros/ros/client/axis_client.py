@@ -43,7 +43,7 @@ from stickslip_ros.ros.nodes.messages import (
     write_command,
 )
 from stickslip_ros.ros.nodes.process import SpinThread
-from stickslip_ros.ros.nodes.topics import SET_POINT_LOG
+from stickslip_ros.ros.nodes.topics import axes_in
 
 _LAST_WORDS = 1.0  # s
 
@@ -147,13 +147,6 @@ class AxisClient(AxisListener):
         """Return whether the axis, and as many nodes as needed, are connected both ways."""
         return not self._missing(listeners)
 
-    def _axes(self) -> list[str]:
-        """Return the full names of the axes that this machine's ROS domain shows."""
-        ending = SET_POINT_LOG.full_name("")
-        topics = [name for name, _ in self.node.get_topic_names_and_types()]
-        found = (name for name in topics if name.endswith(ending))
-        return sorted(n.removesuffix(ending) for n in found if self.node.count_publishers(n))
-
     def _note_spun(self) -> None:
         self._is_spun = True
         self._spun.cancel()
@@ -165,7 +158,7 @@ class AxisClient(AxisListener):
                 "was given: have another thread spin it, such as SpinThread, and make the client "
                 "in none of its callbacks; or leave out node"
             )
-        axes = self._axes()
+        axes = axes_in(self.node)
         if not axes:
             return (
                 f"no axis answers at {self.axis}: is axis_node running in this domain, "

@@ -32,13 +32,14 @@ from stickslip_ros.axis.events import (
 )
 from stickslip_ros.axis.faults import LATE, VANISH
 from stickslip_ros.axis.joints import JointReport, Joints
+from stickslip_ros.axis.pace import overload
 from stickslip_ros.base.compiled import report_compilation
 from stickslip_ros.base.reporting import format_si
 from stickslip_ros.physics.model.idle import idle_settings
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.ros.nodes import node_parameters, topics
-from stickslip_ros.ros.nodes.diagnostics import Diagnostics, description, overload
+from stickslip_ros.ros.nodes.diagnostics import Diagnostics, description
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode, NoAnswer
 from stickslip_ros.ros.nodes.messages import (
     NoSetPoint,

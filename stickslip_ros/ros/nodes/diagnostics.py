@@ -18,7 +18,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.joints import TRUTH, said_force
-from stickslip_ros.axis.pace import PaceReport, costly_settings
+from stickslip_ros.axis.pace import overload
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.physics.parameters import PARAMETERS, Parameters
 from stickslip_ros.physics.parameters.groups import CONTACT_SUFFIX, PIEZO, SLIDER
@@ -198,20 +198,6 @@ class Diagnostics:
             self._zero = (zero, why_no_zero_amplitude(p) if zero is None else "")
         except StickslipError as error:
             self._zero = (None, str(error))
-
-
-def overload(axis: Axis, report: PaceReport) -> str:
-    """Return a warning for an axis that does not keep its pace; else an empty text."""
-    if not report.overload:
-        return ""
-    wanted = axis.parameters.node.real_time_factor
-    how = f"real-time factor {report.factor:.3g} of {wanted:g}"
-    if report.behind:
-        how = f"{report.behind:.2g} s behind /clock"
-    return (
-        f"{how}: a second of motion takes {report.cost:.2g} s of processor, by "
-        f"{costly_settings(axis)}"
-    )
 
 
 def description(node: str, axis: Axis) -> list[DiagnosticStatus]:

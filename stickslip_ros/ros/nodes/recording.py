@@ -16,7 +16,7 @@ from stickslip_ros.base.files import reason_and_cure
 from stickslip_ros.recordings import BagError, BagWriter
 from stickslip_ros.ros.nodes.messages import UnknownTypeError
 from stickslip_ros.ros.nodes.recorded_topic import RecordedTopic, Taken
-from stickslip_ros.ros.nodes.topics import OUTPUTS, SET_POINT_LOG
+from stickslip_ros.ros.nodes.topics import OUTPUTS, axes_in
 
 _STEP = 1_000_000_000  # ns by which a clock that is set differs at least from one that is trimmed
 
@@ -33,14 +33,6 @@ def axis_topics(axis: str) -> dict[str, str]:
         if not command.is_service:
             topics[f"{axis}/{command.interface}"] = command.type
     return topics
-
-
-def axes_in(node: Node) -> list[str]:
-    """Return the full names of the axes whose topics a node sees."""
-    ending = SET_POINT_LOG.full_name("")
-    topics = [name for name, _ in node.get_topic_names_and_types()]
-    found = (name for name in topics if name.endswith(ending))
-    return sorted(n.removesuffix(ending) for n in found if node.count_publishers(n))
 
 
 @dataclass(frozen=True)

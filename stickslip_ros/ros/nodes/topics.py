@@ -17,6 +17,8 @@ from stickslip_ros.axis.joints import Joints, contact_joints, joints_of
 from stickslip_ros.recordings.message_types import STATUS_TYPE as STATUSES
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from stickslip_ros.axis import Axis
 
 
@@ -103,6 +105,15 @@ READY = OutputTopic(
 
 #: All of them by name, in the order in which the node makes them
 OUTPUTS = {one.name: one for one in tuple(globals().values()) if isinstance(one, OutputTopic)}
+
+
+def axes_in(node: Node) -> list[str]:
+    """Return the full names of the axes whose topics a node of ROS sees."""
+    ending = SET_POINT_LOG.full_name("")
+    topics = [name for name, _ in node.get_topic_names_and_types()]
+    found = (name for name in topics if name.endswith(ending))
+    return sorted(n.removesuffix(ending) for n in found if node.count_publishers(n))
+
 
 #: What a twin publishes beside an axis
 TWIN_OUTPUTS = (
