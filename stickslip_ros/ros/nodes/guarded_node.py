@@ -13,9 +13,16 @@ from contextlib import suppress
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    GetParameterTypes,
+    ListParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.parameter_service import ParameterService
 from rclpy.qos import QoSProfile, qos_profile_parameters
 
 from stickslip_ros.ros.nodes.followed_clock import (
@@ -28,8 +35,18 @@ from stickslip_ros.ros.nodes.followed_clock import (
 _WARN_PERIOD = 1.0  # s, between errors in the log
 #: Of services: so many requests may wait
 _SERVICES = QoSProfile(depth=250)
-#: Parameters that one request may set; more are refused together.
+#: Parameters that one request may set, more are refused together; or ask for: it is answered by
+#: nothing then, as by a node that does not know one of them. 3000 names made a node grow by 70 MB.
 MOST_PARAMETERS = 200
+#: What a request of each service for parameters lists
+_LISTS = {
+    DescribeParameters: "names",
+    GetParameters: "names",
+    GetParameterTypes: "names",
+    ListParameters: "prefixes",
+    SetParameters: "parameters",
+    SetParametersAtomically: "parameters",
+}
 
 
 class NoAnswer(Exception):
@@ -46,10 +63,9 @@ class GuardedNode(Node):
         """
         self.failures = 0  #: callbacks that raised, since the start
         options.setdefault("automatically_declare_parameters_from_overrides", True)
-        super().__init__(name, start_parameter_services=False, **options)
+        super().__init__(name, **options)
         follows(self)  # rclpy only logs a wrong type, and goes on without /clock
         self.add_on_set_parameters_callback(_keep_clock)
-        self._parameter_service = _Parameters(self)
 
     @property
     def nodes(self) -> Sequence[Node]:
@@ -72,9 +88,13 @@ class GuardedNode(Node):
         Requests of a hundred clients at once may wait, and of parameters no more: of those that
         rclpy has no room for, nobody hears again.
         """
-        guarded = self._guarded(callback, name)
+        setters = {SetParameters: self._set_each, SetParametersAtomically: self._set_all}
+        guarded = self._guarded(setters.get(kind, callback), name)
+        listed = _LISTS.get(kind)
 
         def answer(request: Any, response: Any) -> Any:
+            if kind not in setters and listed and len(getattr(request, listed)) > MOST_PARAMETERS:
+                return response
             done = guarded(request, response)
             if done is None and hasattr(response, "message"):
                 response.message = f"{name} failed; the log of the node says why"
@@ -99,6 +119,33 @@ class GuardedNode(Node):
             throttle_duration_sec=_WARN_PERIOD,
         )
 
+    def _set_each(self, request: Any, response: Any) -> Any:
+        wanted = request.parameters
+        if len(wanted) > MOST_PARAMETERS:  # one refusal for all: to make thousands takes 50 ms
+            response.results = [self._set(wanted)] * len(wanted)
+        else:
+            response.results = [self._set([message]) for message in wanted]
+        return response
+
+    def _set_all(self, request: Any, response: Any) -> Any:
+        response.result = self._set(request.parameters)
+        return response
+
+    def _set(self, messages: Sequence[Any]) -> SetParametersResult:
+        """Set parameters, all or none; a type that ROS does not know is refused as well."""
+        if (count := len(messages)) > MOST_PARAMETERS:
+            limit = f"{MOST_PARAMETERS} is the limit: send several"
+            return _refused(f"{count} parameters in one request; {limit}")
+        try:
+            wanted = [Parameter.from_parameter_msg(message) for message in messages]
+            # A dump that is loaded again names those of the start too, as they are.
+            news = [one for one in wanted if not _stays(self, one)]
+            if wanted and not news:
+                return SetParametersResult(successful=True)
+            return self.set_parameters_atomically(news)
+        except Exception as error:
+            return _refused(_short(error))
+
     def _guarded(self, callback: Callable[..., Any], source: str) -> Callable[..., Any]:
         # rclpy looks at the signature, which functools.wraps keeps.
         @functools.wraps(callback)
@@ -117,59 +164,12 @@ class GuardedNode(Node):
 def _keep_clock(changes: Sequence[Parameter]) -> SetParametersResult:
     """Refuse another clock while the node runs: what is under way counts by the present one."""
     if any(one.name == USE_SIM_TIME for one in changes):
-        reason = f"{USE_SIM_TIME} can be set at the start only"
-        return SetParametersResult(successful=False, reason=reason)
+        return _refused(f"{USE_SIM_TIME} can be set at the start only")
     return SetParametersResult(successful=True)
 
 
-def _bounded(name: str, asked: str) -> Any:
-    """Return a callback of rclpy's that answers by nothing where too much is asked for."""
-    answered = getattr(ParameterService, name)
-
-    def callback(self: ParameterService, request: Any, response: Any) -> Any:
-        many = _too_many(len(getattr(request, asked)))
-        return response if many else answered(self, request, response)
-
-    return callback
-
-
-class _Parameters(ParameterService):
-    """The parameter services; a parameter whose type ROS does not know is refused."""
-
-    # What is asked of more than a few hundred is answered by nothing, as by a node that does not
-    # know one of them: 3000 names made a node grow by 70 MB, 100 000 prefixes took seconds.
-
-    _get_parameters_callback = _bounded("_get_parameters_callback", "names")
-    _get_parameter_types_callback = _bounded("_get_parameter_types_callback", "names")
-    _describe_parameters_callback = _bounded("_describe_parameters_callback", "names")
-    _list_parameters_callback = _bounded("_list_parameters_callback", "prefixes")
-
-    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
-        wanted = request.parameters
-        if many := _too_many(len(wanted)):  # one refusal for all: to make thousands takes 50 ms
-            response.results = [self._set((), many)] * len(wanted)
-        else:
-            response.results = [self._set([message], "") for message in wanted]
-        return response
-
-    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
-        response.result = self._set(request.parameters, _too_many(len(request.parameters)))
-        return response
-
-    def _set(self, messages: Sequence[Any], reason: str) -> SetParametersResult:
-        """Set parameters, all or none; refuse them if there is a reason already."""
-        if not reason:
-            try:
-                node = self._get_node()
-                wanted = [Parameter.from_parameter_msg(message) for message in messages]
-                # A dump that is loaded again names those of the start too, as they are.
-                news = [one for one in wanted if not _stays(node, one)]
-                if wanted and not news:
-                    return SetParametersResult(successful=True)
-                return node.set_parameters_atomically(news)
-            except Exception as error:
-                reason = _short(error)
-        return SetParametersResult(successful=False, reason=reason)
+def _refused(reason: str) -> SetParametersResult:
+    return SetParametersResult(successful=False, reason=reason)
 
 
 def _stays(node: Node, wanted: Parameter) -> bool:
@@ -182,12 +182,6 @@ def _stays(node: Node, wanted: Parameter) -> bool:
         with suppress(TypeError, ValueError):
             same = now.value == float(wanted.value)
     return same and (fixed or wanted.name == USE_SIM_TIME)
-
-
-def _too_many(count: int) -> str:
-    if count <= MOST_PARAMETERS:
-        return ""
-    return f"{count} parameters in one request; {MOST_PARAMETERS} is the limit: send several"
 
 
 def _short(error: Exception) -> str:
