@@ -364,16 +364,10 @@ class SpinThread:
     def take_what_waits(self, most: float = 5.0) -> int:
         """Execute callbacks until none waits, or for a time (s); return how many. Within `run`."""
         count, deadline = 0, time.monotonic() + most
-        entity: object
-        while time.monotonic() < deadline:
-            with self._passing_over():
-                try:
-                    handler, entity, _ = self.executor.wait_for_ready_callbacks(0.0)
-                except TimeoutException:
-                    break
-                count += entity is not None  # tasks have none
-                handler()
-                handler.result()  # raises what it raised
+        with contextlib.suppress(TimeoutException):
+            while time.monotonic() < deadline:
+                with self._passing_over():
+                    count += self._take(0.0)
         return count
 
     @property
@@ -400,7 +394,8 @@ class SpinThread:
             while not self._ending:
                 with self._passing_over():
                     if self._work.empty():
-                        self.executor.spin_once(timeout_sec=1.0)
+                        with contextlib.suppress(TimeoutException):
+                            self._take(1.0)
                         continue
                     work, done = self._work.get()
                     try:
@@ -408,12 +403,22 @@ class SpinThread:
                     except BaseException as error:
                         done.set_exception(error)
 
+    def _take(self, timeout: float) -> bool:
+        """Execute a callback; return whether it was no task. TimeoutException after a time (s)."""
+        entity: object
+        # Nodes in the order in which they came: executors keep them in a set, and of what waits at
+        # once, tests would see now this first, now that.
+        handler, entity, _ = self.executor.wait_for_ready_callbacks(timeout, self._nodes)
+        handler()
+        handler.result()  # raises what it raised
+        return entity is not None
+
     @contextlib.contextmanager
     def _passing_over(self) -> Iterator[None]:
         """Log what a callback raises: else no node would receive anything, and callers wait."""
         try:
             yield
-        except ExternalShutdownException:
+        except (ExternalShutdownException, TimeoutException):
             raise
         except InvalidHandle:
             pass  # another thread destroyed something that the executor was about to wait for

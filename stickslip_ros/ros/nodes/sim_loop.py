@@ -151,6 +151,8 @@ class SimLoop:
         if leader and leader.missing():
             return
         now = leader.reading() if leader else Clock().now().nanoseconds
+        if self._clock and self.paused:  # stamps as floats of seconds are then apart as in any run
+            now -= now % 1_000_000_000
         steady, factor = monotonic_ns(), 0.0 if self.paused else self._factor
         axes = [one.axis for one in self._axes]
         followed = leader.reading if leader else None
@@ -304,7 +306,7 @@ class SimLoop:
 
     def hold(self) -> None:
         """Leave a paused time to `go_on` alone, reports included."""
-        self._held, self._report_at = True, self.pace.ns
+        self._held, self._report_at, self._first = True, self.pace.ns, 0
         for timer in (self._tick, self._reporter):
             timer.cancel()
 

@@ -64,8 +64,13 @@ def test_the_fixtures_share_one_world(
         pass
 
 
-def story(world: InProcess) -> tuple[list[tuple[int, float]], float]:
-    """Return what a node saw of a jog of x, and where it stopped it."""
+def story(world: InProcess) -> tuple[list[tuple[int, float]], float, list[str], float]:
+    """Return what a node saw of a jog of x, where it stopped it, and whom another heard, and when.
+
+    The last is a difference of floats, as nodes compute.
+    """
+    heard: list[JointState] = []
+    world.node("ears").create_subscription(JointState, "/joint_states", heard.append, 100)
     use_sim_time = Parameter("use_sim_time", value=True)
     watch = Watch(context=world.context, parameter_overrides=[use_sim_time])
     begin, first = world.now, world.add(watch).get_clock().now().nanoseconds
@@ -79,7 +84,8 @@ def story(world: InProcess) -> tuple[list[tuple[int, float]], float]:
     assert world.now - begin < 1.0
     seen = [(ns - first, position) for ns, position in watch.seen if ns > first]
     assert seen[-1][0] * 1e-9 == pytest.approx(world.now - begin, abs=0.011)
-    return seen, watch.stopped_at
+    ends = [one.header.stamp.sec + 1e-9 * one.header.stamp.nanosec for one in heard[::9]]
+    return seen, watch.stopped_at, [one.name[0] for one in heard], ends[-1] - ends[0]
 
 
 RUNS: list[Any] = []
@@ -88,7 +94,10 @@ RUNS: list[Any] = []
 @pytest.mark.parametrize("number", range(3))
 @pytest.mark.stickslip(axes=["x", "y"], own_time=True, frequency=1000.0)
 def test_time_of_its_own_comes_out_alike(stickslip_world: InProcess, number: int) -> None:
-    """With /clock for the node under test, which reacts before time goes on."""
+    """With /clock for the node under test, which reacts before time goes on.
+
+    Which of several axes was heard first depended on how long the start took.
+    """
     RUNS.append(story(stickslip_world))
     assert RUNS[-1] == RUNS[0]
 
