@@ -48,7 +48,8 @@ def test_what_ros2_param_dump_writes_is_taken_by_every_command(
     """There was no parameter 'emulate'."""
     node = axis_or_host(context=ros.context, parameter_overrides=[RosParameter("mass", value=0.1)])
     (one,) = node.nodes
-    values = {name: p.value for name, p in one.get_parameters_by_prefix("").items()}
+    names = one.list_parameters([], 0).names
+    values = {name: one.get_parameter(name).value for name in names}
     assert {"emulate", "use_sim_time"} < set(values)
     file = tmp_path / "stickslip_axis.yaml"
     file.write_text(yaml.safe_dump({"/stickslip_axis": {"ros__parameters": values}}))
