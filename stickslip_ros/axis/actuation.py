@@ -191,6 +191,11 @@ class Actuation:
             )
 
     @property
+    def changes_at(self) -> float:
+        """When (s) changes take effect that wait for the running cycle; nan if none does."""
+        return self._change[1] if self._change else math.nan
+
+    @property
     def cycle_ends(self) -> float:
         """When (s) the running cycle ends; now, if none runs."""
         return self.sim.end_of_cycle if self.kind == CYCLES and self.sim.cycles_left else self.t

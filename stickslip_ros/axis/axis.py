@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import Any
 
 from stickslip_ros.axis.closed_loop import ClosedLoop
-from stickslip_ros.axis.command import AxisStatus, Command, refusal
+from stickslip_ros.axis.command import LONG_WAIT, STOP_ENDS, AxisStatus, Command, refusal
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.events import TRIP, CommandRefused, Event
@@ -25,9 +25,6 @@ from stickslip_ros.axis.trajectory import Point
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver import Simulation, State
-
-#: Time (s) from which on it is said that a command waits for the running cycle
-_SAID = 1.0
 
 
 class Axis(Device):
@@ -86,7 +83,7 @@ class Axis(Device):
             mean_step=actuation.mean_step,
             backstep=actuation.sim.backstep,
             lost=lost,
-            begins=actuation.cycle_ends if self._leaving else math.nan,
+            begins=actuation.changes_at,
             position=position,
             zero_offset=config.offset,
             velocity=self.supervisor.velocity,
@@ -229,9 +226,9 @@ class Axis(Device):
         """Return what the event of a command says if the running cycle keeps it waiting."""
         begins = self.actuation.cycle_ends
         waits = command.task or command.name in ("amplitude", "frequency")
-        if not waits or command.breaks_off(*arguments) or begins <= self.actuation.t + _SAID:
+        if not waits or command.breaks_off(*arguments) or begins <= self.actuation.t + LONG_WAIT:
             return {}
-        return {"begins": begins, "now": "stop breaks off the running cycle"}
+        return {"begins": begins, "now": STOP_ENDS}
 
     def _checked(
         self, command: Command, arguments: tuple[Any, ...]

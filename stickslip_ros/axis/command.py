@@ -23,6 +23,9 @@ STATES = (STOPPED, STEPPING, JOGGING, SCANNING, TARGETING, HOLDING, HOMING, FAUL
 #: In place of a next state: the command leaves the state as it is, or is refused.
 SAME, REFUSED = "same", "refused"
 
+#: Wait (s) for the running cycle from which on it is said, and what is said then
+LONG_WAIT, STOP_ENDS = 1.0, "stop breaks off the running cycle"
+
 #: State -> next state, `SAME` or `REFUSED`. A running cycle is finished first, if nothing is said.
 Row = Mapping[str, str]
 
@@ -66,7 +69,9 @@ class AxisStatus:
     mean_step: float  #: mean over the present or last run, m; nan before its first step
     backstep: float  #: of the last slip, m; nan before the first
     lost: float  #: energy lost in the contact over the last cycle, J; nan before the first
-    begins: float  #: when the command that waits for the running cycle begins, s; nan if none does
+    begins: (
+        float  #: when (s) what waits for the end of the running cycle begins; nan if nothing does
+    )
     # -- position
     position: float  #: reading of the sensor, m
     zero_offset: float  #: subtracted from the reading, m

@@ -96,7 +96,7 @@ NUMBER_KEYS = {
 # Target and following error are numbers in closed loop only.
 TEXT_KEYS = {
     "axis": ["state", "moving", "paused", "injected faults", "target reached", "target (m)",
-             "following error (m)", "held at", "last error", "overload"],
+             "following error (m)", "begins (s)", "held at", "last error", "overload"],
     "friction": ["model", "regime", "phase"],
     "timing": ["real-time priority"],
 }  # fmt: skip
@@ -138,6 +138,21 @@ def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) ->
     assert found["axis"].level == DiagnosticStatus.WARN
     assert found["axis"].message == "1 commands refused"
     assert heard.next_report()["axis"].level == DiagnosticStatus.OK
+
+
+def test_what_waits_for_a_slow_cycle_is_told_when_it_begins(ros: Ros, make_axis: MakeAxis) -> None:
+    """With the way to end it now, by the event and the status: of a new task and of the drive."""
+    make_axis(frequency=1e-3)
+    client, heard = connect(ros)
+    for command, value in (("steps", 0), ("frequency", 0.002)):
+        assert client.step(5).status["begins (s)"] == "nan"
+        begins = float(client.send(command, value).status["begins (s)"])
+        assert begins > 999.0
+        assert client._message.startswith("stepping: what was commanded begins at ")
+        assert client._message.endswith("; stop breaks off the running cycle")
+        event = heard.event(command, "applied", 2 if command == "steps" else 1)
+        assert (float(event["begins"]), event["now"]) == (begins, client._message[-33:])
+        assert client.stop().wait(2.0).status["begins (s)"] == "nan"
 
 
 @pytest.mark.parametrize(

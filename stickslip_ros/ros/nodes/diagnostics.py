@@ -16,6 +16,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.axis import Axis, AxisStatus
+from stickslip_ros.axis.command import LONG_WAIT, STOP_ENDS
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.joints import TRUTH, said_force
 from stickslip_ros.axis.pace import overload
@@ -50,6 +51,10 @@ STATUS_KEYS = {
     "steps commanded": ("step_count", "cycles since the start, those backward taken off"),
     "steps done": ("steps_done", "of the present or last run, with sign"),
     "steps left": ("steps_left", "of the present run, with sign; 0 for a jog"),
+    "begins (s)": (
+        "begins",
+        "when what waits for the running cycle begins; `nan` if nothing waits",
+    ),
     "amplitude (V)": ("amplitude", "as commanded, peak to peak"),
     "frequency (Hz)": ("frequency", "as commanded; of a jog its own"),
     "scan level (V)": ("scan_level", "of the actuator, without the drive cycles"),
@@ -125,6 +130,8 @@ class Diagnostics:
             level, message = WARN, f"held at the {status.held_at} end of the travel"
         else:
             level, message = (WARN, overload or news) if overload or news else (OK, status.state)
+            if level == OK and status.begins > axis.state.t + LONG_WAIT:
+                message += f": what was commanded begins at {status.begins:.6g} s; {STOP_ENDS}"
         values = {key: getattr(status, name, overload) for key, (name, _) in STATUS_KEYS.items()}
         return diagnostic_status(self._node, "axis", level, message, values)
 
