@@ -206,6 +206,11 @@ def test_three_axes_for_my_robot(
         time.sleep(0.01)
     at(goals, 1e-8)
 
+    # Home, all of them: where the model's positions begin.
+    assert ros.call(me, Trigger, "/stickslip_axis/home", Trigger.Request()).success
+    ended("home")
+    at([0.0, 0.0, 0.0], 5e-9)
+
     # My node, in a process of its own, stops all of them when y is stuck.
     (tmp_path / "robot.py").write_text(ROBOT)
     robot = start_module("robot")

@@ -107,6 +107,12 @@ def test_the_host_stops_all_axes_and_moves_several_together(ros: Ros, host: Axis
         assert (answer.success, answer.message) == (True, "")
         x.wait_for_state("stopped")
         z.wait_for_state("stopped")
+        z.enable(False)
+        answer = ros.call(user, Trigger, "/stickslip_axis/home", Trigger.Request())
+        reason = "z: the axis is disabled: enable it first"
+        assert (answer.success, answer.message) == (False, reason)
+        x.wait_for_state("homing")
+        assert x.wait_for_state("stopped").position == pytest.approx(0.0, abs=5e-9)
         both = JointTrajectory(joint_names=["x_slider", "y_slider"])
         ros.send(ros.publisher(user, JointTrajectory, "/x/joint_trajectory"), both)
         ros.wait_until(lambda: "joint_trajectory" in x.last_error, "the refusal")

@@ -47,7 +47,10 @@ def test_each_command_leads_to_its_state(node: AxisNode, client: AxisClient) -> 
     assert client.position == pytest.approx(1e-6, abs=5e-9)
     client.send("trajectory", [(0.2, 2e-6), (0.4, 1.5e-6)]).wait()
     assert client.position == pytest.approx(1.5e-6, abs=5e-9)
+    assert client.home().wait().position == pytest.approx(0.0, abs=5e-9)
     client.enable(False).wait_for_state("disabled")
+    with pytest.raises(CommandRefused, match="home refused: the axis is disabled: enable it first"):
+        client.home()
     with pytest.raises(CommandRefused, match="steps refused: the axis is disabled"):
         client.step(1)
     assert client.enable().state == "stopped"

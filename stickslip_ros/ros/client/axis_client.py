@@ -291,8 +291,12 @@ class AxisClient(AxisListener):
         # Those that every node has are no event of the axis.
         return self._call("parameters", request, noted=bool(PARAMETERS.keys() & values.keys()))
 
+    def home(self) -> AxisClient:
+        """Go to the reference, a mark or an end of the travel; positions count from it then."""
+        return self.send("home")
+
     def stop(self) -> AxisClient:
-        """End the running command, steps after their cycle."""
+        """End the running command within 20 ms: a longer cycle is broken off."""
         return self.send("stop")
 
     def reset(self) -> AxisClient:
@@ -356,7 +360,7 @@ class AxisClient(AxisListener):
     # -- waiting
 
     def wait(self, timeout: float = 60.0) -> AxisClient:
-        """Wait until steps, a scan or a trajectory have ended or a target is reached.
+        """Wait until steps, a scan or a trajectory have ended, a target or home is reached.
 
         Raises AxisFault with the reason of a fault, CommandRefused where a command of somebody
         else ended it, TimeoutError after timeout (s), ValueError after a jog, which has no end.
@@ -368,7 +372,7 @@ class AxisClient(AxisListener):
                 raise AxisFault(self._status["last error"] + self._others())
             if self._jogs and self.state == "jogging":
                 raise ValueError("a jog does not end: call stop() or jog(0) before waiting")
-            at_rest = not self.moving and self.state != "targeting"
+            at_rest = not self.moving and self.state not in ("targeting", "homing")
             return at_rest and self._shows_rest
 
         self._wait_for_motion(
