@@ -69,7 +69,7 @@ def stickslip_world(
 ) -> Iterator[InProcess]:
     """Give the world of the test: axes in this process, faults of theirs, time.
 
-    ``clients["x"]``, ``axis``, ``fault("sensor_freeze", "x")``, ``advance(1.0)``, ``wait_until``,
+    ``clients["x"]``, ``axis``, ``fault("sensor_freeze", "x")``, ``run(1.0)``, ``wait_until``,
     ``add(MyNode(context=world.context))``, ``port`` of the emulator.
     """
     with _marker_of(request):
@@ -96,7 +96,7 @@ def stickslip_fault(stickslip_world: InProcess) -> Callable[..., AbstractContext
 
 @pytest.fixture
 def offline_axis(request: pytest.FixtureRequest) -> OfflineAxis:
-    """Give an axis without ROS: ``advance(seconds)`` lets time pass, at once."""
+    """Give an axis without ROS: ``run(seconds)`` lets time pass, at once."""
     from stickslip_ros.ros.testing.offline import OfflineAxis
 
     with _marker_of(request):

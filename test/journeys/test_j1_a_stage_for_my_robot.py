@@ -106,7 +106,7 @@ def test_all_stop_when_one_fails(stickslip_world, failing):
     go = world.node("me").create_client(Trigger, "/robot/go")
     world.wait_until(lambda: go.service_is_ready(), what="my node")
     world.wait_until(lambda: go.call(Trigger.Request()).success, what="it goes")
-    world.advance(1.5)
+    world.run(1.5)
     assert not robot.stuck
     with world.fault("axis_stuck", failing):
         world.wait_until(lambda: robot.stuck, 3.0, "it notices")

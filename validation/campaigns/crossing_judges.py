@@ -328,10 +328,10 @@ def _in_node(case: Case, others: dict[str, dict[str, Any]], record: bool = False
                     and time.monotonic() < until
                 ):
                     time.sleep(0.05)
-            world.advance(0.1)
+            world.run(0.1)
             begun = world.nodes[0].axis.state.t
             send_steps(world, case.steps)
-            world.advance(lasts)
+            world.run(lasts)
             axis = world.nodes[0].axis
             found, p, now = axis.state.x, axis.parameters, axis.state.t
             if recorder:

@@ -82,7 +82,7 @@ def heard(p: Parameters, cycles: int, rate: float, folder: Path) -> Heard:
         start = true[-1][0] - round(1e9 * world.now)
         send_steps(world, cycles)
         begun = world.now
-        world.advance(lasts + _REST / rate)
+        world.run(lasts + _REST / rate)
         at, x, v = true[-1]
         if abs(v) > _CARRIED:
             raise NoAnswerError(f"a load carries the runner off, at {v:.3g} m/s")

@@ -38,7 +38,7 @@ class InProcess:
     """A world for tests: axes, their clients, and the executor that spins them and your nodes.
 
     Its time is that of the machine; with own_time it is simulated: it stands still but for
-    `advance`, `wait_until` and the waits of the clients, which let it pass as fast as it can. Then
+    `run`, `wait_until` and the waits of the clients, which let it pass as fast as it can. Then
     /clock tells it to nodes with ``use_sim_time``, and whatever a node does about a message is done
     before time goes on, so a test comes out alike each time.
     """
@@ -119,7 +119,7 @@ class InProcess:
         """The simulated time since the start, s."""
         return self.nodes[0].sim_loop.pace.seconds
 
-    def advance(self, seconds: float) -> None:
+    def run(self, seconds: float) -> None:
         """Let simulated time pass, s; with own_time at once, otherwise as it goes."""
         end = self.now + seconds
         if not self.own_time:

@@ -16,14 +16,12 @@ class OfflineAxis:
         """Set up the axis at rest, at time 0; ParameterError if the parameters do not make one."""
         self.axis = Axis(parameters)
 
-    def advance(self, seconds: float) -> None:
+    def run(self, seconds: float) -> None:
         """Let a time (s) pass."""
         self.axis.advance(self.axis.state.t + seconds)
 
-    def advance_to(self, t: float) -> None:
-        """Let time pass until t (s) since the start, not before the present time."""
-        self.axis.advance(t)
-
     def __getattr__(self, name: str) -> Any:
         """Return what the axis has: commands, status, state, parameters."""
+        if name in ("advance", "advance_to"):  # which took a duration until 3.0.0, and a time
+            raise AttributeError(f"no {name} here: run(seconds), or axis.advance(t) to a time")
         return getattr(self.axis, name)

@@ -80,7 +80,7 @@ def story(world: InProcess) -> tuple[list[tuple[int, float]], float, list[str], 
     with world.fault("sensor_drift 1um/s", "y"):
         world.wait_until(lambda: watch.stopped_at, 5.0, "the node stops x")
     assert x.wait_for_state("stopped").position < 7e-6
-    world.advance(0.1)
+    world.run(0.1)
     assert world.now - begin < 1.0
     seen = [(ns - first, position) for ns, position in watch.seen if ns > first]
     assert seen[-1][0] * 1e-9 == pytest.approx(world.now - begin, abs=0.011)
@@ -134,12 +134,13 @@ def test_each_axis_has_its_turn_where_time_goes_as_fast_as_it_can(
     assert min(counts) > 0.2 * len(heard), counts
 
 
-def test_an_offline_axis_takes_a_duration_or_a_time(offline_axis: OfflineAxis) -> None:
+def test_a_duration_and_a_time_have_two_names(offline_axis: OfflineAxis) -> None:
+    """With the cure where the name of one is used for the other."""
     offline_axis.command_steps(3)
-    offline_axis.advance(0.5)
-    offline_axis.advance(0.5)
+    offline_axis.run(0.5)
+    offline_axis.run(0.5)
     assert offline_axis.state.t == 1.0
-    offline_axis.advance_to(1.5)
+    offline_axis.axis.advance(1.5)
     assert offline_axis.state.t == 1.5 and offline_axis.status.step_count == 3
-    with pytest.raises(ValueError, match="back"):
-        offline_axis.advance_to(1.0)
+    with pytest.raises(AttributeError, match=r"run\(seconds\), or axis.advance\(t\) to a time"):
+        offline_axis.advance(0.5)
