@@ -76,7 +76,7 @@ def creep(axes: Axes) -> None:
         for k, t in enumerate(times):
             axis.advance(float(t))
             if k in commands:
-                axis.command_scan(commands[k])
+                axis.command("scan", commands[k])
             found.append(1e9 * axis.state.u)
         axes.plot(times, found, label=label, linewidth=1.3)
     axes.set(xlabel="time (s)", ylabel="deflection (nm)")

@@ -35,7 +35,7 @@ def test_a_file_makes_an_axis_that_steps(file: Path) -> None:
     for name, value in values.items():  # 1e-6 would be a text and 1 an integer for other readers
         assert type(value) is PARAMETERS[name].kind, name
     axis = Axis(read_yaml(file))
-    axis.command_steps(3)
+    axis.command("steps", 3)
     axis.advance(1.0)
     assert axis.status.steps_done == 3
     assert axis.state.x > 0.0
@@ -76,11 +76,11 @@ def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency
         p = read_yaml(CONFIG / f"{name}.yaml")
         assert {key: p.flat()[key] for key in limits} == limits
         axis = Axis(p)
-        axis.command_amplitude(p.actuator.max_voltage)
+        axis.command("amplitude", p.actuator.max_voltage)
         stroke = p.actuator.max_voltage * p.actuator.gain
         for hertz, steps in ((p.drive.min_frequency, 3), (p.drive.max_frequency, 2000)):
-            axis.command_frequency(hertz)
-            axis.command_steps(steps)
+            axis.command("frequency", hertz)
+            axis.command("steps", steps)
             axis.advance(axis.state.t + steps / hertz + 0.1)
             assert axis.status.steps_done == steps
             assert 0.9 * stroke < axis.status.mean_step < 1.02 * stroke

@@ -99,8 +99,8 @@ def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Pat
     (tmp_path / "robot.py").write_text(
         "import stickslip_ros as ss\n"
         "a = ss.Axis({'preload': 0.5})\n"
-        "a.command_steps(3)\n"
-        "a.comand_steps(3)\n"
+        "a.command('steps', 3)\n"
+        "a.comand('steps', 3)\n"
         "ss.simulat()\n"
         "size: float = ss.simulate(preload=0.5).step_size\n"
         "text: str = ss.simulate().step_size\n",
@@ -110,4 +110,4 @@ def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Pat
     found = python(*mypy, "robot.py", cwd=tmp_path, PYTHONPATH=str(site))
     lines = [int(line) for line in re.findall(r"robot\.py:(\d+): error", found.stdout)]
     assert lines == [4, 5, 7], found.stdout + found.stderr
-    assert '"comand_steps"; maybe "command_steps"' in found.stdout
+    assert '"comand"; maybe "command"' in found.stdout

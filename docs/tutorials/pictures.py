@@ -67,7 +67,7 @@ def design_a_waveform(axes: Axes) -> None:
 def robot_tests(axes: Axes) -> None:
     """Draw what a test of a robot may see: a move, a push, a target beyond the limit."""
     axis = ss.Axis({"frequency": 1000.0, "preload": 0.5, "soft_high": 6e-6})
-    axis.command_position(5e-6)
+    axis.command("position", 5e-6)
     _draw_positions(axes, axis, 0.0, 0.15)
     axis.set_load(0.02)
     _draw_positions(axes, axis, 0.15, 0.3)
@@ -92,7 +92,7 @@ def same_drive(axes: Axes) -> None:
     """Draw how far an axis is from its twin before and after its preload falls by a fifth."""
     axis, noise = ss.Axis({"frequency": 100.0}), np.random.default_rng(1)
     twin, updates = Twin(ss.Parameters.of(frequency=100.0)), []
-    axis.command_steps(600)
+    axis.command("steps", 600)
     twin.command(TwinCommand(0.0, "steps", 600))
     for number, t in enumerate(np.arange(0.013, 6.0, 0.01).tolist()):
         axis.advance(t)

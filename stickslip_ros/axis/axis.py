@@ -9,19 +9,19 @@ the same motion to the last bit, however often its state is read. States: `comma
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import LONG_WAIT, STOP_ENDS, AxisStatus, Command, refusal
-from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.commands import COMMANDS, command_of
 from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.events import TRIP, CommandRefused, Event
 from stickslip_ros.axis.faults import REFUSE
 from stickslip_ros.axis.tasks import StepTask
-from stickslip_ros.axis.trajectory import Point
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver import Simulation, State
@@ -108,15 +108,15 @@ class Axis(Device):
         spare = Axis(p)
         cycle = 1.0 / spare.status.frequency
         with suppress(CommandRefused):  # one that cannot move has nothing more to compile
-            spare.command_steps(3)
+            spare.command("steps", 3)
             spare.advance(1.5 * cycle)
-            spare.set_load(0.0)  # another plant in the middle of a cycle
-            spare.stop()
+            spare.command("load", 0.0)  # another plant in the middle of a cycle
+            spare.command("stop")
             spare.advance(3.0 * cycle)
-            spare.command_steps(1)
+            spare.command("steps", 1)
             spare.advance(3.5 * cycle)
             spare.actuation.halt()  # the chain in the middle of a window
-            spare.set_parameters({"sensor_bandwidth": 1e3})
+            spare.command("parameters", {"sensor_bandwidth": 1e3})
             spare.advance(3.5 * cycle + 1e-4)
 
     def take_events(self) -> list[Event]:
@@ -124,11 +124,18 @@ class Axis(Device):
         events, self._events = self._events, []
         return events
 
-    # -- commands; each raises CommandRefused and changes nothing if it is refused
+    # -- commands
 
     def command(self, name: str, *arguments: Any) -> None:
-        """Carry out a command of the registry, `commands.COMMANDS`."""
-        command = COMMANDS[name]
+        """Carry out a command of docs/states.md: its name, and its value in SI units if any.
+
+        So ``command("steps", 200)``, ``command("jog", -500.0)`` (Hz), ``command("position", 5e-6)``
+        (m), ``command("stop")``, ``command("enable", False)``, ``command("load", 0.1)`` (N),
+        ``command("parameters", {"preload": 0.7})``, and ``command("trajectory", ["axis_slider"],
+        [(0.5, 1e-6)])``, with points of time from now (s) and measured position (m). Raises
+        CommandRefused, and then changes nothing; ParameterError for what is no command.
+        """
+        command = command_of(name)
         arguments = command.completed(arguments)
         if command.ignored(self, *arguments):
             return
@@ -149,70 +156,17 @@ class Axis(Device):
 
     def why_not(self, name: str, *arguments: Any) -> str:
         """Return why a command of the registry would be refused now, empty if it would not."""
-        command = COMMANDS[name]
+        command = command_of(name)
         return self._checked(command, command.completed(arguments))[0]
 
-    def command_steps(self, steps: int) -> None:
-        """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
-        self.command("steps", steps)
+    if not TYPE_CHECKING:  # for programs of before 3.0.0
 
-    def command_jog(self, hertz: float) -> None:
-        """Step without end at a frequency (Hz), the sign is the direction; 0 stops.
-
-        Later amplitudes and frequencies change it from the next cycle on.
-        """
-        self.command("jog", hertz)
-
-    def command_scan(self, volts: float) -> None:
-        """Move the actuator slowly to a level (V) and leave it there, without a slip."""
-        self.command("scan", volts)
-
-    def command_position(self, x: float) -> None:
-        """Go to a measured position (m) in closed loop and hold it."""
-        self.command("position", x)
-
-    def command_trajectory(self, joints: Sequence[str], points: Sequence[Point]) -> None:
-        """Follow points (time from now in s, measured position in m) in closed loop; hold the last.
-
-        joints names the one joint of the axis, <axis_name>_slider.
-        """
-        self.command("trajectory", list(joints), [list(point) for point in points])
-
-    def home(self) -> None:
-        """Go to the reference, a mark or an end of the travel; positions count from it then."""
-        self.command("home")
-
-    def command_amplitude(self, volts: float) -> None:
-        """Set the amplitude (V peak to peak) from the next cycle on."""
-        self.command("amplitude", volts)
-
-    def command_frequency(self, hertz: float) -> None:
-        """Set the frequency (Hz) from the next cycle on."""
-        self.command("frequency", hertz)
-
-    def stop(self) -> None:
-        """End the running command: steps after their cycle, a scan at once."""
-        self.command("stop")
-
-    def reset(self) -> None:
-        """Leave a fault."""
-        self.command("reset")
-
-    def zero(self) -> None:
-        """Count positions from the present reading of the sensor on."""
-        self.command("zero")
-
-    def enable(self, on: bool) -> None:
-        """Accept commands or refuse them; disabling ends the running command as `stop` does."""
-        self.command("enable", on)
-
-    def set_load(self, newtons: float) -> None:
-        """Apply an external force along the axis (N) from now on."""
-        self.command("load", newtons)
-
-    def set_parameters(self, changes: Mapping[str, Any]) -> None:
-        """Change parameters; those of the drive cycle take effect with the next cycle."""
-        self.command("parameters", changes)
+        def __getattr__(self, name: str) -> Callable[..., None]:
+            """Return the command that had a method: ``command_steps``, ``set_load``, ``stop``."""
+            known = name.removeprefix("command_").removeprefix("set_")
+            if known not in COMMANDS:
+                raise AttributeError(f"an axis has no {name!r}")
+            return partial(self.command, known)
 
     def trip(self, reason: str) -> None:
         """Go into a fault for an external reason, such as a machine that is too slow."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stickslip_ros.axis.events import is_digest
+from stickslip_ros.physics.parameters import ParameterError
 
 STOPPED, STEPPING, JOGGING, SCANNING = "stopped", "stepping", "jogging", "scanning"
 TARGETING, HOLDING, HOMING = "targeting", "holding", "homing"
@@ -165,8 +166,20 @@ class Command:
         return self.off[1] if self.off and self.turns_off(arguments) else self.states
 
     def completed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Return the arguments with the defaults of those that were left out."""
-        missing = len(self.arguments) - len(arguments) if self.arguments else 0
+        """Return the arguments with the defaults of those that were left out; lists, as in events.
+
+        ParameterError if there are too few or too many.
+        """
+        wanted = ("a mapping",) if self.arguments is None else self.arguments
+        missing = len(wanted) - len(arguments)
+        if not 0 <= missing <= len(self.defaults):
+            given = ", ".join(map(repr, arguments)) or "nothing"
+            raise ParameterError(
+                f"{self.name} takes {', '.join(wanted) or 'no value'}, not {given}"
+            )
+        if self.type == TRAJECTORY:
+            joints, points, *begin = arguments
+            arguments = (list(joints), [list(point) for point in points], *begin)
         return arguments + self.defaults[len(self.defaults) - missing :] if missing else arguments
 
     def details(self, arguments: tuple[Any, ...]) -> dict[str, Any]:

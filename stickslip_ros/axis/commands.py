@@ -478,6 +478,13 @@ COMMANDS: dict[str, Command] = {
 }
 
 
+def command_of(name: str) -> Command:
+    """Return the command of that name; ParameterError if there is none."""
+    if name not in COMMANDS:
+        raise ParameterError(f"there is no command {name!r}; there are {', '.join(COMMANDS)}")
+    return COMMANDS[name]
+
+
 def state_table() -> dict[str, Row]:
     """Return the effect of every command in every state, by its name in the table of states."""
     return {name: row for command in COMMANDS.values() for name, row in command.rows().items()}

@@ -106,15 +106,15 @@ class Actor(Channel):
         if self.output and loop:
             self.go_to(self.goal, math.inf)
         elif self.output and jog:
-            self.axis.command_jog(math.copysign(self.axis.status.frequency, jog))
+            self.axis.command("jog", math.copysign(self.axis.status.frequency, jog))
         else:
-            self.axis.stop()
+            self.axis.command("stop")
         self.loop, self.jog = loop, jog
 
     def enable(self, on: bool) -> None:
         """Switch the output; taking it away stops the axis, giving it clears a fault."""
         if on and self.locked:
-            self.axis.reset()
+            self.axis.command("reset")
         self.output = on
         self.want(self.loop, self.jog)
 
@@ -129,7 +129,7 @@ class Actor(Channel):
         """Run steps."""
         require(self.output, _OUTPUT_OFF)
         require(1 <= steps < 2**31, _RANGE)
-        self.axis.command_steps(-steps if backward else steps)
+        self.axis.command("steps", -steps if backward else steps)
         self.loop, self.jog = False, 0
 
     def set_steps(self, steps: int) -> None:
@@ -195,17 +195,17 @@ class Actor(Channel):
     def set_volts(self, millivolts: float) -> None:
         """Set the amplitude (mV)."""
         require(0 < millivolts <= 1e3 * MOST_VOLTS, _RANGE)
-        self.axis.command_amplitude(1e-3 * millivolts)
+        self.axis.command("amplitude", 1e-3 * millivolts)
 
     def set_hertz(self, millihertz: float) -> None:
         """Set the frequency (mHz)."""
         require(1e3 * LEAST_HERTZ <= millihertz <= 1e3 * MOST_HERTZ, _RANGE)
-        self.axis.command_frequency(1e-3 * millihertz)
+        self.axis.command("frequency", 1e-3 * millihertz)
 
     def set_level(self, millivolts: float) -> None:
         """Set the dc voltage of the output (mV)."""
         require(0 <= millivolts <= 1e3 * MOST_VOLTS, _RANGE)
-        self.axis.command_scan(1e-3 * millivolts)
+        self.axis.command("scan", 1e-3 * millivolts)
         self.loop, self.jog = False, 0
 
     @property

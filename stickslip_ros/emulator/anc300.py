@@ -70,10 +70,10 @@ class Module:
         self._offset = 0.0  # V
         self._measured_at = -math.inf  # when the capacitance will have been measured, s
         if axis.status.amplitude > MOST_VOLTS:
-            axis.command_amplitude(MOST_VOLTS)
+            axis.command("amplitude", MOST_VOLTS)
         hertz = min(max(axis.status.frequency, LEAST_HERTZ), MOST_HERTZ)
         if hertz != axis.status.frequency:
-            axis.command_frequency(hertz)
+            axis.command("frequency", hertz)
 
     # -- settings
 
@@ -87,25 +87,25 @@ class Module:
         """Set the amplitude (V); 0 leaves the axis without motion."""
         require(0.0 <= volts <= MOST_VOLTS, _RANGE)
         if volts:
-            self.axis.command_amplitude(volts)
+            self.axis.command("amplitude", volts)
             self._silent = math.nan
         else:
             self._silent = self.axis.status.amplitude
             if self.axis.moving:
-                self.axis.stop()
+                self.axis.command("stop")
 
     def set_frequency(self, hertz: float) -> None:
         """Set the frequency (Hz), rounded to a whole number as the controller reports it."""
         require(LEAST_HERTZ <= hertz <= MOST_HERTZ, _RANGE)
-        self.axis.command_frequency(float(round(hertz)))
+        self.axis.command("frequency", float(round(hertz)))
 
     def set_mode(self, mode: str) -> None:
         """Connect the axis to the stepping generator, the offset, the meter, the input, ground."""
         require(mode in MODES, f"Wrong mode, there are {' '.join(MODES)}")
         if self.axis.mode == FAULT:
-            self.axis.reset()
+            self.axis.command("reset")
         if mode in _OFFSET:
-            self.axis.command_scan(_OFFSET[mode] * self._offset)
+            self.axis.command("scan", _OFFSET[mode] * self._offset)
         elif mode != "stp":
             self._ground()
         self.mode = mode
@@ -121,7 +121,7 @@ class Module:
         """Set the offset voltage (V), which the axis gets in modes off, stp+ and stp-."""
         require(0.0 <= volts <= MOST_VOLTS, _RANGE)
         if self.mode in _OFFSET:
-            self.axis.command_scan(_OFFSET[self.mode] * volts)
+            self.axis.command("scan", _OFFSET[self.mode] * volts)
         self._offset = volts
 
     # -- motion
@@ -135,9 +135,9 @@ class Module:
         if self._silent == self.axis.status.amplitude:
             return
         if number:
-            self.axis.command_steps(sign * number)
+            self.axis.command("steps", sign * number)
         else:
-            self.axis.command_jog(sign * self.axis.status.frequency)
+            self.axis.command("jog", sign * self.axis.status.frequency)
 
     @property
     def output(self) -> float:
@@ -157,13 +157,13 @@ class Module:
             self.mode = "gnd"
         wanted = _OFFSET.get(self.mode, 0.0) * self._offset
         if wanted and self.axis.mode == STOPPED and not self.axis.status.scan_level:
-            self.axis.command_scan(wanted)
+            self.axis.command("scan", wanted)
 
     def _ground(self) -> None:
         if self.axis.status.scan_level:
-            self.axis.command_scan(0.0)
+            self.axis.command("scan", 0.0)
         else:
-            self.axis.stop()
+            self.axis.command("stop")
 
 
 class TelnetLines(Lines):

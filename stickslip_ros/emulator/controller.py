@@ -269,7 +269,7 @@ class Channel:
         self._seeking = False  # its reference mark is on its way
         self._zeroes = False  # the mark will count as 0
         if axis.status.amplitude > self.most_volts:
-            axis.command_amplitude(self.most_volts)
+            axis.command("amplitude", self.most_volts)
 
     @property
     def position(self) -> float:
@@ -312,7 +312,7 @@ class Channel:
 
     def set_limits(self, **limits: float) -> None:
         """Set soft limits by name, as positions count, m."""
-        self.axis.set_parameters({name: x + self._origin for name, x in limits.items()})
+        self.axis.command("parameters", {name: x + self._origin for name, x in limits.items()})
 
     @property
     def moving(self) -> bool:
@@ -328,13 +328,13 @@ class Channel:
         """Run steps with an amplitude (V) and frequency (Hz); endless: only the sign counts."""
         axis = self.axis
         if not volts or not steps:
-            axis.stop()
+            axis.command("stop")
             return
         self.set_drive(volts, hertz)
         if endless:
-            axis.command_jog(math.copysign(hertz, steps))
+            axis.command("jog", math.copysign(hertz, steps))
         else:
-            axis.command_steps(steps)
+            axis.command("steps", steps)
 
     def set_drive(self, volts: float, hertz: float) -> None:
         """Set amplitude (V) and frequency (Hz), first the one that eases the drive.
@@ -346,11 +346,11 @@ class Channel:
         except ParameterError as error:
             raise CommandRefused(str(error)) from None
         if hertz < self.axis.status.frequency:
-            self.axis.command_frequency(hertz)
-            self.axis.command_amplitude(volts)
+            self.axis.command("frequency", hertz)
+            self.axis.command("amplitude", volts)
         else:
-            self.axis.command_amplitude(volts)
-            self.axis.command_frequency(hertz)
+            self.axis.command("amplitude", volts)
+            self.axis.command("frequency", hertz)
 
     def go_to(self, x: float, hold_s: float) -> None:
         """Go to a position (m) in closed loop, hold it for a time (s)."""
@@ -358,7 +358,7 @@ class Channel:
 
     def _go(self, target: float, hold_s: float) -> None:
         """Go to a position as the axis itself counts it (m), hold it for a time (s)."""
-        self.axis.command_position(target)
+        self.axis.command("position", target)
         self._target, self._hold_s, self._held_since = target, hold_s, None
         self._seeking = False
 
@@ -392,4 +392,4 @@ class Channel:
         if self._held_since is None:
             self._held_since = axis.state.t
         if axis.state.t - self._held_since >= self._hold_s:
-            axis.stop()
+            axis.command("stop")

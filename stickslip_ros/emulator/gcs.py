@@ -72,14 +72,14 @@ class GcsAxis(Channel):
         """Switch the closed loop; off stops the axis."""
         require(on in (0.0, 1.0), Code.RANGE)
         if on and self.locked:
-            self.axis.reset()
+            self.axis.command("reset")
         self.servo = bool(on)
         if not on:
             self.halt()
 
     def halt(self) -> None:
         """Stop."""
-        self.axis.stop()
+        self.axis.command("stop")
 
     def move(self, mm: float) -> None:
         """Go to a position (mm) and hold it."""
@@ -108,7 +108,7 @@ class GcsAxis(Channel):
         require(not self.servo, Code.SERVO_ON)
         require(steps == int(steps) and abs(steps) < 2**31, Code.RANGE)
         if steps:
-            self.axis.command_steps(int(steps))
+            self.axis.command("steps", int(steps))
         else:
             self.halt()
         self.steps = steps
@@ -269,7 +269,7 @@ OF_CHANNEL: dict[str, Request] = {
     "OSM": Request(GcsAxis.run_steps, 1, moves=True),
     "OSM?": Request(lambda a: f"{a.steps:.0f}"),
     "OSN?": Request(lambda a: f"{a.axis.status.steps_left:d}"),
-    "OVL": Request(lambda a, hertz: a.axis.command_frequency(hertz), 1),
+    "OVL": Request(lambda a, hertz: a.axis.command("frequency", hertz), 1),
     "OVL?": Request(lambda a: f"{a.axis.status.frequency:.6f}"),
     "POS": Request(GcsAxis.count_as, 1),
     "POS?": Request(lambda a: f"{a.position / _MM:.7f}"),

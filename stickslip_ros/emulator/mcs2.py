@@ -139,7 +139,7 @@ class Mcs2Channel(Channel):
             level = value + (self.scan_level if self.mode == SCAN_RELATIVE else 0.0)
             require(0 <= round(level) <= _LEVELS, _OUT_OF_RANGE)
             self.begin()
-            self.axis.command_scan(min(level * FULL_SCALE_V / _LEVELS, FULL_SCALE_V))
+            self.axis.command("scan", min(level * FULL_SCALE_V / _LEVELS, FULL_SCALE_V))
         else:
             start = self.target if self.mode == RELATIVE else 0.0
             self.set_drive(volts, hertz)
@@ -161,9 +161,9 @@ class Mcs2Channel(Channel):
         """Switch the amplifier; switched on it leaves a fault."""
         require(value in (0, 1), _OUT_OF_RANGE)
         self.amplifier = int(value)
-        self.axis.enable(bool(value))
+        self.axis.command("enable", bool(value))
         if value:
-            self.axis.reset()
+            self.axis.command("reset")
 
 
 class Mcs2Dialogue(Dialogue):

@@ -89,7 +89,7 @@ class Channel(controller.Channel):
     def halt(self) -> None:
         """Stop."""
         self.begin()
-        self.axis.stop()
+        self.axis.command("stop")
 
     @property
     def stopped_by(self) -> Code | None:
@@ -168,7 +168,9 @@ class McsChannel(Channel):
         require(self.referenced, Code.POSITION_UNKNOWN)
         _check(low <= high)
         if low == high:
-            self.axis.set_parameters(dict(zip(("soft_low", "soft_high"), _NO_RANGE, strict=True)))
+            self.axis.command(
+                "parameters", dict(zip(("soft_low", "soft_high"), _NO_RANGE, strict=True))
+            )
         else:
             self.set_limits(soft_low=_NM * low, soft_high=_NM * high)
 
@@ -245,7 +247,7 @@ def _mcs_step(channel: McsChannel, steps: int, level: int, hertz: int) -> None:
 def _scan(channel: McsChannel, level: float, speed: int) -> None:
     _check(0 <= level <= _LEVELS and speed >= 0)
     channel.begin()
-    channel.axis.command_scan(level * FULL_SCALE_V / _LEVELS)
+    channel.axis.command("scan", level * FULL_SCALE_V / _LEVELS)
 
 
 def _joined(name: str, *numbers: int) -> str:
@@ -444,7 +446,7 @@ def _scu_find_mark(channel: ScuChannel, H: str = "0", Z: str = "0") -> None:
 
 def _go_to_end(channel: ScuChannel, D: str) -> None:
     _check(D in ("U", "D"))
-    channel.axis.command_jog(math.copysign(channel.axis.status.frequency, 1 if D == "U" else -1))
+    channel.axis.command("jog", math.copysign(channel.axis.status.frequency, 1 if D == "U" else -1))
 
 
 def _scu_setting(name: str) -> tuple[ScuCommand, ScuCommand]:

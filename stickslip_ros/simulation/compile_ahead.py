@@ -44,7 +44,7 @@ def warm_up() -> None:
         axis.compile_ahead()
         regime_now(axis.simulation)
         stopped = Axis({"travel_high": 1e-7})
-        stopped.command_steps(3)
+        stopped.command("steps", 3)
         stopped.advance(0.05)
         trace_steps({}, 2)
         for values in _DRIVES:

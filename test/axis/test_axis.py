@@ -19,6 +19,7 @@ from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.physics.model import Plant, drive_of
+from stickslip_ros.physics.parameters import ParameterError
 from stickslip_ros.physics.solver import State
 from stickslip_ros.simulation.steps import run_steps
 
@@ -39,7 +40,7 @@ def test_a_move_is_that_many_cycles_and_rest(steps: int) -> None:
     """The runner rings down freely afterwards and the actuator is back where it was."""
     axis = Axis(TABLE_1)
     axis.advance(0.123)
-    axis.command_steps(steps)
+    axis.command("steps", steps)
     axis.advance(2.0)
     assert axis.state == Cycles(0.123).run(steps).rest(2.0)
     assert axis.state.u == pytest.approx(0.0, abs=1e-20)
@@ -59,9 +60,9 @@ def test_a_move_is_that_many_cycles_and_rest(steps: int) -> None:
 def test_a_new_command_replaces_what_is_left(second: int) -> None:
     """Given in the third of ten cycles: that one is finished, then only the new ones run."""
     axis = Axis(TABLE_1)
-    axis.command_steps(10)
+    axis.command("steps", 10)
     axis.advance(2.4 * T)
-    axis.command_steps(second)
+    axis.command("steps", second)
     assert axis.status.steps_left == second
     axis.advance(2.9 * T)
     assert axis.status.steps_done == 2
@@ -75,19 +76,19 @@ def test_a_new_command_replaces_what_is_left(second: int) -> None:
 
 def test_the_last_of_several_commands_in_a_cycle_counts() -> None:
     axis = Axis(TABLE_1)
-    axis.command_steps(10)
+    axis.command("steps", 10)
     axis.advance(0.5 * T)
     for steps in (3, 0, -2):
-        axis.command_steps(steps)
+        axis.command("steps", steps)
     axis.advance(1.0)
     assert axis.state == Cycles().run(1).run(-2).rest(1.0)
 
 
 def test_zero_finishes_the_cycle_and_stops() -> None:
     axis = Axis(TABLE_1)
-    axis.command_steps(10)
+    axis.command("steps", 10)
     axis.advance(3.2 * T)
-    axis.command_steps(0)
+    axis.command("steps", 0)
     assert axis.moving
     axis.advance(3.9 * T)
     assert axis.moving
@@ -104,10 +105,10 @@ def test_zero_finishes_the_cycle_and_stops() -> None:
 def test_the_drive_changes_with_the_next_cycle(change: dict[str, float]) -> None:
     """The running cycle keeps its shape, the steps that are left take the new one."""
     axis = Axis(TABLE_1)
-    axis.command_steps(10)
+    axis.command("steps", 10)
     axis.advance(2.4 * T)
     for name, value in change.items():
-        getattr(axis, f"command_{name}")(value)
+        axis.command(name, value)
         assert getattr(axis.status, name) == value
     axis.advance(2.99 * T)
     assert axis.state == _part_of(Cycles().run(2), 0.99 * T)
@@ -121,13 +122,25 @@ def _part_of(cycles: Cycles, t: float) -> State:
     return cycles.rest(2.0 * T + t)
 
 
+def test_what_is_no_command_is_said_and_programs_of_before_run_on() -> None:
+    axis: Any = Axis(TABLE_1)
+    for words in (("stepz", 3), ("steps",), ("stop", 1), ("parameters",), ("trajectory", ["x"])):
+        with pytest.raises(ParameterError, match=r"no command 'stepz'; there are|takes .*, not "):
+            axis.command(*words)
+    axis.command_steps(3)
+    axis.set_load(0.0)
+    with pytest.raises(AttributeError, match="an axis has no 'comand_steps'"):
+        axis.comand_steps(3)
+    assert [e.name for e in axis.take_events()] == ["start", "steps", "load"]
+
+
 def test_all_that_waits_for_a_cycle_begins_together() -> None:
     axis = Axis(TABLE_1)
-    axis.command_steps(10)
+    axis.command("steps", 10)
     axis.advance(1.5 * T)
-    axis.command_steps(-6)
-    axis.command_frequency(500.0)
-    axis.set_parameters({"preload": 1.0, "mass": 0.006})
+    axis.command("steps", -6)
+    axis.command("frequency", 500.0)
+    axis.command("parameters", {"preload": 1.0, "mass": 0.006})
     axis.advance(1.0)
     new = {"frequency": 500.0, "preload": 1.0, "mass": 0.006}
     assert axis.state == Cycles().run(2).run(-6, **new).rest(1.0)
@@ -136,15 +149,15 @@ def test_all_that_waits_for_a_cycle_begins_together() -> None:
 def test_what_is_set_at_rest_holds_at_once() -> None:
     axis = Axis(TABLE_1)
     axis.advance(0.5)
-    axis.command_steps(0)
-    axis.command_amplitude(200.0)
-    axis.command_frequency(1000.0)
-    axis.set_parameters({"preload": 2.0})
+    axis.command("steps", 0)
+    axis.command("amplitude", 200.0)
+    axis.command("frequency", 1000.0)
+    axis.command("parameters", {"preload": 2.0})
     assert axis.plant == Plant.of(table_1(preload=2.0))
     assert names(axis) == [
         f"{what} applied" for what in ("steps", "amplitude", "frequency", "parameters")
     ]
-    axis.command_steps(4)
+    axis.command("steps", 4)
     axis.advance(1.0)
     changed = {"amplitude": 200.0, "frequency": 1000.0, "preload": 2.0}
     assert axis.state == Cycles(0.5).run(4, **changed).rest(1.0)
@@ -153,12 +166,12 @@ def test_what_is_set_at_rest_holds_at_once() -> None:
 def test_what_a_move_achieved_stays_when_parameters_change_afterwards() -> None:
     """Set just after the end, while the runner rings by tens of nanometres."""
     axis = Axis(TABLE_1)
-    axis.command_steps(10)
+    axis.command("steps", 10)
     axis.advance(4.5 * T)
     assert axis.status.mean_step == pytest.approx(run_steps(table_1(), 4).position[-1] / 4)
     axis.advance(10 * T + 1e-4)
     before = axis.status
-    axis.set_parameters({"mass": 0.005})
+    axis.command("parameters", {"mass": 0.005})
     np.testing.assert_equal(asdict(axis.status), asdict(before))  # with nan
     assert before.mean_step == pytest.approx(run_steps(table_1(), 10).position[-1] / 10)
 
@@ -170,7 +183,7 @@ def test_the_mean_step_is_that_of_the_present_move(moves: Sequence[int]) -> None
     for steps in moves:
         start = expected.rest(t).x
         expected.run(steps)
-        axis.command_steps(steps)
+        axis.command("steps", steps)
         t += 0.5
         axis.advance(t)
         mean = (expected.sim.state.x - start) / abs(steps)
@@ -210,7 +223,7 @@ def test_a_bad_command_is_refused_and_changes_nothing(
     axis, untouched = Axis(given), Axis(given)
     for one in (axis, untouched):
         if running:
-            one.command_steps(6)
+            one.command("steps", 6)
         one.advance(2.5 * T)
     axis.take_events()
     for count, value in enumerate(bad, 1):
@@ -228,7 +241,7 @@ def test_a_bad_command_is_refused_and_changes_nothing(
     assert repr(status) == repr(untouched.status)  # nan equals nan in text only
     for one in (axis, untouched):
         one.advance(6.5 * T)
-        one.command_steps(-2)
+        one.command("steps", -2)
         one.advance(1.0)
     assert axis.state == untouched.state
 
@@ -255,11 +268,11 @@ BAD_PARAMETERS: list[tuple[dict[str, Any], str]] = [
 def test_bad_parameters_are_refused_as_a_whole(changes: dict[str, Any], complaint: str) -> None:
     """One bad value among good ones: none of them is taken, the running move goes on."""
     axis = Axis(TABLE_1)
-    axis.command_steps(5)
+    axis.command("steps", 5)
     axis.advance(1.5 * T)
     axis.take_events()
     with pytest.raises(CommandRefused) as refusal:
-        axis.set_parameters(changes)
+        axis.command("parameters", changes)
     assert complaint in str(refusal.value)
     assert axis.parameters == table_1()
     assert axis.status.refused == 1
@@ -271,15 +284,15 @@ def test_bad_parameters_are_refused_as_a_whole(changes: dict[str, Any], complain
 def test_limits_are_those_of_the_commanded_drive() -> None:
     """What counts is the amplitude and frequency commanded, not the ones at the start."""
     axis = Axis({**TABLE_1, "slewrate": 1.0})
-    axis.command_amplitude(100.0)
-    axis.command_frequency(5000.0)
+    axis.command("amplitude", 100.0)
+    axis.command("frequency", 5000.0)
     with pytest.raises(CommandRefused, match="leaves 200 us a cycle"):
-        axis.command_amplitude(300.0)
+        axis.command("amplitude", 300.0)
     with pytest.raises(CommandRefused, match="leaves 200 us a cycle"):
-        axis.set_parameters({"slewrate": 0.4})
-    axis.set_parameters({"slewrate": 0.6})
-    axis.command_frequency(100.0)
-    axis.command_amplitude(300.0)
+        axis.command("parameters", {"slewrate": 0.4})
+    axis.command("parameters", {"slewrate": 0.6})
+    axis.command("frequency", 100.0)
+    axis.command("amplitude", 300.0)
     assert axis.status.refused == 2
 
 
@@ -304,7 +317,7 @@ def test_a_move_is_the_same_whenever_it_begins_and_however_it_is_watched() -> No
     for _ in range(60):
         axis = Axis(p)
         axis.advance(rng.uniform(0.0, 2.0))
-        axis.command_steps(-60)
+        axis.command("steps", -60)
         while axis.moving:
             axis.advance(axis.state.t + rng.uniform(0.0, 0.011))
         assert axis.take_events()[-1].details["position"] == expected
@@ -322,7 +335,7 @@ def _moves_of_odd_length(count: int) -> Iterator[tuple[Axis, int, Callable[[floa
         steps, start = rng.randrange(1, 40), rng.uniform(0.0, 1e-3)
         axis = Axis(drive)
         axis.advance(start)
-        axis.command_steps(steps)
+        axis.command("steps", steps)
         yield axis, steps, partial(_time_of, start, axis.simulation.drive_cycle.period)
 
 
@@ -337,9 +350,9 @@ def _time_of(start: float, period: float, cycles: float) -> float:
 def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command(count: int) -> None:
     """The nearest time below an end may be rounded to it: one in about a hundred is."""
     for axis, steps, time_of in _moves_of_odd_length(count):
-        axis.command_steps(steps + 9)
+        axis.command("steps", steps + 9)
         axis.advance(time_of(0.5))
-        axis.command_steps(-2)
+        axis.command("steps", -2)
         axis.advance(_just_before(time_of(1)))
         axis.advance(time_of(1.5))
         assert axis.status.steps_left == -2, axis.parameters
@@ -351,7 +364,7 @@ def test_a_command_a_hair_before_the_end_of_a_move_is_carried_out(count: int) ->
     """Whether it counts as given in the last cycle or after it: the new move runs, in full."""
     for axis, steps, time_of in _moves_of_odd_length(count):
         axis.advance(_just_before(time_of(steps)))
-        axis.command_steps(-2)
+        axis.command("steps", -2)
         axis.advance(time_of(steps + 3.5))
         assert axis.status.steps_done == -2, axis.parameters
         assert not axis.moving, axis.parameters
@@ -361,9 +374,9 @@ def test_a_change_in_the_last_step_counts_no_step_twice() -> None:
     """Three steps were told as six, each half as long."""
     axis, same = Axis({"frequency": 1000.0}), Axis({"frequency": 1000.0})
     for one in (axis, same):
-        one.command_steps(3)
+        one.command("steps", 3)
         one.advance(2.5e-3)
-    axis.set_parameters({"hold_time": 0.1})
+    axis.command("parameters", {"hold_time": 0.1})
     for one in (axis, same):
         one.advance(0.01)
     assert axis.status.step_count == 3

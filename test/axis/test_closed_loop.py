@@ -29,7 +29,7 @@ class Approach:
 
 def _approach(axis: Axis, target: float, patience: float = 10.0) -> Approach:
     start = axis.state.t
-    axis.command_position(target)
+    axis.command("position", target)
     before, way, turns = axis.status, 0, -1
     while not axis.status.target_reached:
         assert axis.state.t < start + patience, axis.status
@@ -114,12 +114,12 @@ def test_every_target_is_reached_within_five_nanometres(
 def test_trains_of_steps_follow_each_other_without_a_pause() -> None:
     """It stood still for 15 ms between them, and took half as long again."""
     axis = Axis({**TABLE_1, **FAST})
-    axis.command_steps(100)
+    axis.command("steps", 100)
     axis.advance(0.12)
     step = axis.status.mean_step
     for way in (1e-5, -1e-5):
         start, begun = axis.state.x, axis.state.t
-        axis.command_position(start + way)
+        axis.command("position", start + way)
         while abs(axis.state.x - start) < abs(way) - 2.0 * step:
             axis.advance(axis.state.t + ROUND)
             assert axis.moving
@@ -134,7 +134,7 @@ def test_a_target_is_not_lost_again_at_the_end_of_the_range() -> None:
     t = 0.0
     for _ in range(6):
         target = rng.uniform(-20e-6, 20e-6)
-        axis.command_position(target)
+        axis.command("position", target)
         while not axis.status.target_reached:
             t += 5e-3
             axis.advance(t)
@@ -146,7 +146,7 @@ def test_a_target_is_not_lost_again_at_the_end_of_the_range() -> None:
 
 def test_a_target_is_told_once_with_what_was_measured() -> None:
     axis = Axis({**TABLE_1, **FAST})
-    axis.command_position(3e-7)
+    axis.command("position", 3e-7)
     axis.advance(2.0)
     (finished,) = [event for event in axis.take_events() if event.outcome == "finished"]
     assert finished.name == "target"
@@ -157,7 +157,7 @@ def test_a_target_is_told_once_with_what_was_measured() -> None:
 
 def test_reached_means_within_the_tolerance_for_the_hold_time() -> None:
     axis = Axis({**TABLE_1, **FAST, "hold_time": 0.4})
-    axis.command_position(5e-8)
+    axis.command("position", 5e-8)
     while abs(axis.state.x - 5e-8) > 1e-9:
         axis.advance(axis.state.t + ROUND)
     there = axis.state.t
@@ -179,7 +179,7 @@ def test_reached_means_within_the_tolerance_for_the_hold_time() -> None:
 def test_reached_is_what_was_read(case: str, target: float) -> None:
     """Each was said to be reached while 5 nm off and more."""
     axis = Axis(FOUND["closed_loop"][case])
-    axis.command_position(target)
+    axis.command("position", target)
     while not axis.status.target_reached and axis.state.t < 5.0:
         axis.advance(axis.state.t + ROUND)
     x = axis.simulation.sample(axis.state.t + np.linspace(0.0, 0.02, 100)).x
@@ -202,7 +202,7 @@ def test_it_is_there_soon_and_quiet(case: str, target: float, longest: float) ->
     """With less than a nanometre of ringing."""
     values = FOUND["closed_loop"][case]
     axis = Axis(values)
-    axis.command_position(target)
+    axis.command("position", target)
     while not axis.status.target_reached:
         assert axis.state.t < longest, axis.status
         axis.advance(axis.state.t + ROUND)
@@ -215,7 +215,7 @@ def test_it_is_there_soon_and_quiet(case: str, target: float, longest: float) ->
 def test_a_runner_that_slides_away_is_not_said_to_be_there() -> None:
     """The mean of the readings followed it late, and said so 25 nm away."""
     axis = Axis(FOUND["closed_loop"]["sliding away"])
-    axis.command_position(-1.2637e-7)
+    axis.command("position", -1.2637e-7)
     while not axis.fault and axis.state.t < 3.0:
         axis.advance(axis.state.t + ROUND)
         if axis.status.target_reached:
@@ -226,10 +226,10 @@ def test_a_runner_that_slides_away_is_not_said_to_be_there() -> None:
 def test_a_train_ends_where_its_steps_get_longer() -> None:
     """They grow in the middle of a train of thousands."""
     axis = Axis({**TABLE_1, **FAST, "preload": 6.0})
-    axis.command_position(2e-6)
+    axis.command("position", 2e-6)
     axis.advance(0.5)
     assert 0.0 < axis.state.x < 1.5e-6
-    axis.set_parameters({"preload": 0.4})
+    axis.command("parameters", {"preload": 0.4})
     farthest = 0.0
     while not axis.status.target_reached and axis.state.t < 2.0:
         axis.advance(axis.state.t + ROUND)
@@ -247,11 +247,11 @@ def test_the_timeout_does_not_run_while_the_runner_settles() -> None:
 def test_it_holds_against_a_load_that_grows() -> None:
     """The load moves the runner by 5 nm on its contact; held, it is back soon."""
     axis, free = Axis({**TABLE_1, **FAST}), Axis({**TABLE_1, **FAST})
-    axis.command_position(2e-8)
+    axis.command("position", 2e-8)
     axis.advance(1.0)
     free.advance(1.0)
     for one in (axis, free):
-        one.set_load(0.05)
+        one.command("load", 0.05)
         one.advance(2.0)
     assert free.state.x > 5e-9
     assert axis.state.x == pytest.approx(2e-8, abs=2e-9)
@@ -261,10 +261,10 @@ def test_it_holds_against_a_load_that_grows() -> None:
 def test_a_scan_that_lags_behind_a_drift_does_not_hold() -> None:
     """The readings drift at 50 nm/s and the scan does 3: the state says so while it scans."""
     axis = Axis({**TABLE_1, **FAST, "sensor_drift": 5e-8, "target_tolerance": 1e-8})
-    axis.command_position(2e-8)
+    axis.command("position", 2e-8)
     axis.advance(1.0)
     assert axis.status.state == "holding"
-    axis.set_parameters({"scan_rate": 5.0})
+    axis.command("parameters", {"scan_rate": 5.0})
     axis.advance(1.4)
     assert abs(axis.measured - 2e-8) > 1.4e-8
     assert axis.status.state == "targeting"
@@ -273,9 +273,9 @@ def test_a_scan_that_lags_behind_a_drift_does_not_hold() -> None:
 def test_a_target_is_replaced_by_the_next_one() -> None:
     """The cycle that runs is finished; only the last target is said to be reached."""
     axis = Axis({**TABLE_1, **FAST})
-    axis.command_position(9e-6)
+    axis.command("position", 9e-6)
     axis.advance(0.0305)
-    axis.command_position(-1e-6)
+    axis.command("position", -1e-6)
     axis.advance(2.0)
     assert axis.state.x == pytest.approx(-1e-6, abs=5e-9)
     finished = [event for event in axis.take_events() if event.outcome == "finished"]
@@ -285,14 +285,14 @@ def test_a_target_is_replaced_by_the_next_one() -> None:
 def test_steps_lost_to_a_preload_that_has_gone_do_not_throw_it_far_beyond() -> None:
     """At 6 N hardly a step is made; at 0.4 N the same number would go sixteen times as far."""
     axis = Axis({**TABLE_1, **FAST, "preload": 6.0})
-    axis.command_position(1e-5)
+    axis.command("position", 1e-5)
     axis.advance(0.5)
-    axis.stop()
+    axis.command("stop")
     axis.advance(0.6)
-    axis.set_parameters({"preload": 0.4})
+    axis.command("parameters", {"preload": 0.4})
     start = axis.state.x
     assert start < 2e-6
-    axis.command_position(1e-5)
+    axis.command("position", 1e-5)
     farthest = start
     while axis.state.t < 2.0:
         axis.advance(axis.state.t + ROUND)
@@ -303,9 +303,9 @@ def test_steps_lost_to_a_preload_that_has_gone_do_not_throw_it_far_beyond() -> N
 
 def test_a_stop_ends_the_loop_where_it_is() -> None:
     axis = Axis({**TABLE_1, **FAST})
-    axis.command_position(1e-4)
+    axis.command("position", 1e-4)
     axis.advance(0.1)
-    axis.stop()
+    axis.command("stop")
     axis.advance(0.2)
     x = axis.state.x
     axis.advance(1.0)
@@ -321,7 +321,7 @@ def test_a_stop_ends_the_loop_where_it_is() -> None:
 def test_a_target_that_comes_no_nearer_is_a_fault(hindrance: dict[str, float]) -> None:
     """Amplitude below the 0-amplitude, blocked runner, a spring that is too strong."""
     axis = Axis({**TABLE_1, **FAST, **hindrance, "target_timeout": 2.0})
-    axis.command_position(5e-6)
+    axis.command("position", 5e-6)
     axis.advance(1.5)
     assert axis.status.state == "targeting"
     axis.advance(10.0)
@@ -331,9 +331,9 @@ def test_a_target_that_comes_no_nearer_is_a_fault(hindrance: dict[str, float]) -
     (fault,) = [event for event in axis.take_events() if event.outcome == "fault"]
     assert fault.details["reason"] == axis.status.fault
     assert 2.0 <= fault.time < 6.0
-    axis.reset()
-    axis.set_parameters({"preload": 0.4, "spring": 0.0})
-    axis.command_amplitude(300.0)
+    axis.command("reset")
+    axis.command("parameters", {"preload": 0.4, "spring": 0.0})
+    axis.command("amplitude", 300.0)
     assert _approach(axis, 5e-6).error < 5e-9
 
 
@@ -342,7 +342,7 @@ def test_a_loop_whose_steps_run_backwards_says_so(timeout: float) -> None:
     """It went 0.97 mm away in 90 s, with neither an end nor a fault."""
     values = {"preload": 3.043, "mass": 5.651e-3, "frequency": 3e3, "target_timeout": timeout}
     axis = Axis({**TABLE_1, **values})
-    axis.command_position(7.17e-6)
+    axis.command("position", 7.17e-6)
     axis.advance(30.0)
     assert axis.status.state == "fault"
     assert axis.status.last_step < 0.0
@@ -352,14 +352,14 @@ def test_a_loop_whose_steps_run_backwards_says_so(timeout: float) -> None:
 def test_steps_that_lead_nowhere_end_though_they_pass_the_tolerance() -> None:
     """The target lies below the range of a scan; they bring the runner in and out of tolerance."""
     axis = Axis(FOUND["closed_loop"]["leading nowhere"])
-    axis.command_position(-23.5e-9)
+    axis.command("position", -23.5e-9)
     axis.advance(4.0)
     assert "has not stayed so near for 0.8 s" in axis.status.fault
 
 
 def test_without_a_timeout_it_is_tried_for_ever() -> None:
     axis = Axis({**TABLE_1, **FAST, "amplitude": 30.0, "target_timeout": 0.0})
-    axis.command_position(5e-6)
+    axis.command("position", 5e-6)
     axis.advance(100.0)
     assert axis.status.state == "targeting"
 
@@ -375,11 +375,11 @@ def test_a_long_way_takes_longer_than_the_timeout() -> None:
 
 def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
     axis = Axis({**TABLE_1, **FAST, "target_timeout": 2.0})
-    axis.command_position(2e-6)
+    axis.command("position", 2e-6)
     axis.advance(5.0)
-    axis.set_load(0.5)
+    axis.command("load", 0.5)
     axis.advance(5.004)
-    axis.set_load(0.0)
+    axis.command("load", 0.0)
     assert axis.state.v > 0.1
     axis.advance(8.0)
     assert axis.status.state == "targeting"
@@ -392,10 +392,10 @@ def test_a_latency_that_changes_on_the_way_stops_nothing() -> None:
     for seed in range(4):
         draw = random.Random(seed)
         axis = Axis({**TABLE_1, **FAST, "sensor_latency": 0.02})
-        axis.command_position(3e-6)
+        axis.command("position", 3e-6)
         for _ in range(60):
             axis.advance(axis.state.t + draw.uniform(0.0, 0.02))
             if draw.random() < 0.3:
-                axis.set_parameters({"sensor_latency": draw.choice([0.0, 1e-4, 5e-3, 0.05])})
+                axis.command("parameters", {"sensor_latency": draw.choice([0.0, 1e-4, 5e-3, 0.05])})
         axis.advance(axis.state.t + 2.0)
         assert axis.status.target_reached

@@ -27,7 +27,7 @@ def command(name: str, *arguments: Any) -> Do:
 
 
 def put(**values: Any) -> Do:
-    return lambda axis: axis.set_parameters(values)
+    return lambda axis: axis.command("parameters", values)
 
 
 def both(*steps: Do) -> Do:

@@ -17,7 +17,7 @@ STROKE = 160e-9  # m
 
 def _scan(axis: Axis, volts: float) -> float:
     """Return the deflection (m) after a scan to a level."""
-    axis.command_scan(volts)
+    axis.command("scan", volts)
     axis.advance(axis.state.t + 1.0)
     assert axis.status.state == "stopped"
     assert axis.status.scan_level == pytest.approx(volts, abs=1e-9)
@@ -56,9 +56,9 @@ def test_a_scan_cut_short_and_redirected_ends_as_one_that_was_not() -> None:
     u = 0.0
     for _ in range(40):
         if rng.random() < 0.3:
-            halting.stop()
+            halting.command("stop")
         else:
-            halting.command_scan(rng.uniform(0.0, 250.0))
+            halting.command("scan", rng.uniform(0.0, 250.0))
         assert halting.state.u == u
         level = halting.status.scan_level
         dt = rng.uniform(0.0, 0.1)
@@ -73,7 +73,7 @@ def test_cycles_leave_their_mark_on_the_memory(steps: int) -> None:
     """A scan after them goes up as from the end of their loop, not as the first one did."""
     p = table_1(**{**LOOP, **FAST})
     axis, actuator = Axis(p), Actuator.of(p.actuator)
-    axis.command_steps(steps)
+    axis.command("steps", steps)
     axis.advance(0.5)
     memory = actuator.rest().moved(300.0 if steps > 0 else -300.0, actuator.thresholds)
     before = memory.moved(0.0, actuator.thresholds)
@@ -88,7 +88,7 @@ def test_cycles_leave_their_mark_on_the_memory(steps: int) -> None:
 def test_steps_after_a_scan_wait_for_the_level() -> None:
     axis = Axis({**TABLE_1, **LOOP, **FAST})
     _scan(axis, 200.0)
-    axis.command_steps(3)
+    axis.command("steps", 3)
     axis.advance(axis.state.t + 0.1)
     assert axis.status.steps_done == 0
     axis.advance(axis.state.t + 0.2)
@@ -99,7 +99,7 @@ def test_steps_after_a_scan_wait_for_the_level() -> None:
 def test_another_actuator_takes_over_at_the_same_voltage_and_deflection() -> None:
     """On the way as well; the scan still ends at its level."""
     axis = Axis({**TABLE_1, "scan_rate": 1000.0})
-    axis.command_scan(250.0)
+    axis.command("scan", 250.0)
     changes: list[dict[str, Any]] = [
         {"actuator": "hysteresis"},
         {"hysteresis": 0.3},
@@ -112,7 +112,7 @@ def test_another_actuator_takes_over_at_the_same_voltage_and_deflection() -> Non
     for k, change in enumerate(changes, 1):
         axis.advance(0.03 * k)
         before = axis.state.u
-        axis.set_parameters(change)
+        axis.command("parameters", change)
         assert axis.state.u == before
         assert axis.status.scan_level == pytest.approx(30.0 * k, rel=1e-9)
     axis.advance(0.2501)
@@ -130,15 +130,15 @@ def test_levels_below_zero_down_to_where_the_actuator_depolarises(actuator: str)
     with pytest.raises(
         CommandRefused, match=r"-60\.1 V is below min_voltage, -60 V, .* depolarises"
     ):
-        axis.command_scan(-60.1)
-    axis.command_steps(2)
+        axis.command("scan", -60.1)
+    axis.command("steps", 2)
     axis.advance(axis.state.t + 0.1)
     assert axis.status.scan_level == 0.0
 
 
 def test_a_closed_loop_uses_levels_below_zero() -> None:
     axis = Axis({**TABLE_1, "min_voltage": -60.0, **FAST})
-    axis.command_position(-2e-8)
+    axis.command("position", -2e-8)
     axis.advance(1.0)
     assert axis.status.state == "holding"
     assert axis.status.step_count == 0

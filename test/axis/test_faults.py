@@ -24,16 +24,16 @@ QUIET = {
 def with_fault(fault: str, **parameters: object) -> Axis:
     """Return an axis that has run for a while before the fault."""
     axis = Axis({**QUIET, **parameters})
-    axis.command_steps(20)
+    axis.command("steps", 20)
     axis.advance(0.1)
-    axis.set_parameters({"fault": fault})
+    axis.command("parameters", {"fault": fault})
     return axis
 
 
 def stepped(axis: Axis, steps: int) -> float:
     """Return how far (m) so many steps lead."""
     before = axis.state.x
-    axis.command_steps(steps)
+    axis.command("steps", steps)
     axis.advance(axis.state.t + 0.1)
     return axis.state.x - before
 
@@ -56,27 +56,27 @@ def test_what_the_sensor_says() -> None:
         off.append(abs(spike.measured - spike.state.x) > 0.9e-6)
     assert sum(off) == 3
     for axis in (frozen, zero, drift, spike):
-        axis.set_parameters({"fault": ""})
+        axis.command("parameters", {"fault": ""})
         assert axis.measured == pytest.approx(axis.state.x, abs=1e-12)
 
 
 def test_a_closed_loop_without_readings_is_a_fault() -> None:
     axis = with_fault("sensor_dropout")
-    axis.command_position(1e-5)
+    axis.command("position", 1e-5)
     axis.advance(1.0)
     assert "the sensor gives no reading" in axis.fault
     with pytest.raises(CommandRefused, match="in fault"):
-        axis.zero()
-    axis.reset()
+        axis.command("zero")
+    axis.command("reset")
     with pytest.raises(CommandRefused, match="no reading to count from"):
-        axis.zero()
+        axis.command("zero")
 
 
 def test_what_the_runner_does() -> None:
     stuck = with_fault("axis_stuck")
     assert abs(stepped(stuck, 50)) < 1e-11
     assert stuck.status.steps_done == 50
-    stuck.command_scan(100.0)
+    stuck.command("scan", 100.0)
     stuck.advance(1.0)
     assert abs(stuck.status.position - 2.4e-6) < 1e-6
     stall, free = with_fault("axis_stall 30"), with_fault("")
@@ -89,7 +89,7 @@ def test_what_the_runner_does() -> None:
     assert stepped(dirt, -20) < -1e-6
     for axis in (stuck, stall, dirt):
         assert (axis.status.limits_hit, axis.status.held_at) == (0, "")
-        axis.set_parameters({"fault": ""})
+        axis.command("parameters", {"fault": ""})
         assert stepped(axis, 90) > 5e-6
         assert axis.status.limits_hit == 0
     slack = with_fault("preload_loss 0.9")
@@ -98,17 +98,17 @@ def test_what_the_runner_does() -> None:
     assert slack.plant.contact.sigma_0 == pytest.approx(
         Axis({**QUIET, "preload": left}).plant.contact.sigma_0
     )
-    slack.set_parameters({"fault": ""})
+    slack.command("parameters", {"fault": ""})
     assert slack.plant == free.plant
 
 
 def test_refused_named_and_not_allowed() -> None:
     axis = with_fault("refuse")
     with pytest.raises(CommandRefused, match="injected fault refuse"):
-        axis.command_steps(1)
+        axis.command("steps", 1)
     assert axis.status.injected == "refuse"
-    axis.set_parameters({"fault": ""})
-    axis.command_steps(1)
+    axis.command("parameters", {"fault": ""})
+    axis.command("steps", 1)
     named = [(e.outcome, e.details["fault"]) for e in axis.take_events() if "injected" in e.name]
     assert named == [("began", "refuse"), ("ended", "refuse")]
     for fault, complaint in (
@@ -118,7 +118,7 @@ def test_refused_named_and_not_allowed() -> None:
         ("axis_stall 0", "has to lie between 1 and 1e"),
     ):
         with pytest.raises(CommandRefused, match=complaint):
-            axis.set_parameters({"fault": fault})
+            axis.command("parameters", {"fault": fault})
     with pytest.raises(ParameterError, match="start the axis with allow_faults"):
         Axis({"fault": "refuse"})
 
@@ -127,7 +127,7 @@ def test_a_refusing_axis_can_be_paused() -> None:
     """Axes of a process share their time: one that refused would leave the others paused."""
     axis = Axis({**QUIET, "fault": "refuse"})
     with pytest.raises(CommandRefused, match="refuse"):
-        axis.command_steps(3)
+        axis.command("steps", 3)
     axis.command("pause", True)
     assert axis.paused
 
@@ -145,15 +145,15 @@ def test_random_runs_with_every_fault_repeat_bit_for_bit() -> None:
                 act = rng.randrange(6)
                 if act < 2:
                     faults = rng.sample(sorted(FAULTS), rng.randrange(4))
-                    axis.set_parameters({"fault": ", ".join(faults)})
+                    axis.command("parameters", {"fault": ", ".join(faults)})
                     seen.update(faults)
                 elif act < 4:
-                    axis.reset()
-                    axis.command_steps(rng.randrange(-150, 150))
+                    axis.command("reset")
+                    axis.command("steps", rng.randrange(-150, 150))
                 elif act == 4:
-                    axis.command_position(rng.uniform(-1e-5, 1e-5))
+                    axis.command("position", rng.uniform(-1e-5, 1e-5))
                 else:
-                    axis.stop()
+                    axis.command("stop")
             events += axis.take_events()
         back = [Event.of(event_texts(event)) for event in events]
         rerun = Rerun([event for event in back if event])
@@ -166,9 +166,9 @@ def test_the_motion_knows_nothing_of_its_sensor(change: dict[str, Any]) -> None:
     """The slips that were to come had been drawn anew with each parameter."""
     lone, seen = (Axis({**QUIET, "slip_spread": 0.07, "frequency": 1.1}) for _ in range(2))
     for axis in (lone, seen):
-        axis.command_steps(3)
+        axis.command("steps", 3)
         axis.advance(1.1)
-    seen.set_parameters(change)
+    seen.command("parameters", change)
     for axis in (lone, seen):
         axis.advance(2.8)
     assert seen.state.x == lone.state.x

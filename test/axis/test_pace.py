@@ -234,13 +234,13 @@ def test_axes_of_one_process_keep_one_time_also_when_one_was_commanded() -> None
 def test_a_fault_from_outside_is_repeated() -> None:
     """Its reason is the machine's, so it is in the log and comes back from there."""
     axis = Axis({"frequency": 1000.0})
-    axis.command_jog(1000.0)
+    axis.command("jog", 1000.0)
     axis.advance(0.0105)
     axis.trip("too slow")
     assert axis.fault == "too slow"
     axis.advance(0.02)
-    axis.reset()
-    axis.command_steps(3)
+    axis.command("reset")
+    axis.command("steps", 3)
     axis.advance(0.05)
     events: list[Event] = axis.take_events()
     again = Rerun(events).advance(0.05)
@@ -268,12 +268,12 @@ def led_at_random(rng: random.Random, jog: bool) -> tuple[list[Event], Axis]:
         elif act == 3:
             pace.act(steady, axis)
             if jog:
-                axis.command_jog(rng.uniform(-2000.0, 2000.0))
+                axis.command("jog", rng.uniform(-2000.0, 2000.0))
             else:
-                axis.command_steps(rng.randrange(-9, 9))
+                axis.command("steps", rng.randrange(-9, 9))
         elif act == 4:
             pace.act(steady, axis)
-            axis.set_parameters({"real_time_factor": rng.uniform(0.0, 9.0)})
+            axis.command("parameters", {"real_time_factor": rng.uniform(0.0, 9.0)})
         pace.catch_up(steady)
     return axis.take_events(), axis
 

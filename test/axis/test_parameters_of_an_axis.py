@@ -21,14 +21,14 @@ MCS = {"max_voltage": 100.0, "amplitude": 100.0, "amplitude_levels": 4095}
 def test_an_amplitude_is_rounded_to_the_levels_and_told_as_applied() -> None:
     axis = Axis({**TABLE_1, **MCS})
     level = 100.0 / 4095
-    axis.command_amplitude(33.0)
+    axis.command("amplitude", 33.0)
     assert axis.status.amplitude == pytest.approx(1351 * level, rel=1e-12)
-    axis.command_scan(33.0)
+    axis.command("scan", 33.0)
     axis.advance(1.0)
     assert axis.status.scan_level == pytest.approx(1351 * level, rel=1e-9)
-    axis.command_amplitude(100.0)
+    axis.command("amplitude", 100.0)
     with pytest.raises(CommandRefused, match=r"0\.01 V, less than half a level"):
-        axis.command_amplitude(0.01)
+        axis.command("amplitude", 0.01)
     assert axis.status.amplitude == 100.0
     axis = Axis({**TABLE_1, **MCS, "amplitude": 50.01})
     assert axis.status.amplitude == pytest.approx(2048 * 100.0 / 4095)
@@ -36,18 +36,18 @@ def test_an_amplitude_is_rounded_to_the_levels_and_told_as_applied() -> None:
 
 def test_more_steps_than_a_command_may_have_are_refused() -> None:
     axis = Axis({**TABLE_1, "max_steps": 30_000})
-    axis.command_steps(-30_000)
+    axis.command("steps", -30_000)
     with pytest.raises(CommandRefused, match="30001 steps; a command may have at most 30000"):
-        axis.command_steps(30_001)
-    axis.command_steps(0)
+        axis.command("steps", 30_001)
+    axis.command("steps", 0)
 
 
-@pytest.mark.parametrize("command", ["command_frequency", "command_jog"])
+@pytest.mark.parametrize("command", ["frequency", "jog"])
 def test_a_frequency_below_the_lowest_is_refused(command: str) -> None:
     axis = Axis({**TABLE_1, "min_frequency": 1.0})
     with pytest.raises(CommandRefused, match=r"0\.5 Hz; it has to lie between 1 and"):
-        getattr(axis, command)(0.5)
-    axis.command_frequency(1.0)
+        axis.command(command, 0.5)
+    axis.command("frequency", 1.0)
 
 
 @pytest.mark.parametrize(
@@ -69,16 +69,16 @@ def test_an_axis_that_cannot_be_is_not_made(parameters: dict[str, Any], complain
     if not {"amplitude", "frequency", "travel_low"} & set(parameters):
         axis = Axis(TABLE_1)
         with pytest.raises(CommandRefused, match=complaint):
-            axis.set_parameters(parameters)
+            axis.command("parameters", parameters)
 
 
 def test_another_waveform_from_the_next_cycle_on() -> None:
     changes = {"waveform": "hold", "hold_before": 0.35, "actuator": "hysteresis"}
     p = table_1(frequency=1000.0)
     axis = Axis(p)
-    axis.command_steps(20)
+    axis.command("steps", 20)
     axis.advance(7.4e-3)
-    axis.set_parameters(changes)
+    axis.command("parameters", changes)
     axis.advance(0.1)
     alone = Simulation(Plant.of(p), p.solver.tolerance)
     alone.start(drive_of(p), 8)
@@ -101,7 +101,7 @@ def test_an_impossible_waveform_is_refused(tmp_path: Path) -> None:
         ({"actuator": "hysteresis", "hysteresis_file": str(tmp_path)}, "cannot read"),
     ):
         with pytest.raises(CommandRefused, match=words):
-            axis.set_parameters(changes)
+            axis.command("parameters", changes)
     assert axis.parameters == before
 
 
@@ -133,7 +133,7 @@ def _axis(**changes: Any) -> Axis:
 
 def test_an_axis_steps_as_the_run_of_steps() -> None:
     axis = _axis()
-    axis.command_steps(5)
+    axis.command("steps", 5)
     axis.advance(0.05)
     run = run_steps(table_1(**EVERYTHING), 5)
     assert axis.status.steps_done == 5
@@ -143,7 +143,7 @@ def test_an_axis_steps_as_the_run_of_steps() -> None:
 def test_the_closed_loop_holds_a_target_against_hysteresis_and_creep() -> None:
     axis = _axis(frequency=1000.0, sensor_drift=0.0)
     for target in (5e-6, 4.9e-6, -1e-6):
-        axis.command_position(target)
+        axis.command("position", target)
         axis.advance(axis.state.t + 1.0)
         assert axis.status.target_reached
         assert axis.state.x == pytest.approx(target, abs=2.5e-9)
@@ -153,7 +153,7 @@ def test_the_closed_loop_holds_a_target_against_hysteresis_and_creep() -> None:
 
 def test_a_scan_creeps_after_it_has_arrived() -> None:
     axis = _axis(creep=0.02)
-    axis.command_scan(300.0)
+    axis.command("scan", 300.0)
     axis.advance(1.03)  # 1 s after the end of the ramp
     before = axis.state.u
     assert axis.status.scan_level == pytest.approx(300.0)
@@ -165,17 +165,17 @@ def test_a_scan_creeps_after_it_has_arrived() -> None:
 def test_what_belongs_to_the_simulation_is_set_at_the_start_only() -> None:
     axis = _axis()
     with pytest.raises(CommandRefused, match="amplifier_bandwidth can be set at the start only"):
-        axis.set_parameters({"amplifier_bandwidth": 1e5})
+        axis.command("parameters", {"amplifier_bandwidth": 1e5})
 
 
 def test_parameters_change_however_long_a_creeping_actuator_has_stood() -> None:
     """Its course at rest is known for a second, and after that there was none to go on with."""
     axis = Axis({**TABLE_1, "creep": 0.045})
     axis.advance(5.0)
-    axis.set_parameters({"mass": 4e-4})
-    axis.command_steps(20)
+    axis.command("parameters", {"mass": 4e-4})
+    axis.command("steps", 20)
     axis.advance(6.0)
     early = Axis({**TABLE_1, "creep": 0.045, "mass": 4e-4})
-    early.command_steps(20)
+    early.command("steps", 20)
     early.advance(1.0)
     assert axis.state.x == pytest.approx(early.state.x, abs=1e-9)

@@ -36,18 +36,18 @@ def _kinds(rng: random.Random) -> list[Callable[[Axis], None]]:
     def trajectory(axis: Axis) -> None:
         times = sorted(rng.uniform(0.0, 0.5) for _ in range(3))
         points = [(t, rng.uniform(-1e-5, 2.1e-5)) for t in times]
-        axis.command_trajectory(["axis_slider"], points)
+        axis.command("trajectory", ["axis_slider"], points)
 
     return [
-        lambda axis: axis.command_steps(rng.randrange(-200, 200)),
-        lambda axis: axis.command_jog(rng.uniform(-3000.0, 8000.0)),
-        lambda axis: axis.command_jog(0.0),
-        lambda axis: axis.command_scan(rng.uniform(-20.0, 320.0)),
-        lambda axis: axis.command_position(rng.uniform(-1e-5, 2.5e-5)),
-        lambda axis: axis.command_position(rng.uniform(-1e-5, 1e-5)),
+        lambda axis: axis.command("steps", rng.randrange(-200, 200)),
+        lambda axis: axis.command("jog", rng.uniform(-3000.0, 8000.0)),
+        lambda axis: axis.command("jog", 0.0),
+        lambda axis: axis.command("scan", rng.uniform(-20.0, 320.0)),
+        lambda axis: axis.command("position", rng.uniform(-1e-5, 2.5e-5)),
+        lambda axis: axis.command("position", rng.uniform(-1e-5, 1e-5)),
         trajectory,
-        lambda axis: axis.command_amplitude(rng.uniform(50.0, 310.0)),
-        lambda axis: axis.command_frequency(rng.uniform(100.0, 3000.0)),
+        lambda axis: axis.command("amplitude", rng.uniform(50.0, 310.0)),
+        lambda axis: axis.command("frequency", rng.uniform(100.0, 3000.0)),
         lambda axis: axis.set_parameters({"preload": rng.uniform(0.2, 1.0)}),
         lambda axis: axis.set_parameters({"sensor_noise": rng.uniform(0.0, 3e-9)}),
         lambda axis: axis.set_parameters({"sensor_bandwidth": rng.choice((0.0, 50.0))}),
@@ -71,8 +71,8 @@ def _run(seed: int, count: int) -> tuple[list[Event], list[State], str]:
         states.append(axis.state)
         with suppress(CommandRefused):
             if axis.mode in ("fault", "disabled") and rng.random() < 0.7:
-                axis.reset()
-                axis.enable(True)
+                axis.command("reset")
+                axis.command("enable", True)
             rng.choice(commands)(axis)
         events += axis.take_events()
     axis.advance(END)

@@ -83,10 +83,10 @@ def files(tmp_path: Path) -> dict[str, str]:
 def _with_files(files: dict[str, str]) -> tuple[list[Event], State]:
     """Return a run that uses one file from the start and the other one later."""
     axis = Axis({**TABLE_1, **files, "actuator": "hysteresis"})
-    axis.command_scan(100.0)
+    axis.command("scan", 100.0)
     axis.advance(0.1)
-    axis.set_parameters({"waveform": "table"})
-    axis.command_steps(5)
+    axis.command("parameters", {"waveform": "table"})
+    axis.command("steps", 5)
     axis.advance(0.3)
     back = [Event.of(event_texts(event)) for event in axis.take_events()]
     return [event for event in back if event], axis.state

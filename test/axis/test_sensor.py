@@ -66,7 +66,7 @@ def test_a_position_that_the_solver_lost_ends_nothing(monkeypatch: pytest.Monkey
     assert math.isnan(axis.status.position)
     assert axis.status.fault == "the solver failed"
     with pytest.raises(CommandRefused, match="start the node anew"):
-        axis.reset()
+        axis.command("reset")
 
 
 @pytest.mark.parametrize(("latency", "readings"), [(0.0, 0), (1e-3, 1), (1.01e-3, 2), (7e-3, 7)])
@@ -76,15 +76,15 @@ def test_latency_is_rounded_up_to_readings(latency: float, readings: int) -> Non
 
 def test_zero_counts_from_the_present_reading() -> None:
     axis = Axis(TABLE_1)
-    axis.command_steps(20)
+    axis.command("steps", 20)
     axis.advance(1.0)
     before = axis.status.position
-    axis.zero()
+    axis.command("zero")
     assert axis.status.position == 0.0
     assert axis.status.zero_offset == before == pytest.approx(axis.state.x, abs=6e-9)
-    axis.command_steps(-20)
+    axis.command("steps", -20)
     axis.advance(2.0)
-    axis.zero()
+    axis.command("zero")
     assert axis.status.zero_offset == pytest.approx(axis.state.x, abs=6e-9)
 
 
@@ -182,7 +182,7 @@ def test_the_axis_reads_with_the_same_sensor() -> None:
     axis = _axis(**values)
     readings = read_steps(table_1(**{**_QUIET, **values}), 4)
     axis.advance(0.02)
-    axis.command_steps(4)
+    axis.command("steps", 4)
     found = []
     for t in readings.t[21:70]:
         axis.advance(float(t))
@@ -192,13 +192,13 @@ def test_the_axis_reads_with_the_same_sensor() -> None:
 
 def test_the_bandwidth_may_change_while_the_axis_runs() -> None:
     axis = _axis(sensor_bandwidth=2.0)
-    axis.command_steps(50)
+    axis.command("steps", 50)
     axis.advance(0.3)
     assert axis.measured < 0.9 * axis.state.x
-    axis.set_parameters({"sensor_bandwidth": 0.0})
+    axis.command("parameters", {"sensor_bandwidth": 0.0})
     axis.advance(0.3101)
     assert axis.measured == axis.state.x
-    axis.set_parameters({"sensor_bandwidth": 1e4})
+    axis.command("parameters", {"sensor_bandwidth": 1e4})
     axis.advance(1.0)
     assert axis.measured == pytest.approx(axis.state.x, abs=1e-13)
 
@@ -231,14 +231,14 @@ def test_a_runner_at_rest_is_looked_at_less_often_than_it_is_read(
 
     monkeypatch.setattr(Simulation, "sample", counted)
     axis = Axis(CREEPING)
-    axis.command_steps(50)
+    axis.command("steps", 50)
     axis.advance(3.0)
     assert sum(samples) > 50 * 250
     samples.clear()
     axis.advance(4.0)
     still = sum(samples)
     assert 1.0 / 0.016 < still < 200  # of 1000 readings
-    axis.command_steps(1)
+    axis.command("steps", 1)
     axis.advance(4.001)
     assert sum(samples) > still + 250
 
@@ -251,12 +251,12 @@ def test_readings_at_rest_are_those_of_every_sample() -> None:
         table_1(**CREEPING).sensor, 1.0 / 250e3, 0.0
     )  # fmt: skip
     for axis in (whole, parts, exact):
-        axis.command_steps(5)
+        axis.command("steps", 5)
     numbers = np.arange(1, 250)
     for k in range(1, 801):
         if k in (501, 700):
             for axis in (whole, parts, exact):
-                axis.set_load(2e-3 * (k == 501))
+                axis.command("load", 2e-3 * (k == 501))
         t = k / 1000
         if k % 7 == 0:
             for between in sorted(lot.uniform(parts.state.t, t, 3)):
@@ -278,4 +278,4 @@ def test_a_ringing_too_fast_for_the_filter_is_refused() -> None:
         Axis({**TABLE_1, **stiff})
     axis = Axis({**TABLE_1, **stiff, "sensor_bandwidth": 0.0})
     with pytest.raises(CommandRefused, match="set sensor_bandwidth to 0"):
-        axis.set_parameters(stiff)
+        axis.command("parameters", stiff)

@@ -20,9 +20,9 @@ SOFT = {"sigma_1": 5.0, "sigma_0_offset": 7e6, "mass": 0.004}
 
 def test_a_budget_that_is_used_up_is_a_fault_until_a_reset() -> None:
     axis = Axis(FAST)
-    axis.command_jog(1000.0)
+    axis.command("jog", 1000.0)
     axis.advance(0.01)
-    axis.set_parameters(HARD)  # while it rings
+    axis.command("parameters", HARD)  # while it rings
     started = time.process_time()
     for k in range(2, 50):
         axis.advance(k * 0.01)
@@ -32,17 +32,17 @@ def test_a_budget_that_is_used_up_is_a_fault_until_a_reset() -> None:
     faults = [event for event in axis.take_events() if event.outcome == "fault"]
     assert [event.details["reason"] for event in faults] == [axis.status.fault]
     with pytest.raises(CommandRefused, match="reset it first"):
-        axis.command_steps(1)
+        axis.command("steps", 1)
     # A reset alone leads back into it with the next cycle; other parameters lead out.
-    axis.set_parameters(SOFT)
-    axis.reset()
+    axis.command("parameters", SOFT)
+    axis.command("reset")
     axis.advance(0.6)
     before = axis.state.x
-    axis.command_steps(20)
+    axis.command("steps", 20)
     axis.advance(1.0)
     assert (axis.mode, axis.status.steps_done) == ("stopped", 20)
     free = Axis(FAST)
-    free.command_steps(20)
+    free.command("steps", 20)
     free.advance(1.0)
     assert axis.state.x - before == pytest.approx(free.state.x, abs=200e-9)
 
@@ -50,16 +50,16 @@ def test_a_budget_that_is_used_up_is_a_fault_until_a_reset() -> None:
 def test_parameters_that_come_before_the_fault_are_in_force_after_the_reset() -> None:
     """The running cycle keeps the old ones to its end, which it never reaches."""
     axis = Axis(FAST)
-    axis.command_jog(1000.0)
+    axis.command("jog", 1000.0)
     axis.advance(0.0105)
-    axis.set_parameters(HARD)
+    axis.command("parameters", HARD)
     axis.advance(0.0112)
-    axis.set_parameters(SOFT)
-    axis.reset()  # nothing to reset yet
+    axis.command("parameters", SOFT)
+    axis.command("reset")  # nothing to reset yet
     axis.advance(0.05)
     assert axis.mode == "fault"
-    axis.reset()
-    axis.command_steps(10)
+    axis.command("reset")
+    axis.command("steps", 10)
     axis.advance(1.0)
     assert (axis.mode, axis.status.steps_done) == ("stopped", 10)
 
@@ -94,16 +94,16 @@ def test_whatever_was_commanded_other_parameters_and_one_reset_lead_out(
             done.append(dice.choice(ANYTHING))
             with contextlib.suppress(CommandRefused):
                 axis.command(*done[-1])
-        axis.enable(True)
+        axis.command("enable", True)
         axis.advance(t := t + 0.1)
         ended[axis.mode] += 1
         if not axis.fault:
             continue
-        axis.set_parameters({**SOFT, "preload": 0.4})
-        axis.reset()
+        axis.command("parameters", {**SOFT, "preload": 0.4})
+        axis.command("reset")
         for name, value in (("load", 0.0), ("frequency", 1000.0), ("amplitude", 300.0)):
             axis.command(name, value)
-        axis.command_steps(10)
+        axis.command("steps", 10)
         axis.advance(t + 2.0)
         assert (axis.mode, axis.status.steps_done) == ("stopped", 10), (axis.fault, done)
     assert ended["fault"] >= 5

@@ -32,14 +32,14 @@ def _axis_in(state: str) -> Axis:
     axis = Axis({**TABLE_1, "frequency": 1000.0, "scan_rate": 500.0})
     prepare: dict[str, Callable[[], None]] = {
         "stopped": lambda: None,
-        "stepping": lambda: axis.command_steps(-100_000),
-        "jogging": lambda: axis.command_jog(1100.0),
-        "scanning": lambda: axis.command_scan(300.0),
-        "targeting": lambda: axis.command_position(-1e-3),
-        "holding": lambda: axis.command_position(2e-8),
+        "stepping": lambda: axis.command("steps", -100_000),
+        "jogging": lambda: axis.command("jog", 1100.0),
+        "scanning": lambda: axis.command("scan", 300.0),
+        "targeting": lambda: axis.command("position", -1e-3),
+        "holding": lambda: axis.command("position", 2e-8),
         "homing": lambda: _go_home(axis),
         "fault": lambda: _break(axis),
-        "disabled": lambda: axis.enable(False),
+        "disabled": lambda: axis.command("enable", False),
     }
     prepare[state]()
     axis.advance(axis.state.t + 0.3037)
@@ -48,15 +48,15 @@ def _axis_in(state: str) -> Axis:
 
 
 def _go_home(axis: Axis) -> None:
-    axis.set_parameters({"home_mark": -1e-3})
-    axis.home()
+    axis.command("parameters", {"home_mark": -1e-3})
+    axis.command("home")
 
 
 def _break(axis: Axis) -> None:
-    axis.set_parameters({"max_velocity": 1e-6})
-    axis.command_jog(100.0)
+    axis.command("parameters", {"max_velocity": 1e-6})
+    axis.command("jog", 100.0)
     axis.advance(0.1)
-    axis.set_parameters({"max_velocity": 0.0})
+    axis.command("parameters", {"max_velocity": 0.0})
 
 
 @pytest.mark.parametrize("state", STATES)
@@ -91,12 +91,12 @@ def test_what_the_page_says_is_in_force() -> None:
 def test_enabled_without_a_reset_it_is_in_fault_again() -> None:
     axis = _axis_in("fault")
     reason = axis.status.fault
-    axis.enable(False)
-    axis.enable(True)
+    axis.command("enable", False)
+    axis.command("enable", True)
     assert (axis.status.state, axis.status.fault) == ("fault", reason)
-    axis.enable(False)
-    axis.reset()
-    axis.enable(True)
+    axis.command("enable", False)
+    axis.command("reset")
+    axis.command("enable", True)
     assert (axis.status.state, axis.status.fault) == ("stopped", "")
 
 
@@ -115,7 +115,7 @@ def test_steps_end_after_their_cycle(end: Callable[[Axis], None]) -> None:
 def test_a_scan_ends_where_it_is() -> None:
     axis = _axis_in("scanning")
     level = axis.status.scan_level
-    axis.stop()
+    axis.command("stop")
     assert not axis.moving
     axis.advance(axis.state.t + 1.0)
     assert axis.status.scan_level == level == pytest.approx(0.3037 * 500.0)

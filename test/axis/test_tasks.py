@@ -23,11 +23,11 @@ T = 1e-3  # s, the period at 1 kHz
 def test_a_jog_steps_until_it_is_told_to_stop(hertz: float) -> None:
     """Each of its cycles is that of a move; 0 ends it with the cycle."""
     axis = Axis(TABLE_1)
-    axis.command_jog(hertz)
+    axis.command("jog", hertz)
     axis.advance(10.4 * T)
     assert (axis.status.state, axis.status.frequency) == ("jogging", 1000.0)
     assert axis.status.steps_left == 0
-    axis.command_jog(0.0)
+    axis.command("jog", 0.0)
     assert axis.moving
     axis.advance(0.1)
     assert axis.state.x == Cycles().run(11 if hertz > 0.0 else -11, **FAST).rest(0.1).x
@@ -37,14 +37,14 @@ def test_a_jog_steps_until_it_is_told_to_stop(hertz: float) -> None:
 
 def test_amplitude_and_frequency_change_a_jog_with_the_next_cycle() -> None:
     axis = Axis(TABLE_1)
-    axis.command_jog(1000.0)
+    axis.command("jog", 1000.0)
     axis.advance(3.5 * T)
-    axis.command_amplitude(200.0)
+    axis.command("amplitude", 200.0)
     axis.advance(6.5 * T)
-    axis.command_frequency(2000.0)
+    axis.command("frequency", 2000.0)
     assert axis.status.frequency == 2000.0
     axis.advance(9.9 * T)
-    axis.stop()
+    axis.command("stop")
     axis.advance(0.1)
     expected = Cycles().run(4, **FAST).run(3, amplitude=200.0).run(6, frequency=2000.0)
     assert axis.state.x == expected.rest(0.1).x
@@ -52,11 +52,11 @@ def test_amplitude_and_frequency_change_a_jog_with_the_next_cycle() -> None:
 
 def test_a_jog_turns_round_at_the_end_of_a_cycle() -> None:
     axis = Axis(TABLE_1)
-    axis.command_jog(1000.0)
+    axis.command("jog", 1000.0)
     axis.advance(3.5 * T)
-    axis.command_jog(-500.0)
+    axis.command("jog", -500.0)
     axis.advance(7.0 * T)
-    axis.stop()
+    axis.command("stop")
     axis.advance(0.1)
     expected = Cycles().run(4, **FAST).run(-2, frequency=500.0)
     assert axis.state.x == expected.rest(0.1).x
@@ -69,7 +69,7 @@ def test_a_jog_turns_round_at_the_end_of_a_cycle() -> None:
 def test_a_scan_takes_the_runner_along_without_a_slip() -> None:
     """It sticks all the way, at the set rate, and stays where the level stays."""
     axis = Axis({**TABLE_1, "scan_rate": 1000.0})
-    axis.command_scan(250.0)
+    axis.command("scan", 250.0)
     axis.advance(0.1)
     assert axis.status.state == "scanning"
     assert axis.status.scan_level == pytest.approx(100.0)
@@ -84,9 +84,9 @@ def test_a_scan_takes_the_runner_along_without_a_slip() -> None:
 
 def test_a_scan_is_redirected_on_the_way() -> None:
     axis = Axis({**TABLE_1, "scan_rate": 1000.0})
-    axis.command_scan(300.0)
+    axis.command("scan", 300.0)
     axis.advance(0.2)
-    axis.command_scan(150.0)
+    axis.command("scan", 150.0)
     axis.advance(0.24)
     assert axis.status.scan_level == pytest.approx(160.0)
     axis.advance(0.3)
@@ -100,9 +100,9 @@ def test_a_scan_is_redirected_on_the_way() -> None:
 def test_before_it_steps_the_level_is_brought_back() -> None:
     """At the rate of a scan, and the runner comes along; then the steps are those of a move."""
     axis = Axis({**TABLE_1, "scan_rate": 1000.0, **FAST})
-    axis.command_scan(200.0)
+    axis.command("scan", 200.0)
     axis.advance(0.3)
-    axis.command_steps(-5)
+    axis.command("steps", -5)
     assert (axis.status.state, axis.status.steps_left) == ("stepping", -5)
     axis.advance(0.4)
     assert axis.status.steps_done == 0
@@ -116,11 +116,11 @@ def test_before_it_steps_the_level_is_brought_back() -> None:
 
 def test_a_stop_on_the_way_back_drops_the_steps() -> None:
     axis = Axis({**TABLE_1, "scan_rate": 1000.0})
-    axis.command_scan(200.0)
+    axis.command("scan", 200.0)
     axis.advance(0.3)
-    axis.command_steps(5)
+    axis.command("steps", 5)
     axis.advance(0.35)
-    axis.stop()
+    axis.command("stop")
     axis.advance(1.0)
     assert axis.status.scan_level == pytest.approx(150.0)
     assert (axis.status.state, axis.status.steps_done, axis.status.steps_left) == ("stopped", 0, 0)
@@ -132,11 +132,11 @@ def test_a_stop_on_the_way_back_drops_the_steps() -> None:
 def test_a_load_is_in_force_at_once_and_within_a_cycle() -> None:
     """It moves the runner by its force over the stiffness, and takes that back when it goes."""
     axis = Axis(TABLE_1)
-    axis.set_load(0.01)
+    axis.command("load", 0.01)
     axis.advance(0.1)
     assert axis.state.x == pytest.approx(0.01 / axis.plant.contact.sigma_0, rel=1e-3)
     assert axis.status.load == 0.01
-    axis.set_load(0.0)
+    axis.command("load", 0.0)
     axis.advance(0.2)
     assert axis.state.x == pytest.approx(0.0, abs=1e-13)
     plain = Axis(TABLE_1).plant
@@ -145,10 +145,10 @@ def test_a_load_is_in_force_at_once_and_within_a_cycle() -> None:
 
 def test_a_load_within_a_cycle_takes_no_waiting_parameter_with_it() -> None:
     axis = Axis(TABLE_1)
-    axis.command_steps(3)
+    axis.command("steps", 3)
     axis.advance(0.0051)
-    axis.set_parameters({"mass": 0.006})
-    axis.set_load(0.01)
+    axis.command("parameters", {"mass": 0.006})
+    axis.command("load", 0.01)
     assert (axis.plant.mass, axis.plant.force) == (0.004, 0.01)
     axis.advance(0.0101)
     assert (axis.plant.mass, axis.plant.force) == (0.006, 0.01)
@@ -167,21 +167,21 @@ def test_a_jog_cannot_be_made_impossible(waits: bool, command: str, value: objec
     """It has a frequency of its own, and the next cycle could not be made: the jog ended in it."""
     axis = Axis({**TABLE_1, "slewrate": 1.0, "amplitude": 100.0, "frequency": 100.0})
     if waits:
-        axis.command_steps(5)
+        axis.command("steps", 5)
         axis.advance(0.0012)
-    axis.command_jog(5000.0)
+    axis.command("jog", 5000.0)
     axis.advance(0.0023)
     with pytest.raises(CommandRefused, match=r"frequency (is )?5000 Hz"):
         axis.command(command, value)
     axis.advance(0.1)
     assert (axis.mode, axis.status.frequency) == ("jogging", 5000.0)
-    axis.stop()
+    axis.command("stop")
     axis.command(command, value)  # the frequency of the steps suits it
     with pytest.raises(CommandRefused, match=r"True steps; a command takes a whole number from -"):
-        axis.command_steps(True)
+        axis.command("steps", True)
     with pytest.raises(CommandRefused, match=r"1\.5 steps; a command takes a whole number from -"):
-        axis.command_steps(1.5)  # type: ignore[arg-type]
-    axis.command_steps(2)
+        axis.command("steps", 1.5)  # type: ignore[arg-type]
+    axis.command("steps", 2)
     axis.advance(0.2)
     assert axis.status.steps_done == 2
 
@@ -190,11 +190,11 @@ def test_a_jog_cannot_be_made_impossible(waits: bool, command: str, value: objec
 def test_the_closed_loop_goes_on_with_what_the_amplifier_still_gives(at: float) -> None:
     """Its running steps had more volts than it was left with, and an exception ended them."""
     axis = Axis({**TABLE_1, **FAST})
-    axis.command_position(3e-5)
+    axis.command("position", 3e-5)
     axis.advance(at)
     assert axis.moving
-    axis.command_amplitude(150.0)
-    axis.set_parameters({"max_voltage": 160.0})
+    axis.command("amplitude", 150.0)
+    axis.command("parameters", {"max_voltage": 160.0})
     axis.advance(3.0)
     assert axis.mode == "holding"
     assert axis.status.position == pytest.approx(3e-5, abs=4e-9)

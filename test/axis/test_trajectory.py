@@ -26,7 +26,7 @@ POINTS = [(0.3, 15e-6), (0.6, 2e-6), (0.8, 2e-6), (1.3, 3e-6)]
 def test_it_follows_and_holds_the_last_point() -> None:
     axis = Axis({**TABLE_1, **FAST})
     axis.advance(0.5)
-    axis.command_trajectory([JOINT], POINTS)
+    axis.command("trajectory", [JOINT], POINTS)
     assert axis.status.state == "targeting"
     largest = 0.0
     while axis.state.t < 0.5 + 1.3:
@@ -43,10 +43,10 @@ def test_it_follows_and_holds_the_last_point() -> None:
 
 def test_the_course_lies_on_straight_lines_from_where_the_axis_is() -> None:
     axis = Axis({**TABLE_1, "sensor_noise": 0.0, "sensor_resolution": 0.0, **FAST})
-    axis.command_steps(20)
+    axis.command("steps", 20)
     axis.advance(1.0)
     start = axis.state.x
-    axis.command_trajectory([JOINT], [(0.1, start), (0.3, start + 4e-6)])
+    axis.command("trajectory", [JOINT], [(0.1, start), (0.3, start + 4e-6)])
     for t, x in ((0.05, 0.0), (0.2, 2e-6), (0.25, 3e-6), (0.4, 4e-6)):
         axis.advance(1.0 + t)
         assert axis.status.target == pytest.approx(start + x, abs=1e-15)
@@ -55,9 +55,9 @@ def test_the_course_lies_on_straight_lines_from_where_the_axis_is() -> None:
 def test_it_starts_from_a_scanned_level() -> None:
     """The level is brought back first; the course is caught up with."""
     axis = Axis({**TABLE_1, "scan_rate": 1e4, **FAST})
-    axis.command_scan(200.0)
+    axis.command("scan", 200.0)
     axis.advance(0.1)
-    axis.command_trajectory([JOINT], [(0.4, 5e-6)])
+    axis.command("trajectory", [JOINT], [(0.4, 5e-6)])
     axis.advance(0.4)
     assert abs(axis.status.following_error) < 4e-7
     axis.advance(1.0)
@@ -66,10 +66,10 @@ def test_it_starts_from_a_scanned_level() -> None:
 
 def test_one_that_is_too_fast_is_a_following_error() -> None:
     axis = Axis({**TABLE_1, "max_following_error": 2e-6, **FAST})
-    axis.command_trajectory([JOINT], [(0.1, 10e-6)])
+    axis.command("trajectory", [JOINT], [(0.1, 10e-6)])
     axis.advance(0.09)
     assert axis.status.state == "targeting"
-    axis.command_trajectory([JOINT], [(0.1, 1e-3)])
+    axis.command("trajectory", [JOINT], [(0.1, 1e-3)])
     axis.advance(0.2)
     assert axis.status.state == "fault"
     assert "following error is" in axis.status.fault
@@ -97,17 +97,17 @@ def test_a_malformed_trajectory_is_refused_as_a_whole(
     joints: list[str], points: list[Any], complaint: str
 ) -> None:
     axis = Axis({**TABLE_1, "soft_high": 5e-5})
-    axis.command_steps(50)
+    axis.command("steps", 50)
     axis.advance(0.015)
     with pytest.raises(CommandRefused) as refusal:
-        axis.command_trajectory(joints, points)
+        axis.command("trajectory", joints, points)
     assert complaint in str(refusal.value)
     assert (axis.status.state, axis.status.steps_left) == ("stepping", 49)
 
 
 def test_a_trajectory_that_begins_later_leaves_the_runner_where_it_is_until_then() -> None:
     axis = Axis({"frequency": 1000.0})
-    axis.command_position(3e-7)
+    axis.command("position", 3e-7)
     axis.advance(1.0)
     axis.command("trajectory", ["axis_slider"], [[1.0, 1e-6], [2.0, 2e-6]], 1.0)
     axis.advance(1.95)
@@ -216,7 +216,7 @@ def test_those_that_one_has_left_end_alone() -> None:
     together = AxisGroup(axes)
     together.follow(parts([(0.1, [1e-6, 1e-6, 1e-6])]))
     run(axes, together, 0.05)
-    axes[2].stop()
+    axes[2].command("stop")
     run(axes, together, 0.4)
     assert [axis.status.state for axis in axes] == ["holding", "holding", "stopped"]
     assert [len(finished(axis)) for axis in axes] == [1, 1, 0]
@@ -334,9 +334,9 @@ def test_a_velocity_ends_at_the_soft_limit() -> None:
 def test_commanding_back_what_was_read_moves_nothing(moved: float) -> None:
     """At rest and in closed loop, for two seconds of 100 readings a second."""
     axis = Axis(FAST)
-    axis.zero()
+    axis.command("zero")
     if moved:
-        axis.command_position(moved)
+        axis.command("position", moved)
         axis.advance(2.0)
     x = axis.state.x
     axis.take_events()
@@ -379,13 +379,13 @@ def test_a_set_point_out_of_reach_is_refused() -> None:
 
 def test_set_points_take_over_from_a_jog_and_come_out_again_bit_for_bit() -> None:
     axis = Axis(FAST)
-    axis.command_jog(700.0)
+    axis.command("jog", 700.0)
     axis.advance(0.0333)
     _stream(axis, "position", [4e-6 + 1e-7 * k for k in range(30)])
     _stream(axis, "velocity", [-1e-5] * 30)
     axis.command("trajectory", [JOINT], [[0.3, 1e-6], [0.5, 2e-6]], 0.1)
     axis.advance(axis.state.t + 0.2)
-    axis.command_trajectory([JOINT], [(0.2, 1e-6)])
+    axis.command("trajectory", [JOINT], [(0.2, 1e-6)])
     axis.advance(axis.state.t + 0.5)
     texts = [event_texts(event) for event in axis.take_events()]
     events = [Event.of(text) for text in texts]
@@ -399,7 +399,7 @@ def test_what_an_axis_takes_can_be_repeated_however_large(value: float) -> None:
     axis = Axis({**FAST, "soft_high": 3e-6, "soft_low": -3e-6})
     axis.command("joint_command", JOINT, "velocity", value)
     axis.advance(0.3)
-    axis.command_trajectory([JOINT], [(1e304, 1e-6)])
+    axis.command("trajectory", [JOINT], [(1e304, 1e-6)])
     axis.advance(0.5)
     events = [Event.of(event_texts(event)) for event in axis.take_events()]
     again = Rerun([event for event in events if event]).advance(0.5)
@@ -410,19 +410,19 @@ def test_a_trajectory_that_is_too_fast_is_warned_of_when_it_comes() -> None:
     """It had lagged in silence; what was said is what the steps reach under the load."""
     for load in (0.0, 0.05):
         axis = Axis({**TABLE_1, "frequency": 1000.0})
-        axis.set_load(load)
-        axis.command_jog(-1000.0)
+        axis.command("load", load)
+        axis.command("jog", -1000.0)
         axis.advance(0.2)
         begin = axis.state.x
         axis.advance(1.2)
         down = begin - axis.state.x
-        axis.stop()
+        axis.command("stop")
         axis.advance(1.5)
         axis.take_events()
         x = axis.status.position
-        axis.command_trajectory(["axis_slider"], [(1.0, x - 0.9 * down), (1.5, x - 0.9 * down)])
+        axis.command("trajectory", ["axis_slider"], [(1.0, x - 0.9 * down), (1.5, x - 0.9 * down)])
         assert [event.outcome for event in axis.take_events()] == ["applied"]
-        axis.command_trajectory(["axis_slider"], [(1.0, x - 1.5 * down), (2.0, x - 1.5 * down)])
+        axis.command("trajectory", ["axis_slider"], [(1.0, x - 1.5 * down), (2.0, x - 1.5 * down)])
         _, warning = axis.take_events()
         assert warning.outcome == "warned" and warning.level == 1
         found = re.search(

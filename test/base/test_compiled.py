@@ -350,13 +350,13 @@ def test_without_numba_the_same_comes_out_of_plain_python() -> None:
         "import sys; sys.modules['numba'] = None\n"
         "from stickslip_ros.axis import Axis\n"
         "axis = Axis({'frequency': 1000.0})\n"
-        "axis.command_steps(3)\n"
+        "axis.command('steps', 3)\n"
         "axis.advance(0.004)\n"
         "print(axis.state.x)\n"
     )
     slow = float(python("-W", "ignore", "-c", run).stdout)
     axis = Axis({"frequency": 1000.0})
-    axis.command_steps(3)
+    axis.command("steps", 3)
     axis.advance(0.004)
     assert axis.state.x > 3e-7
     assert slow == pytest.approx(axis.state.x, abs=1e-12)

@@ -115,7 +115,7 @@ def record_axis(
             elif number == 40:
                 axis.command("load", 0.01)
             elif number == 45:
-                axis.command_trajectory(["axis_slider"], [(0.005, 2e-7), (0.01, 1e-7)])
+                axis.command("trajectory", ["axis_slider"], [(0.005, 2e-7), (0.01, 1e-7)])
             elif number == 57:
                 axis.command("joint_command", "axis_slider", "velocity", 1e-5)
 
@@ -417,7 +417,7 @@ def test_a_change_of_parameters_counts_as_well(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(versions, "CHANGES", (heavy,))
     axis = Axis({**TABLE_1, "preload": 0.5})
     axis.advance(0.01)
-    axis.set_parameters({"preload": 1.0})
+    axis.command("parameters", {"preload": 1.0})
     start, changed = [Event.of(event_texts(event)) for event in axis.take_events()]
     assert start and changed
     start.details["model_version"] = 15

@@ -72,7 +72,7 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
 
 def test_each_of_several_contacts_has_its_deflection() -> None:
     axis = Axis({"contacts": 2, "contact_spread": 0.1, "frequency": 1000.0})
-    axis.command_steps(4)
+    axis.command("steps", 4)
     axis.advance(2.3e-3)
     first, *each = contact_joints(axis)
     message = fill_joints(JointState(), Time(), "lens", [first, *each])

@@ -51,7 +51,7 @@ def test_an_axis_carries_it_out_and_refuses_it() -> None:
     assert axis.status.scan_level == pytest.approx(150.0)
     with pytest.raises(CommandRefused, match="330 V"):
         axis.command("share", 1.1)
-    axis.enable(False)
+    axis.command("enable", False)
     with pytest.raises(CommandRefused, match="enable it first"):
         axis.command("share", 0.5)
     assert state_table()["share"]["fault"] == "refused"

@@ -151,7 +151,7 @@ def test_a_recording_beside_a_twin_gives_the_same_bits(
     random, told = np.random.default_rng(3), 0
     for k in range(300):
         if k == 20:
-            axis.command_steps(250)
+            axis.command("steps", 250)
         axis.advance(0.01 * k + 0.0023 * (k % 4))
         statuses = [event_status("axis", event) for event in axis.take_events()]
         now = stamp(origin + round(1e9 * axis.state.t))

@@ -65,9 +65,9 @@ def command(axis: Axis, commands: RandomCommands, draw: random.Random) -> None:
         arguments = (changes(commands.changeable, draw),)
     try:
         if axis.fault:
-            axis.reset()
+            axis.command("reset")
         if axis.status.state == "disabled":
-            axis.enable(True)
+            axis.command("enable", True)
         axis.command(name, *arguments)
     except StickslipError:
         pass

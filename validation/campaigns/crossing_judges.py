@@ -296,7 +296,7 @@ def sensor_fault(case: Case) -> str:
         axis = Axis({**case.values, "allow_faults": True})
         axis.command("steps", case.steps)
         axis.advance(0.4 * end)
-        axis.set_parameters({"fault": fault})
+        axis.command("parameters", {"fault": fault})
         axis.advance(end)
         found.append(axis.state.x)
     return apart(found[1], found[0], CYCLE * abs(case.steps))
@@ -681,7 +681,7 @@ def emulated(case: Case, record: Path | None = None) -> str:
                 assert time.monotonic() < deadline, f"no step comes of {line!r}"
                 time.sleep(1e-3)
             if stop := case.chosen["end"] == "stopped":
-                served.look(axis.stop)
+                served.look(lambda: axis.command("stop"))
             while served.look(lambda: axis.moving):
                 if time.monotonic() > deadline:  # on a machine too slow for it
                     done = served.look(lambda: axis.status.step_count)
@@ -761,7 +761,7 @@ def _log(case: Case) -> tuple[Parameters, Log, float, float]:
             log.append(TwinCommand(axis.state.t, "steps", float(case.steps)))
             axis.command("steps", case.steps)
         elif k == 120:
-            axis.set_parameters(other)
+            axis.command("parameters", other)
             gain = 1.0 - 0.3 * share if change == "sensor gain" else 1.0
         uneven = 0.0 if case.chosen["readings"] == "even" else 0.4 * draw.random()
         axis.advance((k + uneven) * 1.37 * max(period, 5e-3))

@@ -102,7 +102,7 @@ def outcome(values: dict[str, Any]) -> str:
         if cycles.lost.min() < -allowed and not weakens:
             return f"heat {cycles.lost.min():g} J of a work of {work:g} J"
         axis = Axis(p)
-        axis.command_steps(STEPS)
+        axis.command("steps", STEPS)
         axis.advance(min(STEPS / p.drive.frequency, 0.01))
         if not math.isfinite(axis.state.x):
             return f"position {axis.state.x}"

@@ -123,7 +123,7 @@ def ringing(axis: Axis, amplitude: float) -> float:
 def ideal(p: Parameters, target: float) -> float:
     """Return the ideal time (s) to a target (m), nan where steps do not lead there."""
     axis, steps, begun = Axis(p), STEPS, time.process_time()
-    axis.command_steps(MOST_STEPS if target > 0.0 else -MOST_STEPS)
+    axis.command("steps", MOST_STEPS if target > 0.0 else -MOST_STEPS)
     stroke, way, t = axis.status.stroke, math.copysign(1.0, target), 1.0 / p.drive.frequency
     axis.advance((STEPS // 2 + 0.5) * t)
     while True:
@@ -148,7 +148,7 @@ def outcome(axis: Axis, target: float, shortest: float) -> Outcome:
     """Return how a target (m) of an axis ends; shortest: the ideal time (s)."""
     p: Parameters = axis.parameters
     begun, away, base = time.process_time(), [-target], [0.0]
-    axis.command_position(target)
+    axis.command("position", target)
     while not axis.status.target_reached:
         if axis.fault:
             return Outcome(f"fault: {axis.fault}")

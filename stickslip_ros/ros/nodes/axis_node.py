@@ -424,7 +424,7 @@ class AxisNode(GuardedNode):
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         if axis_changes:
             self._sim_loop.act(self)
-            self.axis.set_parameters(axis_changes)
+            self.axis.command("parameters", axis_changes)
             self._sim_loop.pace.expect_change()
             self._sim_loop.take(self, axis_changes)
             self.publish_events()

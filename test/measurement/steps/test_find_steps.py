@@ -198,7 +198,7 @@ def driven(steps: int, frequency: float, rate: float, before: float, after: floa
     for k, at in enumerate(t):
         if not sent and at >= before:
             axis.advance(before)
-            axis.command_steps(steps)
+            axis.command("steps", steps)
             sent = True
         axis.advance(at)
         x[k] = axis.state.x

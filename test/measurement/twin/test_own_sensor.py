@@ -26,7 +26,7 @@ def test_a_reading_counts_from_when_it_was_taken() -> None:
         t = 1e-9 * (k * 1_000_000 + 1_700 * (k % 7))
         axis.advance(t)
         if k == 150:
-            axis.set_parameters({"sensor_latency": 0.004})
+            axis.command("parameters", {"sensor_latency": 0.004})
         for event in axis.take_events():
             sensor.hear(event, START + round(1e9 * event.time))
         ((_, x, _, _), _) = report.take(axis)

@@ -25,7 +25,7 @@ def test_the_posterior_of_an_ensemble_of_axes_is_the_same() -> None:
     held = TwinSettings(gain_deviation=1e-9, drift_hour=1e-9, drift_metre=1e-9)  # one unknown
     twin = Twin(P, held)
     twin.command(TwinCommand(0.0, "steps", 250.0))
-    axis.command_steps(250)
+    axis.command("steps", 250)
     readings = []
     for k in range(1, 250):
         axis.advance(0.01 * k + 0.004 + 0.003 * random.random())  # where the ringing is small

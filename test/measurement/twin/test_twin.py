@@ -67,7 +67,7 @@ def test_readings_at_one_phase_of_the_ringing_are_no_change() -> None:
     noise = 2e-9 * np.random.default_rng(0).standard_normal(220)
     for k in range(1, 220):
         if k == 10:
-            axis.command_steps(205)
+            axis.command("steps", 205)
             twin.command(TwinCommand(axis.state.t, "steps", 205.0))
         axis.advance(0.01 * k + (1.25e-4 if k >= 10 else 0.01))
         twin.measure(axis.state.t, axis.state.x + noise[k])
@@ -140,12 +140,12 @@ def test_readings_go_on_while_a_cause_is_judged() -> None:
     """A piece at a time; then the tracker starts anew from the cause and has lost no reading."""
     twin, axis, random = Twin(P), Axis(P), _random()
     twin.command(TwinCommand(0.0, "steps", 10_000))
-    axis.command_steps(10_000)
+    axis.command("steps", 10_000)
     judged_at = math.nan
     while math.isnan(judged_at) or axis.state.t < judged_at + 0.5:
         axis.advance(axis.state.t + 0.01 + 1e-3 * random.random())
         if 1.0 < axis.state.t < 1.02:
-            axis.set_parameters({"preload": 0.32})
+            axis.command("parameters", {"preload": 0.32})
         assert twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal()) or (
             axis.state.t < 0.03
         )
@@ -164,10 +164,10 @@ def test_what_changes_slowly_drifts() -> None:
     """The preload falls by 6 % in a second, which is no change where drift may be as large."""
     twin, axis, random = Twin(P, TwinSettings(drift_hour=0.3, drift_window=4.0)), Axis(P), _random()
     twin.command(TwinCommand(0.0, "steps", 10_000))
-    axis.command_steps(10_000)
+    axis.command("steps", 10_000)
     while axis.state.t < 6.0:
         axis.advance(axis.state.t + 0.01 + 1e-3 * random.random())
-        axis.set_parameters({"preload": 0.4 * math.exp(-0.06 * axis.state.t)})
+        axis.command("parameters", {"preload": 0.4 * math.exp(-0.06 * axis.state.t)})
         twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
     rate, deviation = twin.drift
     assert twin.level[0] == DRIFTING
@@ -181,7 +181,7 @@ def test_steps_to_and_fro_do_not_drift() -> None:
     for k in range(1, 800):
         if k % 100 == 1:
             steps = 80 if k % 200 == 1 else -80
-            axis.command_steps(steps)
+            axis.command("steps", steps)
             twin.command(TwinCommand(axis.state.t, "steps", steps))
         axis.advance(0.01 * k + 0.003 * random.random())
         twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
@@ -272,7 +272,7 @@ def test_a_command_that_comes_late_makes_no_change() -> None:
     """The axis was stopped 0.3 s ago; the readings since deviate, but are no evidence."""
     twin, axis, random = Twin(P), Axis(P), _random()
     twin.command(TwinCommand(0.0, "steps", 1000.0))
-    axis.command_steps(1000)
+    axis.command("steps", 1000)
     for k in range(1, 400):
         if k == 250:
             axis.command("stop")
@@ -281,7 +281,7 @@ def test_a_command_that_comes_late_makes_no_change() -> None:
             twin.command(TwinCommand(axis.state.t - 0.3, "stop"))
             assert not twin.changes and twin.troubles["late commands"] == 1
             twin.command(TwinCommand(axis.state.t, "steps", 100.0))
-            axis.command_steps(100)
+            axis.command("steps", 100)
         axis.advance(0.01 * k + 0.003 * random.random())
         twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
     assert not twin.changes
@@ -304,7 +304,7 @@ def test_an_axis_that_stays_the_same_is_not_accused_in_disorder(trouble: str) ->
             axis.advance(t - begun)
             if t >= following:
                 steps = int(random.integers(50, 300)) * int(random.choice([-1, 1]))
-                axis.command_steps(steps)
+                axis.command("steps", steps)
                 late = float(random.uniform(0.1, 0.6)) if trouble == "late" else 0.0
                 arrivals.append((t + late, TwinCommand(t + ahead, "steps", steps)))
                 following, hurt = t + float(random.uniform(0.5, 5.0)), t + 0.5
@@ -366,19 +366,21 @@ def test_a_drift_is_told_and_forecasts_go_with_it(begins: float) -> None:
     p, random, steps = P.replace(amplitude=80.0), _random(), round(500 + 100 * begins)
     twin, axis = Twin(p), Axis(p)
     twin.command(TwinCommand(0.0, "steps", steps))
-    axis.command_steps(steps)
+    axis.command("steps", steps)
     for k in range(1, steps + 20):
         axis.advance(0.01 * k + 0.003 * random.random())
         drifts = min(max(axis.state.t - begins, 0.0), 5.0)
-        axis.set_parameters({"preload": 0.4 * math.exp(-0.03 * drifts)})
+        axis.command("parameters", {"preload": 0.4 * math.exp(-0.03 * drifts)})
         twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
     assert twin.level[0] == DRIFTING
     assert [one.goes_on for one in twin.changes] == [True] * bool(begins)
     found, begin = twin.predict_steps(100), axis.state.t
-    axis.command_steps(100)
+    axis.command("steps", 100)
     while axis.state.t < begin + 1.1:
         axis.advance(axis.state.t + 0.01)
-        axis.set_parameters({"preload": 0.4 * math.exp(-0.03 * (axis.state.t - begin + 5.0))})
+        axis.command(
+            "parameters", {"preload": 0.4 * math.exp(-0.03 * (axis.state.t - begin + 5.0))}
+        )
     assert found.low < axis.state.x < found.high
     assert found.high - found.low < 40e-9
 
@@ -386,11 +388,11 @@ def test_a_drift_is_told_and_forecasts_go_with_it(begins: float) -> None:
 def test_a_curve_is_the_motion_from_rest_to_rest() -> None:
     """The rest behind the cycles has no part in them: half a nanometre at each begin told."""
     axis = Axis(P)
-    axis.command_steps(10)
+    axis.command("steps", 10)
     axis.advance(0.2)
     begin, x = axis.state.t, axis.state.x
     curve = CycleCurve.of(P, OperatingPoint(300.0, 100.0, 1, 1))
-    axis.command_steps(12)
+    axis.command("steps", 12)
     for cycles in (0.3, 0.6, 5.5, 11.7):  # where the ringing is small
         axis.advance(begin + 0.01 * cycles)
         (found,) = curve.at(np.array([cycles]), np.zeros(1))
@@ -427,10 +429,10 @@ def _in_moves(changes: dict[str, float], moves: int, gain: float = 1.0) -> Twin:
     for number in range(moves):
         steps = int((-1) ** number * random.integers(30, 200))
         if number == moves // 4:
-            axis.set_parameters(changes)
+            axis.command("parameters", changes)
             seen = gain
         axis.advance(t)
-        axis.command_steps(steps)
+        axis.command("steps", steps)
         twin.command(TwinCommand(t, "steps", float(steps)))
         end = t + abs(steps) / 363.0 + random.uniform(0.1, 0.4)
         for now in np.arange(t, end, 0.005).tolist():

@@ -136,7 +136,7 @@ def test_each_axis_has_its_turn_where_time_goes_as_fast_as_it_can(
 
 def test_a_duration_and_a_time_have_two_names(offline_axis: OfflineAxis) -> None:
     """With the cure where the name of one is used for the other."""
-    offline_axis.command_steps(3)
+    offline_axis.command("steps", 3)
     offline_axis.run(0.5)
     offline_axis.run(0.5)
     assert offline_axis.state.t == 1.0
