@@ -118,8 +118,8 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
         # The recorder is to hear the commands too.
         with AxisClient(_AXIS, listeners=2) as client:
             for move in moves:
-                client.set_amplitude(move.amplitude).set_frequency(move.frequency)
-                client.step(move.steps).wait(_TIMEOUT)
+                client.send("amplitude", move.amplitude).send("frequency", move.frequency)
+                client.send("steps", move.steps).wait(_TIMEOUT)
                 moved = f"{move.steps:+d} steps at {move.frequency:g} Hz"
                 position = 1e9 * client.position
                 print(f"{moved:<22} the runner comes to rest at {position:.0f} nm", flush=True)

@@ -69,7 +69,7 @@ def robot_tests(axes: Axes) -> None:
     axis = ss.Axis({"frequency": 1000.0, "preload": 0.5, "soft_high": 6e-6})
     axis.command("position", 5e-6)
     _draw_positions(axes, axis, 0.0, 0.15)
-    axis.set_load(0.02)
+    axis.command("load", 0.02)
     _draw_positions(axes, axis, 0.15, 0.3)
     axes.axhline(6.0, color="#8c8c8c", linestyle="--", linewidth=0.8, label="soft limit")
     axes.axvline(150.0, color=ACTUATOR, linewidth=0.8, label="load of 20 mN")
@@ -98,7 +98,7 @@ def same_drive(axes: Axes) -> None:
         axis.advance(t)
         updates.append(twin.measure(t, axis.state.x + 2e-9 * noise.standard_normal()))
         if number == 299:
-            axis.set_parameters({"preload": 0.32})
+            axis.command("parameters", {"preload": 0.32})
     known = [one for one in updates if one]
     t, off, band = np.array([(u.t, u.measured - u.expected, 1.96 * u.deviation) for u in known]).T
     axes.fill_between(t, -1e9 * band, 1e9 * band, color=SIMULATED, alpha=0.2, linewidth=0)

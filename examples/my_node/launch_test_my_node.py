@@ -33,7 +33,7 @@ def generate_test_description():
 class TestGuard(unittest.TestCase):
     def test_the_axis_is_stopped_where_it_may_not_go(self, proc_output, guard):
         with AxisClient() as axis:
-            axis.jog(1000.0)
+            axis.send("jog", 1000.0)
             axis.wait_for_state("stopped")
             assert axis.position > 3e-6
         proc_output.assertWaitFor("stopped the axis at", process=guard, timeout=10)

@@ -18,7 +18,7 @@ def guard(stickslip_world):
 
 def test_the_axis_is_stopped_where_it_may_not_go(stickslip_world, guard):
     axis = stickslip_world.clients["stickslip_axis"]
-    axis.jog(1000.0)
+    axis.send("jog", 1000.0)
     axis.wait_for_state("stopped")
     assert guard.stopped
     assert 3e-6 < axis.position < 8e-6
@@ -26,5 +26,5 @@ def test_the_axis_is_stopped_where_it_may_not_go(stickslip_world, guard):
 
 def test_the_axis_is_left_alone_elsewhere(stickslip_world, guard):
     axis = stickslip_world.clients["stickslip_axis"]
-    assert axis.move_to(2e-6).wait().position == pytest.approx(2e-6, abs=5e-9)
+    assert axis.send("position", 2e-6).wait().position == pytest.approx(2e-6, abs=5e-9)
     assert not guard.stopped

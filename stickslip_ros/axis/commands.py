@@ -450,6 +450,7 @@ COMMANDS: dict[str, Command] = {
             "accept commands, or refuse them; disabling ends the running command as stop does",
             row(SAME, fault=SAME, disabled=STOPPED),
             example=(True,),
+            defaults=(True,),
             off=("disable", row(DISABLED, fault=DISABLED, disabled=SAME)),
             effect=lambda axis, on: axis.set_enabled(on),
         ),
@@ -460,6 +461,7 @@ COMMANDS: dict[str, Command] = {
             "pause the time of all axes of the process, or continue",
             _ALWAYS,
             example=(True,),
+            defaults=(True,),
             effect=_pause,
         ),
         Command(

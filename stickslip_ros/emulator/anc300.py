@@ -341,7 +341,7 @@ OF_CHANNEL: dict[str, Request] = {
     "stepu": Request(lambda m, count="1": m.step(+1, count), optional=1),
     "stepd": Request(lambda m, count="1": m.step(-1, count), optional=1),
     "stepw": Request(lambda m: Waiting(lambda: not m.axis.moving, lambda: b"")),
-    "stop": Request(lambda m: m.axis.stop()),
+    "stop": Request(lambda m: m.axis.command("stop")),
     "getser": Request(lambda m: f"SIM-{m.axis.parameters.node.axis_name}\r\n"),
     "getpu": Request(_pattern),
     "getpd": Request(_pattern),

@@ -119,7 +119,7 @@ def _check(condition: bool) -> None:
 def _reset(controller: Controller) -> None:
     for one in controller.channels:
         one.halt()
-        one.axis.reset()
+        one.axis.command("reset")
 
 
 # -- MCS

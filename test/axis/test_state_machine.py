@@ -100,11 +100,11 @@ def test_enabled_without_a_reset_it_is_in_fault_again() -> None:
     assert (axis.status.state, axis.status.fault) == ("stopped", "")
 
 
-@pytest.mark.parametrize("end", [lambda axis: axis.stop(), lambda axis: axis.enable(False)])
-def test_steps_end_after_their_cycle(end: Callable[[Axis], None]) -> None:
+@pytest.mark.parametrize("end", [("stop",), ("enable", False)])
+def test_steps_end_after_their_cycle(end: tuple[object, ...]) -> None:
     axis = _axis_in("stepping")
     done = axis.status.steps_done
-    end(axis)
+    axis.command(str(end[0]), *end[1:])
     running = axis.moving
     axis.advance(axis.state.t + 0.01)
     assert (running, axis.moving) == (True, False)

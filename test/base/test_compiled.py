@@ -292,7 +292,7 @@ for values in ({}, several, {"dwell_growth": 0.1, "amplifier_bandwidth": 2e4}, {
     for changes in ({}, {"sensor_bandwidth": 3e3, "spring": 1e3}, {"sensor_order": 2}):
         axis.command("jog", -2e3)
         axis.advance(axis.state.t + 3e-3)
-        axis.set_parameters(changes)
+        axis.command("parameters", changes)
         for command, value in (("scan", 10.0), ("position", 1e-7), ("load", 0.01), ("steps", 2)):
             axis.command(command, value)
             axis.advance(axis.state.t + 1e-3)

@@ -147,7 +147,7 @@ def test_a_move_that_another_command_ends_is_no_success(
     def stop() -> None:
         with AxisClient(timeout=PATIENCE) as other:
             other.wait_for_state("stepping", PATIENCE)
-            other.stop()
+            other.send("stop")
 
     with ThreadPoolExecutor() as beside:
         stopped = beside.submit(stop)

@@ -110,10 +110,10 @@ def test_without_readings_there_is_an_error_and_no_zero(
     axis = emulated.axes[0]
     with emulated.client() as client:
         known = client.ask(position)
-        emulated.look(lambda: axis.set_parameters({"fault": "sensor_dropout"}))
+        emulated.look(lambda: axis.command("parameters", {"fault": "sensor_dropout"}))
         assert client.ask(position) == refused
         assert client.ask(zero) == refused
-        emulated.look(lambda: axis.set_parameters({"fault": ""}))
+        emulated.look(lambda: axis.command("parameters", {"fault": ""}))
         assert client.ask(position) == known
 
 

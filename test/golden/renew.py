@@ -206,18 +206,20 @@ def record(name: str, folder: Path) -> None:
 
 def _drive(client: Any) -> None:
     """Let an axis do a little of all that it can."""
-    client.step(12).wait()
-    client.set_amplitude(200.0).set_frequency(1000.0).step(-40).wait()
+    client.send("steps", 12).wait()
+    client.send("amplitude", 200.0).send("frequency", 1000.0).send("steps", -40).wait()
     client.set_parameters(preload=1.0)
-    client.jog(2000.0)
-    client.jog(0.0).wait()
-    client.scan(100.0).wait()
-    client.set_load(0.01)
-    client.move_to(1.2e-6).wait()
-    client.follow([(0.05, 1.0e-6), (0.1, 1.4e-6)]).wait()
-    client.set_load(0.0).set_parameters(preload=0.4).set_frequency(10e3).step(60).wait()
-    client.set_frequency(50.0).step(-6).wait()
-    client.stop()
+    client.send("jog", 2000.0)
+    client.send("jog", 0.0).wait()
+    client.send("scan", 100.0).wait()
+    client.send("load", 0.01)
+    client.send("position", 1.2e-6).wait()
+    client.send("trajectory", [(0.05, 1.0e-6), (0.1, 1.4e-6)]).wait()
+    client.send("load", 0.0).set_parameters(preload=0.4).send("frequency", 10e3).send(
+        "steps", 60
+    ).wait()
+    client.send("frequency", 50.0).send("steps", -6).wait()
+    client.send("stop")
 
 
 def main_of_this(arguments: list[str] | None = None) -> None:

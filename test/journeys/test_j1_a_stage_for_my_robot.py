@@ -124,7 +124,7 @@ class TestHeavy:
         with socket.create_connection(("127.0.0.1", stickslip_world.port)) as client:
             client.sendall(b":GNC\\n")
             assert client.recv(100) == b":N2\\n"
-        assert x.step(10).wait().steps_done == y.step(-5).wait().steps_done + 15
+        assert x.send("steps", 10).wait().steps_done == y.send("steps", -5).wait().steps_done + 15
 """
 
 

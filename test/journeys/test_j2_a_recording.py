@@ -56,11 +56,11 @@ def test_a_recording(ros: Ros, start_node: Start, start_module: Start, tmp_path:
     for axis in "xy":
         recorder.wait_for(f"first message of /{axis}/truth")
     with AxisClient("/x", timeout=60.0) as x, AxisClient("/y", timeout=60.0) as y:
-        y.set_frequency(1000.0).set_load(1e-3)
-        x.step(STEPS)
-        assert y.move_to(2e-6).wait().position == pytest.approx(2e-6, abs=5e-9)
+        y.send("frequency", 1000.0).send("load", 1e-3)
+        x.send("steps", STEPS)
+        assert y.send("position", 2e-6).wait().position == pytest.approx(2e-6, abs=5e-9)
         x.wait()
-        y.set_load(float(LAST))
+        y.send("load", float(LAST))
     file = tmp_path / "run" / "run_0.mcap"
     ros.wait_until(lambda: LAST.encode() in file.read_bytes(), "the last load on the disk")
     recorder.kill()

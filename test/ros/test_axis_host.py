@@ -84,7 +84,7 @@ def test_each_axis_is_a_node_with_its_own_parameters(ros: Ros, host: AxisHost) -
 def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHost) -> None:
     heard = ros.hear(JointState, JOINTS)
     with AxisClient("/y") as y:
-        y.step(10).wait()
+        y.send("steps", 10).wait()
     assert host.axes[1].axis.state.x > 1e-6
     assert host.axes[0].axis.state.x == host.axes[2].axis.state.x == 0.0
     ros.wait_until(lambda: len(heard) > 60)
@@ -101,13 +101,13 @@ def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHos
 def test_the_host_stops_all_axes_and_moves_several_together(ros: Ros, host: AxisHost) -> None:
     user = ros.node("user")
     with AxisClient("/x") as x, AxisClient("/z") as z:
-        x.jog(1000.0)
-        z.scan(100.0)
+        x.send("jog", 1000.0)
+        z.send("scan", 100.0)
         answer = ros.call(user, Trigger, "/stickslip_axis/stop", Trigger.Request())
         assert (answer.success, answer.message) == (True, "")
         x.wait_for_state("stopped")
         z.wait_for_state("stopped")
-        z.enable(False)
+        z.send("enable", False)
         answer = ros.call(user, Trigger, "/stickslip_axis/home", Trigger.Request())
         reason = "z: the axis is disabled: enable it first"
         assert (answer.success, answer.message) == (False, reason)

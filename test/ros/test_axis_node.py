@@ -45,7 +45,7 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
     """Names, lengths, and the laws that bind the numbers, in motion and at rest."""
     make_axis(axis_name="lens", publish_rate=200.0)
     client, heard = connect(ros)
-    client.step(30).wait()
+    client.send("steps", 30).wait()
     ros.wait_until(
         lambda: min(len(heard.joints), len(heard.truth), len(heard.contact)) > 50, "states of all"
     )
@@ -108,7 +108,7 @@ def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) ->
     first = diagnostics.Diagnostics("").statuses(node.axis, node._sim_loop, 0)[0]
     assert (first.level, first.message) == (DiagnosticStatus.OK, "stopped")
     client, heard = connect(ros)
-    client.step(40).wait()
+    client.send("steps", 40).wait()
     found = heard.next_report()
     for kind, status in found.items():
         assert status.name == f"stickslip_axis: {kind}"
@@ -129,9 +129,9 @@ def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) ->
     assert re.match(r"on time$|\d+ deadlines missed$|real-time factor ", found["timing"].message)
     assert found["axis"].level == found["friction"].level == DiagnosticStatus.OK
 
-    client.set_amplitude(20.0)  # below the 0-amplitude: true, but worth a warning
+    client.send("amplitude", 20.0)  # below the 0-amplitude: true, but worth a warning
     with pytest.raises(CommandRefused):
-        client.set_amplitude(-1.0)
+        client.send("amplitude", -1.0)
     found = heard.next_report()
     assert found["friction"].level == DiagnosticStatus.WARN
     assert "no steps" in found["friction"].message
@@ -145,14 +145,14 @@ def test_what_waits_for_a_slow_cycle_is_told_when_it_begins(ros: Ros, make_axis:
     make_axis(frequency=1e-3)
     client, heard = connect(ros)
     for command, value in (("steps", 0), ("frequency", 0.002)):
-        assert client.step(5).status["begins (s)"] == "nan"
+        assert client.send("steps", 5).status["begins (s)"] == "nan"
         begins = float(client.send(command, value).status["begins (s)"])
         assert begins > 999.0
         assert client._message.startswith("stepping: what was commanded begins at ")
         assert client._message.endswith("; stop breaks off the running cycle")
         event = heard.event(command, "applied", 2 if command == "steps" else 1)
         assert (float(event["begins"]), event["now"]) == (begins, client._message[-33:])
-        assert client.stop().wait(2.0).status["begins (s)"] == "nan"
+        assert client.send("stop").wait(2.0).status["begins (s)"] == "nan"
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_a_0_amplitude_that_takes_long_keeps_nobody_waiting(
     monkeypatch.setattr(diagnostics, "zero_amplitude", lambda p: go_on.wait(60.0) and 1e-8)
     make_axis()
     client, heard = connect(ros)
-    assert client.step(1).wait().steps_done == 1
+    assert client.send("steps", 1).wait().steps_done == 1
     friction = heard.next_report()["friction"]
     assert (friction.level, friction.message) == (DiagnosticStatus.OK, diagnostics.LATER)
     assert math.isnan(float(values(friction)["0-amplitude (m)"]))
@@ -202,7 +202,7 @@ def test_axes_in_one_context_are_told_apart_by_their_namespaces(
     make_axis("/right", axis_name="right", frequency=500.0)
     _, left = connect(ros, "/left/stickslip_axis")
     client, right = connect(ros, "/right/stickslip_axis")
-    client.step(10)
+    client.send("steps", 10)
     assert right.event("move", "finished")["steps"] == "10"
     seen = len(left.joints)
     ros.wait_until(lambda: len(left.joints) > seen + 2)
@@ -224,7 +224,7 @@ def test_parameters_set_while_it_runs_hold_or_are_refused_whole(
     """Mutable ones with the next cycle; read-only, contradicting and unknown ones not at all."""
     node = make_axis(frequency=1000.0)
     client, heard = connect(ros)
-    client.step(10_000)
+    client.send("steps", 10_000)
     # As `ros2 param set` does; a whole number will do.
     wanted = SetParameters.Request(parameters=[Parameter("preload", value=1).to_parameter_msg()])
     (result,) = ros.call(heard.node, SetParameters, f"{client.axis}/set_parameters", wanted).results
@@ -242,7 +242,7 @@ def test_parameters_set_while_it_runs_hold_or_are_refused_whole(
             client.set_parameters(**parameters)
         assert reason in str(refusal.value)
         assert node.get_parameter("mass").value == 0.004
-    client.step(0)
+    client.send("steps", 0)
     assert int(heard.event("move", "finished")["steps"]) < 10_000
     report = heard.next_report()
     # Those count too that rclpy itself refuses.

@@ -33,51 +33,58 @@ def client(ros: Ros, node: AxisNode) -> AxisClient:
 
 def test_each_command_leads_to_its_state(node: AxisNode, client: AxisClient) -> None:
     assert client.state == "stopped"
-    assert client.step(100_000).state == "stepping"
-    assert client.jog(-2000.0).wait_for_state("jogging").velocity < 1.0
+    assert client.send("steps", 100_000).state == "stepping"
+    assert client.send("jog", -2000.0).wait_for_state("jogging").velocity < 1.0
     with pytest.raises(ValueError, match="a jog does not end"):
         client.wait()
-    assert client.jog(0.0).wait_for_state("stopped").wait().state == "stopped"
-    client.scan(100.0).wait()
+    assert client.send("jog", 0.0).wait_for_state("stopped").wait().state == "stopped"
+    client.send("scan", 100.0).wait()
     assert node.axis.state.u == pytest.approx(100.0 * node.axis.parameters.actuator.gain)
-    client.scan(0.0).wait()
-    client.stop().zero()
-    assert client.move_to(1e-6).wait().target_reached
+    client.send("scan", 0.0).wait()
+    client.send("stop").send("zero")
+    assert client.send("position", 1e-6).wait().target_reached
     assert client.state == "holding"
     assert client.position == pytest.approx(1e-6, abs=5e-9)
     client.send("trajectory", [(0.2, 2e-6), (0.4, 1.5e-6)]).wait()
     assert client.position == pytest.approx(1.5e-6, abs=5e-9)
-    assert client.home().wait().position == pytest.approx(0.0, abs=5e-9)
-    client.enable(False).wait_for_state("disabled")
+    assert client.send("home").wait().position == pytest.approx(0.0, abs=5e-9)
+    client.send("enable", False).wait_for_state("disabled")
     with pytest.raises(CommandRefused, match="home refused: the axis is disabled: enable it first"):
-        client.home()
+        client.send("home")
     with pytest.raises(CommandRefused, match="steps refused: the axis is disabled"):
-        client.step(1)
-    assert client.enable().state == "stopped"
+        client.send("steps", 1)
+    assert client.send("enable").state == "stopped"
+    old: Any = client  # programs of before run on
+    assert old.set_amplitude(200.0).step(3).wait().steps_done == 3
+    with pytest.raises(AttributeError, match="an AxisClient has no 'stepp'"):
+        old.stepp(3)
 
 
 def test_a_fault_is_raised_and_left_by_a_reset(
     client: AxisClient, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """The log of the node has it, too."""
-    client.set_frequency(18_500.0)
+    client.send("frequency", 18_500.0)
     with pytest.raises(AxisFault, match="velocity is"):
-        client.step(100_000).wait()
+        client.send("steps", 100_000).wait()
     assert client.state == "fault"
     assert client.summary.startswith("fault: velocity is ")
     assert re.search(
         r"\[ERROR\].* fault: velocity is .* or raise max_velocity", capfd.readouterr().err
     )
     with pytest.raises(CommandRefused, match="the axis is in fault"):
-        client.step(1)
-    assert client.reset().state == "stopped"
+        client.send("steps", 1)
+    assert client.send("reset").state == "stopped"
 
 
 def test_refusals_are_raised_with_their_reason(node: AxisNode, client: AxisClient) -> None:
     for command, reason in (
-        (lambda: client.set_amplitude(301.0), "amplitude refused: amplitude is 301 V; .* 300 V"),
-        (lambda: client.move_to(math.inf), "position refused"),
-        (lambda: client.follow([]), "trajectory refused: trajectory without points"),
+        (
+            lambda: client.send("amplitude", 301.0),
+            "amplitude refused: amplitude is 301 V; .* 300 V",
+        ),
+        (lambda: client.send("position", math.inf), "position refused"),
+        (lambda: client.send("trajectory", []), "trajectory refused: trajectory without points"),
         (
             lambda: client.set_parameters(preload=-1.0),
             "parameters refused: preload is -1 N; .* 0.001 ",
@@ -95,16 +102,15 @@ def test_what_no_message_can_hold_is_not_sent(node: AxisNode, client: AxisClient
     """A count that wraps around would be carried out as another one."""
     for steps in (2**31, -(2**31) - 1):
         with pytest.raises(CommandRefused, match=f"{steps} steps; a command takes"):
-            client.step(steps)
-    no_count: tuple[Any, ...] = (1.5, "3", None)
-    for value in no_count:
-        with pytest.raises(TypeError, match="integer"):
-            client.step(value)
+            client.send("steps", steps)
+    for value in (1.5, "3", None):  # 1.5 and "3" were sent as 1 and 3
+        with pytest.raises(CommandRefused, match="a command takes a whole number up to"):
+            client.send("steps", value)
     for seconds in (math.nan, math.inf, 1e12):
         with pytest.raises(CommandRefused, match=r"point 2 is at .* s; a message holds"):
-            client.follow([(0.1, 0.0), (seconds, 0.0)])
+            client.send("trajectory", [(0.1, 0.0), (seconds, 0.0)])
     assert node.axis.status.step_count == 0
-    assert client.step(True).wait().steps_done == 1
+    assert client.send("steps", True).wait().steps_done == 1
 
 
 def test_parameters_are_described_and_change(ros: Ros, node: AxisNode, client: AxisClient) -> None:
@@ -125,8 +131,8 @@ def test_parameters_are_described_and_change(ros: Ros, node: AxisNode, client: A
     assert statuses["stickslip_axis: parameter preload"] == expected
     assert statuses["stickslip_axis: command amplitude"]["high"] == "300.0"
     assert "axis_slider" in statuses["stickslip_axis: description"]["joints"]
-    client.step(100).wait()
-    client.zero()  # moves the range of targets, which is told anew
+    client.send("steps", 100).wait()
+    client.send("zero")  # moves the range of targets, which is told anew
     ros.wait_until(
         lambda: (
             described()["stickslip_axis: command position"]["low"]
@@ -143,8 +149,8 @@ def test_the_report_is_one_made_after_the_last_answer(
     ros: Ros, node: AxisNode, client: AxisClient
 ) -> None:
     """What was reported before is not taken for it, nor what another axis reports."""
-    assert client.step(100).wait().report()["axis"]["steps done"] == "100"
-    client.step(1).wait()
+    assert client.send("steps", 100).wait().report()["axis"]["steps done"] == "100"
+    client.send("steps", 1).wait()
     ros.executor.remove_node(node)  # it is silent from now on
     other = ros.publisher(ros.node("other"), DiagnosticArray, "/diagnostics")
     late = DiagnosticArray(status=[DiagnosticStatus(hardware_id="other")])
@@ -176,18 +182,18 @@ def test_what_a_stranger_latched_does_not_hide_the_axis(ros: Ros, node: AxisNode
         publisher.publish(DiagnosticArray(status=[DiagnosticStatus(name="none of an axis")]))
     for number in range(5):
         with AxisClient(node=ros.node(f"user_{number}")) as client:
-            assert client.step(1).wait().steps_done == 1
+            assert client.send("steps", 1).wait().steps_done == 1
 
 
 def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Start) -> None:
     process = start_node("axis_node")
     client = AxisClient(node=ros.node("user"), timeout=60.0)
-    client.step(100_000)
+    client.send("steps", 100_000)
     with pytest.raises(
         TimeoutError, match=r"axis is still stepping, \d+ steps done, \d+ left; it goes on \("
     ):
         client.wait(timeout=0.1)
-    client.move_to(1e-3)
+    client.send("position", 1e-3)
     with pytest.raises(
         TimeoutError, match=r"is still targeting, [\d.]+ .m from the target; it goes on \("
     ):
@@ -195,9 +201,9 @@ def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Start) -> None:
     client.timeout = 0.2
     with process.stopped():
         with pytest.raises(TimeoutError, match="/stickslip_axis does not answer steps 5"):
-            client.step(5)
+            client.send("steps", 5)
         with pytest.raises(TimeoutError, match="does not answer the call of stop"):
-            client.stop()
+            client.send("stop")
 
 
 class Late(AxisClient):
@@ -219,14 +225,14 @@ def test_a_soft_limit_is_told_each_time(
     make_axis(frequency=1000.0, soft_high=5e-6)
     client = kind(node=ros.node("user"))
     for steps in (400, 400, -16, 400):
-        client.step(steps).wait()
+        client.send("steps", steps).wait()
         hit = "soft_high" if steps > 0 else ""
         assert (client.ended_by, client.limits_hit) == (hit, [hit] if hit else [])
     assert re.search(r"\[WARN\].* soft_high was hit, at 49\d\d nm", capfd.readouterr().err)
-    client.move_to(2e-6).wait()
+    client.send("position", 2e-6).wait()
     began = time.monotonic()
-    client.stop().wait()
-    client.step(0).wait()
+    client.send("stop").wait()
+    client.send("steps", 0).wait()
     assert time.monotonic() - began < 1.0, "no end is waited for where nothing moves"
 
 
@@ -235,15 +241,15 @@ def test_the_end_of_the_travel_is_told_each_time(ros: Ros, make_axis: MakeAxis) 
     make_axis(frequency=4000.0, travel_high=2e-6)
     client = AxisClient(node=ros.node("user"))
     for steps in (100, 8, 8, 8):
-        assert client.step(steps).wait().limits_hit == ["travel_high"]
+        assert client.send("steps", steps).wait().limits_hit == ["travel_high"]
 
 
 def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:
     with AxisClient() as client:
-        client.step(100_000)
+        client.send("steps", 100_000)
         own = client.node
     client.close()
-    for command in (client.stop, lambda: client.step(1)):
+    for command in (lambda: client.send("stop"), lambda: client.send("steps", 1)):
         with pytest.raises(RuntimeError, match="is closed; make a new one"):
             command()
     assert not own.context.ok()
@@ -251,7 +257,7 @@ def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:
     user = ros.node("user")
     before = len(list(user.publishers))
     given = AxisClient(node=user)
-    given.stop()
+    given.send("stop")
     given.close()
     assert len(list(user.publishers)) == before
     assert user.context.ok()
@@ -259,7 +265,8 @@ def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:
 
 def test_a_program_may_end_without_closing(node: AxisNode) -> None:
     program = (
-        "from stickslip_ros.ros.client import AxisClient; print(AxisClient().step(5).steps_done)"
+        "from stickslip_ros.ros.client import AxisClient\n"
+        "print(AxisClient().send('steps', 5).steps_done)"
     )
     run = python("-c", program)
     assert (run.returncode, run.stderr) == (0, "")
@@ -271,12 +278,12 @@ def test_a_second_axis_of_the_same_name_is_told(
     """Its fault is taken for that of the first: their words cannot be told apart."""
     make_axis(max_velocity=1e-9)
     both = AxisClient(node=ros.node("second_user"), listeners=2)
-    both.step(100_000).wait_for_state("fault")
+    both.send("steps", 100_000).wait_for_state("fault")
     with pytest.raises(AxisFault, match="raise max_velocity; 2 nodes publish as /stickslip_ax"):
         both.wait()
     with pytest.raises(TimeoutError, match="2 nodes publish as /stickslip_axis and obey: end all"):
         both.wait_for_state("holding", timeout=0.1)
-    client.stop()
+    client.send("stop")
 
 
 def test_a_node_that_nobody_spins_is_told(ros: Ros, node: AxisNode) -> None:
@@ -286,4 +293,4 @@ def test_a_node_that_nobody_spins_is_told(ros: Ros, node: AxisNode) -> None:
         TimeoutError, match="nobody spins /mine, the node that the client was given"
     ):
         AxisClient(node=mine, timeout=0.5)
-    assert AxisClient(node=ros.add(mine)).step(1).wait().steps_done == 1
+    assert AxisClient(node=ros.add(mine)).send("steps", 1).wait().steps_done == 1

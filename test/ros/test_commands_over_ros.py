@@ -142,22 +142,22 @@ def test_faults_are_seen_over_ros_and_end(ros: Ros, make_axis: MakeAxis) -> None
     heard = Heard(ros)
     client = AxisClient(node=ros.node("user"))
     with client.fault("axis_stall 3"):
-        assert client.step(200).wait().steps_done == 200
+        assert client.send("steps", 200).wait().steps_done == 200
         assert client.position < 1e-6
         assert "axis_stall" in client.status["injected faults"]
     with client.fault("sensor_dropout"):
         with pytest.raises(AxisFault, match="the sensor gives no reading"):
-            client.move_to(2e-6).wait()
-        client.reset()
+            client.send("position", 2e-6).wait()
+        client.send("reset")
         assert math.isnan(float(client.report()["axis"]["measured position (m)"]))
     with client.fault("refuse"), pytest.raises(CommandRefused, match="injected fault refuse"):
-        client.step(1)
+        client.send("steps", 1)
     with client.fault("late 0.3"):
         begin = time.monotonic()
-        client.stop()
+        client.send("stop")
         assert time.monotonic() - begin > 0.3
     assert client.status["injected faults"] == ""
-    client.step(5).wait()
+    client.send("steps", 5).wait()
     assert heard.compare_with_rerun() > 20
 
 
@@ -167,16 +167,16 @@ def test_an_axis_that_vanishes_says_and_answers_nothing_and_comes_back(
     make_axis(frequency=1000.0, allow_faults=True)
     heard = Heard(ros)
     client = AxisClient(node=ros.node("user"))
-    client.step(10).wait()
+    client.send("steps", 10).wait()
     client.timeout = 1.0
     with client.fault("vanish"):
         seen = len(heard.joints)
-        for send in (lambda: client.step(1), client.stop):
+        for send in (lambda: client.send("steps", 1), lambda: client.send("stop")):
             with pytest.raises(TimeoutError, match="does not answer"):
                 send()
         assert len(heard.joints) <= seen + 1
     client = AxisClient(node=ros.node("user_again"))
-    client.step(5).wait()
+    client.send("steps", 5).wait()
     assert client.steps_done == 5
     heard.event("injected fault", "ended")
     assert heard.compare_with_rerun() > 5

@@ -40,9 +40,9 @@ def test_a_client_and_the_topics_command_one_axis(start_node: Callable[..., Any]
         wait_until(lambda: axis.steps_done == 25 and axis.state == "stopped")
         wait_until(lambda: axis.position > 1e-7, "a position on joint_states")
         # and the other way round.
-        axis.set_amplitude(120.0)
+        axis.send("amplitude", 120.0)
         assert tell(b"getv 2").startswith(b"voltage = 120.000000 V")
-        axis.jog(-500.0)
+        axis.send("jog", -500.0)
         assert tell(b"stop 2") == b"OK\r\n"
         axis.wait_for_state("stopped")
         assert tell(b"stepu 2 x").endswith(b"ERROR\r\n")

@@ -103,7 +103,7 @@ def _refused(ros: Ros, client: AxisClient, count: int = 1) -> str:
     """Wait for a refusal; return its reason. The axis has to do what it is told afterwards."""
     ros.wait_until(lambda: client.status["refused commands"] == str(count), "the refusal")
     reason = client.last_error
-    assert client.step(1).wait().steps_done == 1
+    assert client.send("steps", 1).wait().steps_done == 1
     return reason
 
 
@@ -151,7 +151,7 @@ def test_bytes_that_are_no_message_leave_a_client_as_it_is(ros: Ros, node: AxisN
                 short = [DiagnosticArray(), *lacking]
             noise = (no_utf8, no_utf8[:-5], b"", b"\0\1\0\0" + b"\xff" * 40)
             ros.send(publisher, *short, *noise)
-            assert client.step(1).wait().steps_done == 1
+            assert client.send("steps", 1).wait().steps_done == 1
         stamp = client.stamp
         ros.wait_until(lambda: client.stamp > stamp, "another state")
 
@@ -202,7 +202,7 @@ def test_a_parameter_of_an_unknown_type_is_refused(
     atomically = SetParametersAtomically.Request(parameters=both)
     answer = ros.call(client.node, SetParametersAtomically, f"{name}_atomically", atomically)
     assert not answer.result.successful
-    assert client.step(1).wait().steps_done == 1
+    assert client.send("steps", 1).wait().steps_done == 1
 
 
 def test_the_recorder_refuses_it_as_well(ros: Ros, tmp_path: Path) -> None:
@@ -242,7 +242,7 @@ def test_thousands_of_parameters_are_refused_and_not_read_at_once(
             request = kind.Request(**{what: (names * 3000)[:count]})
             response = ros.call(client.node, kind, f"{client.axis}/{name}", request)
             assert len(found(response)) == answers, name
-    assert client.step(1).wait().steps_done == 1
+    assert client.send("steps", 1).wait().steps_done == 1
 
 
 def _name_file(ros: Ros, client: AxisClient, **values: Any) -> str:
@@ -254,7 +254,7 @@ def _name_file(ros: Ros, client: AxisClient, **values: Any) -> str:
     except CommandRefused as refusal:
         reason = str(refusal)
     assert time.process_time() - started < 3.0
-    assert client.step(1).wait().steps_done == 1
+    assert client.send("steps", 1).wait().steps_done == 1
     return reason
 
 
@@ -335,15 +335,15 @@ def test_parameters_that_the_solver_cannot_handle_stop_nothing_but_the_axis(
     process = start_node("axis_node", frequency=1000.0)
     process.wait_for("ready")
     client = AxisClient(node=ros.node("user"))
-    client.jog(1000.0)
+    client.send("jog", 1000.0)
     client.set_parameters(**HARD)
     client.wait_for_state("fault")
     stamp = client.stamp
     ros.wait_until(lambda: client.stamp > stamp + 0.2, "states")
     assert "the solver cannot go on" in client.last_error
-    client.set_parameters(sigma_1=5.0, sigma_0_offset=7e6, mass=0.004).reset()
-    assert client.step(10).wait().steps_done == 10
-    client.jog(1000.0)
+    client.set_parameters(sigma_1=5.0, sigma_0_offset=7e6, mass=0.004).send("reset")
+    assert client.send("steps", 10).wait().steps_done == 10
+    client.send("jog", 1000.0)
     client.set_parameters(**HARD)
     with computes_at_most(1.5, process.pid):
         assert process.interrupt() == 0

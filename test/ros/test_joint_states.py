@@ -85,7 +85,7 @@ def test_a_node_sees_a_noisy_delayed_and_failing_sensor(
     assert v == pytest.approx((x1 - x0) / (t1 - t0), rel=1e-3)
 
     # In motion it is late by the latency, and one reading at most.
-    axis.jog(1000.0)
+    axis.send("jog", 1000.0)
     robot.forget()
     wait(lambda: len(robot.error()) > 100, "100 states of a jog")
     late = list(robot.error())[20:]  # those of before the jog are out by then
@@ -111,7 +111,7 @@ def test_a_node_sees_a_noisy_delayed_and_failing_sensor(
         assert not robot.read and math.isnan(axis.position)
         assert "the sensor gives no reading: joint_states stays away" in axis._message
         assert report["axis"]["measured position (m)"] == "nan"
-        axis.stop().wait()  # which waits for no reading
+        axis.send("stop").wait()  # which waits for no reading
     robot.forget()
     wait(lambda: robot.read, "a reading again")
 
@@ -119,17 +119,17 @@ def test_a_node_sees_a_noisy_delayed_and_failing_sensor(
 @pytest.mark.stickslip(frequency=1000.0, sensor_latency=0.0, sensor_noise=0.0, own_time=True)
 def test_both_topics_have_a_zero_of_their_own(stickslip_world: InProcess, robot: Robot) -> None:
     axis, wait = stickslip_world.axis, waiting(stickslip_world)
-    axis.step(50).wait()
+    axis.send("steps", 50).wait()
     there = axis.position
     assert there > 4e-6
-    axis.zero()
+    axis.send("zero")
     robot.forget()
     wait(lambda: len(robot.error()) > 5, "states")
     assert axis.position == pytest.approx(0.0, abs=2e-9)
     assert robot.true[max(robot.true)][0] == pytest.approx(there, abs=2e-9)
     assert all(abs(v) < 1e-9 for _, v in robot.read.values())  # a zero moves nothing
     axis.set_parameters(joint_state_source="truth")
-    axis.jog(1000.0)
+    axis.send("jog", 1000.0)
     robot.forget()
     wait(lambda: len(robot.error()) > 20, "states of a jog")
     both = [t for t in robot.read if t in robot.true]
@@ -144,19 +144,19 @@ def test_both_topics_come_out_of_a_bag_again_bit_for_bit(
 ) -> None:
     """By a recorder that came late, with failures of the sensor, and with another source."""
     axis, wait = stickslip_world.axis, waiting(stickslip_world)
-    axis.step(20).wait()
+    axis.send("steps", 20).wait()
     output = Parameter("output", value=str(tmp_path / "bag"))
     recorder = RecorderNode(context=stickslip_world.context, parameter_overrides=[output])
     stickslip_world.add(recorder)
     wait(lambda: axis.connected(2), "the recorder")
-    axis.step(100).wait()
+    axis.send("steps", 100).wait()
     with axis.fault("sensor_dropout"):
-        axis.step(-30).wait()
-    axis.zero()
+        axis.send("steps", -30).wait()
+    axis.send("zero")
     axis.set_parameters(sensor_latency=0.05, joint_state_source="truth")
-    axis.move_to(1e-6).wait()
+    axis.send("position", 1e-6).wait()
     axis.set_parameters(joint_state_source="sensor")
-    axis.step(10).wait()
+    axis.send("steps", 10).wait()
     recorder.close()
     with BagReader(tmp_path / "bag") as bag:
         states, truths = (bag.counts[f"{n}"] for n in ("/joint_states", "/stickslip_axis/truth"))

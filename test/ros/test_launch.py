@@ -180,7 +180,7 @@ def test_the_nanorobot_has_its_axes_and_its_model(start_node: Start, launched: L
     with AxisClient("/y") as y:
         assert y.parameters["preload"] == "0.3"
         with pytest.raises(CommandRefused, match=r"position refused: .*1 m"):
-            y.move_to(1.0)
+            y.send("position", 1.0)
     assert process.interrupt() == 0
 
 

@@ -77,7 +77,7 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
             out.publish(JointState(name=["axis_slider"], position=[1e-8 * k]))
             ros.wait_until(partial(have, k), "the set point in force")
 
-    AxisClient(node=ros.node("user")).set_amplitude(250.0)
+    AxisClient(node=ros.node("user")).send("amplitude", 250.0)
 
     def send_more() -> None:
         """And let the second pass in which the axis logs what came before its new reader."""

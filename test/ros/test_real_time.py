@@ -26,10 +26,10 @@ def test_at_every_factor_the_states_are_those_of_the_commands(
     make_axis(real_time_factor=factor, frequency=1000.0)
     heard = Heard(ros)
     client = AxisClient(node=ros.node("user"))
-    client.step(100).wait()
-    client.set_amplitude(200.0).jog(500.0)
-    client.stop().wait()
-    client.set_load(0.01)
+    client.send("steps", 100).wait()
+    client.send("amplitude", 200.0).send("jog", 500.0)
+    client.send("stop").wait()
+    client.send("load", 0.01)
     heard.event("load", "applied")
     ros.wait_until(lambda: stamp(heard.joints[-1]) > heard.events[-1][0], "a later state")
     assert heard.compare_with_rerun() > 3
@@ -42,7 +42,7 @@ def test_states_are_later_than_the_commands_before_them(ros: Ros, make_axis: Mak
     assert node.count_publishers("/clock") == 0
     client = AxisClient(node=ros.node("user"))
     for force in (0.01, 0.02, 0.0):
-        client.set_load(force)
+        client.send("load", force)
         acted = heard.events[-1][0]
         heard.joints.clear()
         ros.wait_until(lambda: len(heard.joints) > 1, "states")
@@ -83,7 +83,7 @@ def test_an_axis_at_rest_whose_states_nobody_reads_computes_seldom(
     seen, before = len(heard.joints), blocks["now"]
     ros.wait_until(lambda: len(heard.joints) > seen + 50, "states")
     assert blocks["now"] - before >= 50
-    assert client.step(3).wait().steps_done == 3
+    assert client.send("steps", 3).wait().steps_done == 3
     assert float(client.report()["timing"]["time dropped (s)"]) == 0.0
 
 
@@ -94,7 +94,7 @@ def test_a_stopped_process_skips_what_it_missed_and_moves_on(ros: Ros, start_nod
     process.wait_for("ready")
     client = AxisClient(node=ros.node("user"))
     heard = Heard(ros)
-    client.step(100_000)
+    client.send("steps", 100_000)
     seen = len(heard.joints)
     ros.wait_until(lambda: len(heard.joints) > seen + 5, "states before")
     early = client.report()["timing"]
@@ -102,7 +102,7 @@ def test_a_stopped_process_skips_what_it_missed_and_moves_on(ros: Ros, start_nod
         silent = client.stamp
         # What was on its way has arrived when this long nothing came.
         ros.wait_until(lambda: _silent(client, silent), "silence", 60.0)
-    client.stop().wait()
+    client.send("stop").wait()
     stamps = [stamp(state) for state in list(heard.joints)]
     late = client.report()["timing"]
     made_up = 1e-9 * max(b - a for a, b in pairwise(stamps))
@@ -132,7 +132,7 @@ def answers(client: AxisClient, count: int) -> list[float]:
     took = []
     for _ in range(count):
         begin = time.monotonic()
-        client.stop()
+        client.send("stop")
         took.append(time.monotonic() - begin)
     return took
 
@@ -162,12 +162,12 @@ def test_stop_and_signals_are_heard_whatever_it_costs(
     client = AxisClient(node=ros.node("user"))
     if changes:
         client.set_parameters(**changes)
-    client.jog(jog)
+    client.send("jog", jog)
     before = client.stamp
     ros.wait_until(lambda: client.stamp > before + 0.02, "motion")
     took = answers(client, 9)
     assert median(took) < HEARD, took
-    client.jog(jog)
+    client.send("jog", jog)
     begin = time.monotonic()
     assert process.terminate() == 0
     assert time.monotonic() - begin < 5.0  # most of it to close what DDS has open
@@ -182,7 +182,7 @@ def test_it_says_how_slow_it_is_and_why_and_faults_after_the_limit(
     process = start_node("axis_node", axes="[a, b]", **CONTACTS, **FAST, real_time_factor=50.0)
     process.wait_for("axis b ready", 300.0)  # several contacts are compiled at first
     client = AxisClient("/a", node=ros.node("user"))
-    client.jog(20000.0)
+    client.send("jog", 20000.0)
     said = ros.wait_until(lambda: client.status["overload"], "overload in the status")
     assert "of 50: a second of motion takes " in said
     assert "contacts 16" in said

@@ -24,14 +24,14 @@ def test_a_paused_axis_takes_commands_and_moves_with_the_steps_of_time(
     make_axis(frequency=1000.0, start_paused=True)
     client = AxisClient(node=ros.node("user"))
     assert client.status["paused"] == "True"
-    begin = client.step(10).stamp
+    begin = client.send("steps", 10).stamp
     time.sleep(0.1)
     assert (client.stamp - begin) < 1e-6
     client.go_on(cycles=5)
     assert client.stamp - begin == pytest.approx(5e-3, abs=1e-6)
     assert client.go_on(0.0025).stamp - begin == pytest.approx(7.5e-3, abs=1e-6)
     assert client.state == "stepping"
-    client.pause(False).wait()
+    client.send("pause", False).wait()
     assert (client.steps_done, client.status["paused"]) == (10, "False")
     with pytest.raises(CommandRefused, match=r"step_time is 0.1 while time runs: pause first"):
         client.go_on(0.1)
@@ -40,7 +40,7 @@ def test_a_paused_axis_takes_commands_and_moves_with_the_steps_of_time(
 def test_its_clock_stands_and_steps_with_it(ros: Ros, make_axis: MakeAxis) -> None:
     make_axis(publish_clock=True)
     heard = ros.hear(Clock, "/clock")
-    client = AxisClient(node=ros.node("user")).pause()
+    client = AxisClient(node=ros.node("user")).send("pause")
     ros.wait_until(lambda: len(heard) > 2, "a clock")
     client.go_on(2.0)
     end = client.stamp - 1e-6
@@ -56,9 +56,9 @@ def test_one_axis_of_several_leads_the_time_of_all_and_the_host_too(ros: Ros) ->
         ros.add(node)
     user = ros.node("user")
     x, y = AxisClient("/x", node=user), AxisClient("/y", node=user)
-    x.pause()
+    x.send("pause")
     ros.wait_until(lambda: y.status["paused"] == "True", "y stands, too")
-    y.step(5)
+    y.send("steps", 5)
     x.go_on(0.1)
     y.wait()
     assert y.steps_done == 5
@@ -75,7 +75,7 @@ def test_one_axis_of_several_leads_the_time_of_all_and_the_host_too(ros: Ros) ->
     assert set_at_host("real_time_factor", 3.0) == ""
     factors = [node.get_parameter("real_time_factor").value for node in host.nodes]
     assert factors == [3.0, 3.0, 3.0]
-    y.set_pace(2.0)
+    y.set_parameters(real_time_factor=2.0)
     assert host.nodes[0].get_parameter("real_time_factor").value == 2.0
     assert "set it at the axes, as /x" in set_at_host("preload", 1.0)
     assert "while time runs: pause first" in set_at_host("step_time", 1.0)
@@ -100,7 +100,7 @@ def test_it_follows_the_clock_of_somebody_else_with_stops_and_jumps(
     heard = Heard(ros)
     client = AxisClient(node=ros.node("user"))
     assert client.stamp == 100.0
-    client.step(500)
+    client.send("steps", 500)
     time.sleep(0.1)
     assert client.stamp - 100.0 < 1e-6  # it stands with the clock
     leader.set(100.1)
@@ -116,9 +116,9 @@ def test_it_follows_the_clock_of_somebody_else_with_stops_and_jumps(
     leader.set(21.0)
     ros.wait_until(lambda: client.stamp >= 161.0 - 1e-6, "a second after the clock was set back")
     with pytest.raises(CommandRefused, match="steer whoever publishes the clock"):
-        client.pause()
+        client.send("pause")
     with pytest.raises(CommandRefused, match="steer whoever publishes the clock"):
-        client.set_pace(2.0)
+        client.set_parameters(real_time_factor=2.0)
     assert not node.axis.paused
     assert heard.compare_with_rerun() > 3
     assert stamp(heard.joints[0]) == 100 * 10**9
@@ -133,11 +133,11 @@ def test_the_process_paces_and_pauses(ros: Ros, start_node: Start) -> None:
     client = AxisClient(node=ros.node("user"))
     begin = client.stamp
     assert client.go_on(0.5).stamp - begin == pytest.approx(0.5, abs=1e-6)
-    client.set_pace(0.0).pause(False)
+    client.set_parameters(real_time_factor=0.0).send("pause", False)
     ros.wait_until(lambda: client.stamp > begin + 5.0, "as fast as it can")
-    client.set_pace(1.0).pause()
+    client.set_parameters(real_time_factor=1.0).send("pause")
     assert client.go_on(cycles=100).stamp > begin + 5.1
-    client.pause(False).step(3).wait()
+    client.send("pause", False).send("steps", 3).wait()
     said = client.report()["timing"]["real-time priority"]
     assert said.startswith(("granted: SCHED_FIFO 5", "refused: "))
     assert f"real-time priority {said}" in process.output

@@ -141,7 +141,7 @@ def an_axis(how: str, lot: random.Random, folder: Path) -> list[str]:
     process = Program(folder, "axis_node")
     try:
         with AxisClient(timeout=PATIENCE) as client:
-            client.jog(1000.0)
+            client.send("jog", 1000.0)
             time.sleep(lot.uniform(0.0, 2.0))
             _end(process, how, lot, folder)
             return process.faults(AXIS[how])

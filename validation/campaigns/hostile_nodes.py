@@ -279,7 +279,7 @@ def client(seconds: float, seed: int) -> int:
         for publisher in outlets.values():
             peer.destroy_publisher(publisher)
         with AxisClient(node=ros.node("user")) as later:
-            assert later.step(1).wait().steps_done == 1
+            assert later.send("steps", 1).wait().steps_done == 1
     except AssertionError:
         traceback.print_exc()
         return 1

@@ -96,7 +96,7 @@ def an_axis(lot: np.random.Generator, sets: int, heard: Heard, folder: Path) -> 
                 memory.append(memory_of(process.pid))
             heard.growth.append(memory[-1] - memory[len(memory) // 2])
             with suppress(CommandRefused):  # in a fault of the last set
-                client.jog(1000.0)
+                client.send("jog", 1000.0)
             ending = signal.SIGINT if lot.random() < 0.5 else signal.SIGTERM
             heard.ends.append(process.signalled(ending))
         heard.faults += [f"after {ending.name}: {fault}" for fault in process.faults(0)]
@@ -111,7 +111,7 @@ def _one_set(lot: np.random.Generator, client: AxisClient, pid: int, heard: Hear
     values = drawn(lot, CHANGED)
     try:
         client.set_parameters(**values)
-        client.jog(float(f"{10.0 ** lot.uniform(1.0, 4.3):.3g}"))
+        client.send("jog", float(f"{10.0 ** lot.uniform(1.0, 4.3):.3g}"))
     except CommandRefused:
         heard.refused += 1
     time.sleep(lot.uniform(0.0, 2.5))
@@ -124,7 +124,7 @@ def _one_set(lot: np.random.Generator, client: AxisClient, pid: int, heard: Hear
         heard.faults.append(f"real-time factor {factor:g} without a word: {values}")
     heard.overloaded += bool(said)
     before, begin = waited(pid) + waited_here(), time.monotonic()
-    client.stop()
+    client.send("stop")
     took = time.monotonic() - begin - (waited(pid) + waited_here() - before)
     heard.stops.append(took)
     if took > HEARD:

@@ -234,9 +234,9 @@ def _drive(
 def _send(client: AxisClient, commands: RandomCommands, found: Soaked) -> None:
     if client.state == "fault":
         found.faults += 1
-        client.reset()
+        client.send("reset")
     if client.state == "disabled":
-        client.enable(True)
+        client.send("enable", True)
     name, arguments = commands.next()
     found.sent[name] += 1
     asked = time.monotonic()
@@ -263,7 +263,7 @@ def _end(client: AxisClient, children: dict[str, ChildProcess], found: Soaked) -
     """End the axis, then the recorder, so that the bag holds all that the axis said."""
     try:
         with contextlib.suppress(CommandRefused):
-            client.stop()
+            client.send("stop")
         children["axis"].interrupt()
         children["axis"].ended()
         recorder = client.node.create_client(Trigger, f"{RECORDER}/stop")

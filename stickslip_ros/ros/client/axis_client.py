@@ -2,8 +2,8 @@
 """The client of an axis: commands that return when the axis has accepted them, and its state.
 
     with AxisClient("/stickslip_axis") as axis:
-        axis.set_frequency(1000.0)
-        axis.step(200).wait()
+        axis.send("frequency", 1000.0)
+        axis.send("steps", 200).wait()
         print(axis.position)
 
 Every command waits for the answer of the axis, and raises `CommandRefused` with the reason if the
@@ -12,12 +12,12 @@ axis refuses; `wait` waits for the end of the command. Nothing waits longer than
 
 from __future__ import annotations
 
-import operator
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.clock import Clock
@@ -27,8 +27,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.axis import CommandRefused
-from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, SET_PARAMETERS, TRAJECTORY
-from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.command import JOINT_STATE, SET_PARAMETERS, TRAJECTORY
+from stickslip_ros.axis.commands import COMMANDS, command_of
 from stickslip_ros.axis.events import STEP_OF_TIME, value_text
 from stickslip_ros.axis.faults import VANISH
 from stickslip_ros.base.errors import StickslipError
@@ -46,10 +46,12 @@ from stickslip_ros.ros.nodes.process import SpinThread
 from stickslip_ros.ros.nodes.topics import axes_in
 
 _LAST_WORDS = 1.0  # s
+#: Methods of before 3.0.0 and their commands; others had the names of theirs
+_FORMER = {"step": "steps", "move_to": "position", "follow": "trajectory"}
 
 
 class AxisFault(StickslipError, RuntimeError):
-    """The axis is in fault and takes no motion until `AxisClient.reset`."""
+    """The axis is in fault and takes no motion until a reset."""
 
 
 class AxisClient(AxisListener):
@@ -189,15 +191,19 @@ class AxisClient(AxisListener):
     # -- commands; each returns when the axis has taken it
 
     def send(self, name: str, *arguments: Any) -> AxisClient:
-        """Send any command of docs/commands.md by its name, with its value.
+        """Send a command by its name in docs/states.md, with its value in SI units if it has one.
 
-        That of "parameters" is a mapping, that of "trajectory" the points, as `follow` takes them.
+        So ``send("steps", 200)``, ``send("jog", -500.0)`` (Hz), ``send("position", 5e-6)`` (m),
+        ``send("stop")``, ``send("enable", False)``, ``send("parameters", {"preload": 0.7})``, and
+        ``send("trajectory", [(0.5, 1e-6)])``, with points of time from now (s) and position (m).
+        Raises CommandRefused with the reason of the axis, ParameterError for what is no command.
         """
-        command = COMMANDS[name]
-        if command.type == SET_PARAMETERS:
-            return self.set_parameters(*arguments)
+        command = command_of(name)
         if command.type == TRAJECTORY:
             arguments = ([self._joint], *arguments)
+        arguments = command.completed(arguments)
+        if command.type == SET_PARAMETERS:
+            return self.set_parameters(*arguments)
         if command.type == JOINT_STATE and arguments[0] != self._joint:
             raise CommandRefused(
                 f"{name} refused: no joint {arguments[0]!r} here; give {self._joint}"
@@ -216,28 +222,14 @@ class AxisClient(AxisListener):
             self._jogs = name == "jog" and self._moves
         return self
 
-    def step(self, steps: int) -> AxisClient:
-        """Run steps, the sign is the direction; 0 finishes the cycle and stops."""
-        count = int(operator.index(steps))
-        if not -INT32_RANGE <= count < INT32_RANGE:
-            raise CommandRefused(f"steps refused: {count} steps; a command takes {INT32_RANGE - 1}")
-        return self.send("steps", count)
+    if not TYPE_CHECKING:  # for programs of before 3.0.0
 
-    def jog(self, hertz: float) -> AxisClient:
-        """Step without end at a frequency (Hz), the sign is the direction; 0 stops."""
-        return self.send("jog", hertz)
-
-    def scan(self, volts: float) -> AxisClient:
-        """Move the actuator slowly to a level (V), without a slip."""
-        return self.send("scan", volts)
-
-    def move_to(self, position: float) -> AxisClient:
-        """Go to a position (m) in closed loop and hold it."""
-        return self.send("position", position)
-
-    def follow(self, points: Sequence[tuple[float, float]]) -> AxisClient:
-        """Follow points (time from now in s, position in m) in closed loop, hold the last."""
-        return self.send("trajectory", points)
+        def __getattr__(self, name: str) -> Callable[..., AxisClient]:
+            """Return the command that had a method: ``step``, ``move_to``, ``set_load``, ..."""
+            known = _FORMER.get(name, name.removeprefix("set_"))
+            if known not in COMMANDS:
+                raise AttributeError(f"an AxisClient has no {name!r}")
+            return partial(self.send, known)
 
     def follow_with(
         self,
@@ -269,18 +261,6 @@ class AxisClient(AxisListener):
             self.node.destroy_publisher(publisher)
         return self
 
-    def set_amplitude(self, volts: float) -> AxisClient:
-        """Set the amplitude (V peak to peak) from the next cycle on."""
-        return self.send("amplitude", volts)
-
-    def set_frequency(self, hertz: float) -> AxisClient:
-        """Set the drive frequency (Hz) from the next cycle on."""
-        return self.send("frequency", hertz)
-
-    def set_load(self, newtons: float) -> AxisClient:
-        """Apply an external force (N) along the axis."""
-        return self.send("load", newtons)
-
     def set_parameters(
         self, parameters: Mapping[str, Any] | None = None, /, **values: Any
     ) -> AxisClient:
@@ -288,28 +268,10 @@ class AxisClient(AxisListener):
         values = {**(parameters or {}), **values}
         wanted = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         request = SetParametersAtomically.Request(parameters=wanted)
-        # Those that every node has are no event of the axis.
-        return self._call("parameters", request, noted=bool(PARAMETERS.keys() & values.keys()))
-
-    def home(self) -> AxisClient:
-        """Go to the reference, a mark or an end of the travel; positions count from it then."""
-        return self.send("home")
-
-    def stop(self) -> AxisClient:
-        """End the running command within 20 ms: a longer cycle is broken off."""
-        return self.send("stop")
-
-    def reset(self) -> AxisClient:
-        """Leave a fault."""
-        return self.send("reset")
-
-    def zero(self) -> AxisClient:
-        """Let the closed loop count positions from the present one on."""
-        return self.send("zero")
-
-    def enable(self, on: bool = True) -> AxisClient:
-        """Make the axis accept commands, or refuse them."""
-        return self.send("enable", on)
+        # Those that every node has are no event of the axis, and one that vanishes says none.
+        noted = bool(PARAMETERS.keys() & values.keys())
+        noted = noted and VANISH not in str(values.get("fault"))
+        return self._call("parameters", request, noted)
 
     # -- faults on demand, of an axis that runs with allow_faults
 
@@ -328,19 +290,9 @@ class AxisClient(AxisListener):
 
     def inject(self, faults: str) -> AxisClient:
         """Let these faults act from now on, and no others; empty: none."""
-        wanted = Parameter("fault", value=faults).to_parameter_msg()
-        request = SetParametersAtomically.Request(parameters=[wanted])
-        return self._call("parameters", request, noted=VANISH not in faults)
+        return self.set_parameters(fault=faults)
 
     # -- the time of the axis, and of all others in its process
-
-    def pause(self, on: bool = True) -> AxisClient:
-        """Let the time stand still, or go on with False."""
-        return self.send("pause", on)
-
-    def set_pace(self, factor: float) -> AxisClient:
-        """Set simulated over real time; 0: as fast as possible."""
-        return self.set_parameters(real_time_factor=float(factor))
 
     def go_on(self, seconds: float = 0.0, *, cycles: int = 0, timeout: float = 60.0) -> AxisClient:
         """Let a paused time go on by simulated seconds, or drive cycles, and stand still again.
@@ -371,7 +323,7 @@ class AxisClient(AxisListener):
             if self.state == "fault":
                 raise AxisFault(self._status["last error"] + self._others())
             if self._jogs and self.state == "jogging":
-                raise ValueError("a jog does not end: call stop() or jog(0) before waiting")
+                raise ValueError("a jog does not end: send stop or jog 0 before waiting")
             at_rest = not self.moving and self.state not in ("targeting", "homing")
             return at_rest and self._shows_rest
 

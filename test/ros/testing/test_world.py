@@ -55,11 +55,11 @@ def test_the_fixtures_share_one_world(
     x, y = stickslip_world.clients.values()
     assert stickslip_axis is x
     with stickslip_fault("axis_stuck", axis="y"):
-        y.step(30).wait()
-        x.step(30).wait()
+        y.send("steps", 30).wait()
+        x.send("steps", 30).wait()
         assert abs(y.position) < 1e-8 < 1e-6 < x.position
         assert (x.status["injected faults"], y.status["injected faults"]) == ("", "axis_stuck")
-    assert y.step(30).wait().position > 1e-6
+    assert y.send("steps", 30).wait().position > 1e-6
     with pytest.raises(ValueError, match="no axis 'z'; there are x, y"), stickslip_fault("", "z"):
         pass
 
@@ -76,7 +76,7 @@ def story(world: InProcess) -> tuple[list[tuple[int, float]], float, list[str], 
     begin, first = world.now, world.add(watch).get_clock().now().nanoseconds
     assert watch.heard_at == [first], "the status, which is kept"
     x = world.clients["x"]
-    x.jog(1000.0)
+    x.send("jog", 1000.0)
     with world.fault("sensor_drift 1um/s", "y"):
         world.wait_until(lambda: watch.stopped_at, 5.0, "the node stops x")
     assert x.wait_for_state("stopped").position < 7e-6
@@ -106,13 +106,13 @@ def test_time_of_its_own_comes_out_alike(stickslip_world: InProcess, number: int
 @pytest.mark.stickslip(own_time=True, frequency=1000.0)
 def test_waits_are_in_simulated_time(stickslip_world: InProcess) -> None:
     axis = stickslip_world.axis
-    axis.step(2000).wait()  # two seconds
+    axis.send("steps", 2000).wait()  # two seconds
     assert axis.position == pytest.approx(2000 * 122.5e-9, rel=0.01)
     assert 1.99 < stickslip_world.now < 2.2
     with pytest.raises(TimeoutError, match="not within 3 s of simulated time: nothing"):
         stickslip_world.wait_until(lambda: False, 3.0, "nothing")
     assert 5.0 < stickslip_world.now < 5.3
-    axis.jog(10.0)
+    axis.send("jog", 10.0)
     with pytest.raises(TimeoutError, match=r"waited 2 s"):
         axis.wait_for_state("holding", 2.0)
 

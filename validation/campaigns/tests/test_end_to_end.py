@@ -99,7 +99,7 @@ def test_nothing_is_lost_between_node_and_bag(
         abs(_rate(heard, moved) - RATE) > 0.01 * RATE and took < SOAK + PATIENCE
     ):
         frequency, steps = next(moves)
-        client.set_frequency(frequency).step(steps).wait()
+        client.send("frequency", frequency).send("steps", steps).wait()
         moved.append(heard[-1])
     assert axis.interrupt() == 0
     assert recorder.interrupt() == 0

@@ -36,9 +36,9 @@ axis = subprocess.Popen(
      "-p", "frequency:=1000.0"]
 )
 with AxisClient(timeout=60.0) as client:
-    assert client.step(20).wait().steps_done == 20
+    assert client.send("steps", 20).wait().steps_done == 20
     MEANWHILE
-    assert client.step(-20).wait().steps_done == -20
+    assert client.send("steps", -20).wait().steps_done == -20
 axis.terminate()
 assert axis.wait(60.0) == 0
 print("all is well")
@@ -108,7 +108,7 @@ def test_without_processor_time_it_is_late_and_loses_nothing_in_silence(
         with starved(axis, recorder):
             for direction in (1, -1, 1, -1):
                 steps = direction * 200
-                assert client.step(steps).wait().steps_done == steps
+                assert client.send("steps", steps).wait().steps_done == steps
         missed = client.report()["timing"]["missed deadlines"]
     assert axis.terminate() == 0
     assert recorder.terminate() == 0
@@ -148,7 +148,7 @@ def test_a_bag_stays_in_order_though_the_clock_is_set(
         clock.write_text(f"{jump}\n")
         said = "the clock of the machine was set by"
         ros.wait_until(lambda: recorder.output.count(said) >= number, jump)  # noqa: B023
-        assert client.step(20).wait().steps_done == 20
+        assert client.send("steps", 20).wait().steps_done == 20
     assert axis.terminate() == 0
     assert recorder.terminate() == 0
     last: dict[str, int] = {}

@@ -21,7 +21,7 @@ JOGS = """
 import time
 from stickslip_ros.ros.client import AxisClient
 client = AxisClient()
-client.jog(1000.0)
+client.send("jog", 1000.0)
 time.sleep(600)
 """
 
@@ -37,7 +37,7 @@ def test_a_flood_of_commands_leaves_the_last_valid_one_in_force(ros: Ros, axis: 
     """Every second one is invalid; the axis is alive, has counted, and answers as before."""
     user = ros.node("user")
     client = AxisClient(node=user)
-    client.step(10**6)
+    client.send("steps", 10**6)
     commands = ros.publisher(user, Float64, "/stickslip_axis/command/amplitude")
     begin, sent, last = time.monotonic(), 0, 0.0
     while sent < FLOOD * RATE:
@@ -52,7 +52,7 @@ def test_a_flood_of_commands_leaves_the_last_valid_one_in_force(ros: Ros, axis: 
     ros.wait_until(lambda: client.status["amplitude (V)"] == repr(last), "the last valid one")
     settled = time.monotonic() - ended
     asked = time.monotonic()
-    client.set_frequency(500.0)
+    client.send("frequency", 500.0)
     answered = time.monotonic() - asked
     refused = int(client.report()["axis"]["refused commands"])
     took = ended - begin
@@ -77,7 +77,7 @@ def test_the_axis_goes_on_when_its_commander_is_killed(
     peer.kill()
     before = client.position
     ros.wait_until(lambda: client.position > before + 1e-6, "further steps")
-    assert client.step(10).wait().steps_done == 10
+    assert client.send("steps", 10).wait().steps_done == 10
     assert axis.interrupt() == 0
 
 
@@ -86,7 +86,7 @@ def test_a_client_finds_the_axis_again_that_was_killed(ros: Ros, start_node: Sta
     first = start_node("axis_node", frequency=1000.0)
     first.wait_for("ready")
     client = AxisClient(node=ros.node("user"))
-    client.step(100).wait()
+    client.send("steps", 100).wait()
     known = _listeners(client)
     first.kill()
     second = start_node("axis_node", frequency=500.0)
@@ -95,7 +95,7 @@ def test_a_client_finds_the_axis_again_that_was_killed(ros: Ros, start_node: Sta
     # The first one counts as a listener until DDS misses it, 20 s later.
     ros.wait_until(lambda: _listeners(client) - known, "the listener of the second one")
     ros.wait_until(lambda: client.connected(len(_listeners(client))), "the second one hears")
-    assert client.step(10).wait().steps_done == 10
+    assert client.send("steps", 10).wait().steps_done == 10
     assert client.position < 2e-6
 
 
@@ -108,16 +108,16 @@ def _listeners(client: AxisClient) -> set[bytes]:
 def test_the_last_of_two_commanders_has_its_way(ros: Ros, axis: Process) -> None:
     """Both hear everything; a refusal is raised to the one who asked for it."""
     one, two = AxisClient(node=ros.node("one")), AxisClient(node=ros.node("two"))
-    one.jog(1000.0)
-    two.step(1000)
+    one.send("jog", 1000.0)
+    two.send("steps", 1000)
     one.wait_for_state("stepping")
     assert two.wait().steps_done == 1000
-    one.step(100_000)
+    one.send("steps", 100_000)
     with pytest.raises(CommandRefused, match="amplitude is 999 V"):
-        two.set_amplitude(999.0)
+        two.send("amplitude", 999.0)
     assert "999 V" in one.last_error or one.report()["axis"]["refused commands"] == "1"
     assert one.state == "stepping"
-    two.stop().wait()
+    two.send("stop").wait()
     one.wait_for_state("stopped")
     # Both may still have states of the motion on their way; at rest they agree.
     rest = pytest.approx(0.0, abs=1e-8)  # each has a reading of its own
