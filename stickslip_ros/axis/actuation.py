@@ -71,6 +71,7 @@ class Actuation:
         self._count_before = 0  # net steps before the present run
         self._run_before = 0  # steps in both directions before it
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
+        self._sensor = config.sensor  # that the dynamics belong to
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
         self._readings = Readings()  # under way
         self._asked = 0.0  # s, before which nobody asks for one
@@ -91,7 +92,8 @@ class Actuation:
     @property
     def sensed(self) -> float:
         """Position at the sensor (m), without noise: x, low-pass filtered if it has a bandwidth."""
-        self._read_sensor()
+        if self._sensor is not self.config.sensor:
+            self._read_sensor()
         return self._dynamics.sensed if self._dynamics else self.x
 
     @property
@@ -189,6 +191,11 @@ class Actuation:
             self._change = (
                 (done + 1, self.sim.end_of_cycle) if self.sim.cycles_left else self._last_cycle()
             )
+
+    @property
+    def stands(self) -> bool:
+        """True while runner and actuator rest and stay as they are, as the sensor does."""
+        return self.kind == REST and self.sim.stands and not self._dynamics
 
     @property
     def changes_at(self) -> float:
@@ -337,7 +344,7 @@ class Actuation:
 
     def _read_sensor(self) -> None:
         """Use the sensor of the present parameters from now on."""
-        p, old = self.config.parameters.sensor, self._dynamics
+        p, old, self._sensor = self.config.parameters.sensor, self._dynamics, self.config.sensor
         if not has_bandwidth(p):
             self._dynamics = None
         elif old is None or old.parameters != p:
@@ -351,8 +358,9 @@ class Actuation:
 
     def _watch(self, t: float) -> None:
         """Advance to the samples, up to time t (s), that the sensor needs."""
-        self._read_sensor()
         sensor = self.config.sensor
+        if self._sensor is not sensor:
+            self._read_sensor()
         numbers = self._readings.due(sensor, t, max(t, self._asked))
         seen: list[float] = []
         if self._dynamics:
@@ -430,9 +438,8 @@ class Actuation:
         """Return the next cycle whose end needs a check, and that time (s)."""
         if self._change:
             return self._change
-        last = self._last_cycle()
-        if self.kind == RAMP or last[0] <= self._check:
-            return last
+        if self.kind == RAMP or self.sim.cycles_done + self.sim.cycles_left <= self._check:
+            return self._last_cycle()
         return self._check, self._cycles_start + self._check * self.sim.drive_cycle.period
 
 

@@ -133,14 +133,18 @@ class Device:
 
     def advance(self, t: float) -> None:
         """Advance to time t (s), not before the present one; does nothing in a solver fault."""
-        now = self.actuation.t
-        if not now <= t < math.inf:
-            raise ValueError(f"time cannot go back from {now} s to {t} s")
-        if not self._stalled:
-            self.actuation.head_for(t)
-            with self._solving():
+        actuation = self.actuation
+        if not actuation.sim.t <= t < math.inf:
+            raise ValueError(f"time cannot go back from {actuation.t} s to {t} s")
+        if self._stalled:
+            return
+        actuation.head_for(t)
+        try:
+            if self._task or not (actuation.stands and self.supervisor.pass_by(actuation, t)):
                 self._run(t)
-                self.actuation.advance(t)
+            actuation.advance(t)
+        except (ArithmeticError, ParameterError) as error:
+            self._fail(error)
 
     # -- used by commands
 
@@ -225,22 +229,26 @@ class Device:
 
     @contextmanager
     def _solving(self) -> Iterator[None]:
-        """Turn errors of solver and drive into a fault: the axis stops until a reset.
-
-        Its time stops, too: after the reset, the axis continues where the solver stopped.
-        """
+        """Turn errors of solver and drive into a fault."""
         try:
             yield
         except (ArithmeticError, ParameterError) as error:
-            self._stalled = True
-            what = "drive" if isinstance(error, ParameterError) else "solver"
-            self.fault = self._last_error = f"the {what} cannot go on: {error}"
-            self.note("fault", "fault", reason=self.fault)
-            task, self._task, self._next, self._leaving = self._task, None, None, False
-            with suppress(ArithmeticError, ParameterError):
-                self.actuation.abort()
-            if task:
-                self._end(task)
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        """Stop until a reset, because of an error of solver or drive.
+
+        The time stops, too: after the reset, the axis continues where the solver stopped.
+        """
+        self._stalled = True
+        what = "drive" if isinstance(error, ParameterError) else "solver"
+        self.fault = self._last_error = f"the {what} cannot go on: {error}"
+        self.note("fault", "fault", reason=self.fault)
+        task, self._task, self._next, self._leaving = self._task, None, None, False
+        with suppress(ArithmeticError, ParameterError):
+            self.actuation.abort()
+        if task:
+            self._end(task)
 
     def _run(self, t: float) -> None:
         """Do everything that is due until time t (s)."""

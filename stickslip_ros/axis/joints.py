@@ -46,10 +46,11 @@ class JointReport:
         With the parameter joint_state_source "truth" they are the model's, from the zero that was
         set, at this instant.
         """
-        state, reading = axis.state, axis.arrived
+        sim, reading = axis.simulation, axis.arrived
+        deflection = sim.commanded
         if not math.isnan(reading):
             # Without the zero, which moves nothing.
-            self._note(state.t, reading + axis.config.offset, axis.simulation.commanded)
+            self._note(sim.t, reading + axis.config.offset, deflection)
         if axis.parameters.node.joint_state_source == TRUTH:
             (end, x, v, force), piezo = joints_of(axis)
             self._said.append(x - axis.config.offset)
@@ -58,10 +59,8 @@ class JointReport:
             return ()
         v, rate = self._velocities
         self._said.append(reading)
-        return (
-            (SLIDER, reading, v, said_force(-state.force)),
-            (PIEZO, axis.simulation.commanded, rate, said_force(state.force)),
-        )
+        force = said_force(sim.force)
+        return (SLIDER, reading, v, 0.0 - force), (PIEZO, deflection, rate, force)
 
     def echoes(self, axis: Axis, x: float) -> bool:
         """Return whether a position (m) is one that was reported, sent back while the axis rests.

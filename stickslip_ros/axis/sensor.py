@@ -75,10 +75,10 @@ class Sensor:
 
     def taken_by(self, t: float) -> int:
         """Return the number of the last reading that is taken by time t (s), without rounding."""
-        k = self.number_at(t)
-        if self.time_of(k) > t:
+        k = math.floor(t * self.rate)
+        if k / self.rate > t:
             return k - 1
-        return k + 1 if self.time_of(k + 1) <= t else k
+        return k + 1 if (k + 1) / self.rate <= t else k
 
     def arrived_by(self, t: float) -> int:
         """Return the number of the last reading that has arrived by time t (s)."""
@@ -181,12 +181,12 @@ class Readings:
 
         asked: time (s) before which nobody asks what has arrived.
         """
-        last, arrived = sensor.taken_by(t), sensor.arrived_by(asked)
-        for k in list(self._positions)[:-1]:
-            if k >= arrived:
-                break
-            del self._positions[k]
-        return range(max(next(reversed(self._positions)) + 1, arrived), last + 1)
+        last = sensor.taken_by(t)
+        arrived = last - sensor.delay if asked <= t else sensor.arrived_by(asked)
+        newest = next(reversed(self._positions))
+        while (oldest := next(iter(self._positions))) < min(arrived, newest):
+            del self._positions[oldest]
+        return range(max(newest + 1, arrived), last + 1)
 
     def record(self, numbers: range, positions: list[float]) -> None:
         """Note the positions (m) at the readings that were due."""

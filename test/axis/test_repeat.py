@@ -11,6 +11,7 @@ from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.events import event_texts
+from stickslip_ros.axis.joints import JointReport
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.physics.model.arithmetic import arithmetic
 from stickslip_ros.physics.model.versions import MODEL_VERSION
@@ -117,3 +118,27 @@ def test_the_first_event_tells_all_that_the_axis_was_made_of() -> None:
     versions: dict[str, object] = {"version": __version__, "model_version": MODEL_VERSION}
     versions["arithmetic"] = arithmetic()
     assert start.details == {**table_1(**PARAMETERS).flat(), **versions}
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [{}, {"sensor_latency": 0.03}, {"inclination": 0.3}, {"actuator_resonance": 3e4}],
+    ids=lambda effects: "".join(effects) or "plain",
+)
+def test_an_axis_that_stands_goes_on_as_if_nobody_had_looked(effects: dict[str, float]) -> None:
+    """Where nothing moves, time goes by without the solver: reports and motion are the same."""
+    seen, stood = [], 0
+    for looks in (1, 137):
+        axis, report, now = Axis({**TABLE_1, **effects}), JointReport(), []
+        for end, command in ((1.0, 200.0), (1.5, 0.0), (4.5, -300.0), (4.9, 0.0), (8.0, 100.0)):
+            start = axis.state.t
+            for part in range(1, looks + 1):
+                axis.advance(start + (end - start) * part / looks)
+                stood += axis.actuation.stands
+            axis.advance(end)
+            report.take(axis)
+            now += [axis.state, axis.status, axis.arrived, axis.take_events()]
+            axis.command("jog", command)
+        seen.append(repr(now))
+    assert seen[0] == seen[1]
+    assert stood > 100

@@ -10,11 +10,12 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.base.files import check_folder
 from stickslip_ros.cli.command_line import Parser, finish
 from stickslip_ros.cli.options import progress_bar
 from validation import benchmark
-from validation.benchmark import METHODS, OURS, PEERS
+from validation.benchmark import METHODS, OURS, PEERS, blocks
 
 CASE_NAMES = [case.name for case in benchmark.CASES]
 
@@ -50,6 +51,17 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME",
         help=f"cases to measure, from: {' '.join(CASE_NAMES)} (default: all)",
     )
+    parser.add_argument(
+        "--blocks",
+        action="store_true",
+        help="measure the blocks of 10 ms in which a node advances its axes, and nothing else",
+    )
+    parser.add_argument(
+        "--beside",
+        type=Path,
+        metavar="FOLDER",
+        help="with --blocks: another checkout of the project, measured in turns with this one",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
         "--plot",
@@ -63,6 +75,13 @@ def parser() -> argparse.ArgumentParser:
 
 def run(args: argparse.Namespace) -> int:
     """Measure; return the exit code."""
+    if args.beside and not args.blocks:
+        raise StickslipError("--beside is for blocks: give --blocks, too")
+    if args.blocks:
+        with progress_bar(blocks.ROUNDS, "blocks") as bar:
+            found = blocks.compare(args.beside, bar.update)
+        print(json.dumps(found) if args.json else blocks.table(found))
+        return 0
     if args.plot:
         check_folder(args.plot)
     wanted = args.cases or (_QUICK_CASES if args.quick else CASE_NAMES)

@@ -49,7 +49,7 @@ class DriveCycle:
             return self.durations * self.rates
         return self.durations * (self.rates + 0.5 * self.bends * self.durations)
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Duration of the cycle, s: the sum over the segments, in their order."""
         return float(np.cumsum(self.durations)[-1])

