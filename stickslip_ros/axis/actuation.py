@@ -16,7 +16,7 @@ import numpy as np
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
 from stickslip_ros.axis.faults import Travel
-from stickslip_ros.axis.sensor import Readings, SensorDynamics, has_bandwidth
+from stickslip_ros.axis.sensor import Readings, Sensor, SensorDynamics, has_bandwidth
 from stickslip_ros.physics.model import DriveCycle
 from stickslip_ros.physics.model.actuator_chain import Chain
 from stickslip_ros.physics.model.waveforms import voltage_of
@@ -71,10 +71,11 @@ class Actuation:
         self._count_before = 0  # net steps before the present run
         self._run_before = 0  # steps in both directions before it
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
-        self._sensor = config.sensor  # that the dynamics belong to
+        self._sensor: Sensor | None = None  # that the dynamics belong to
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
         self._readings = Readings()  # under way
-        self._asked = 0.0  # s, before which nobody asks for one
+        #: s, of the next question: readings that are older by then are not taken
+        self.asked = 0.0
         self._read_sensor()
 
     # -- requests
@@ -92,8 +93,7 @@ class Actuation:
     @property
     def sensed(self) -> float:
         """Position at the sensor (m), without noise: x, low-pass filtered if it has a bandwidth."""
-        if self._sensor is not self.config.sensor:
-            self._read_sensor()
+        self._read_sensor()
         return self._dynamics.sensed if self._dynamics else self.x
 
     @property
@@ -254,10 +254,6 @@ class Actuation:
 
     # -- time
 
-    def head_for(self, t: float) -> None:
-        """Expect the next question at time t (s): readings that are older by then are not taken."""
-        self._asked = t
-
     def advance(self, t: float) -> None:
         """Advance to time t (s)."""
         self._watch(t)
@@ -344,6 +340,8 @@ class Actuation:
 
     def _read_sensor(self) -> None:
         """Use the sensor of the present parameters from now on."""
+        if self._sensor is self.config.sensor:
+            return
         p, old, self._sensor = self.config.parameters.sensor, self._dynamics, self.config.sensor
         if not has_bandwidth(p):
             self._dynamics = None
@@ -358,10 +356,9 @@ class Actuation:
 
     def _watch(self, t: float) -> None:
         """Advance to the samples, up to time t (s), that the sensor needs."""
+        self._read_sensor()
         sensor = self.config.sensor
-        if self._sensor is not sensor:
-            self._read_sensor()
-        numbers = self._readings.due(sensor, t, max(t, self._asked))
+        numbers = self._readings.due(sensor, t, max(t, self.asked))
         seen: list[float] = []
         if self._dynamics:
             for times in self._dynamics.due(t, self.kind != REST, numbers.start):
@@ -423,12 +420,12 @@ class Actuation:
 
     def _plan(self) -> None:
         """Set the cycle after which the soft limits are checked again."""
-        fit = cycles_that_fit(self._room(self._sign), self.config.stroke(self._amplitude()))
+        # Within a cycle the runner gets ahead by the stroke of the actuator at most.
+        fit = self._room(self._sign) / self.config.stroke(self._amplitude())
         left = self.config.faults.steps_left(self.cycles_run)
         if not left:
             self.travel.confine(self.config.faults, self.config.offset, self.cycles_run)
-        left = int(min(left or ENDLESS, ENDLESS))
-        self._check = self.sim.cycles_done + min(fit, _MOST_CYCLES, left)
+        self._check = self.sim.cycles_done + int(min(max(fit, 0.0), _MOST_CYCLES, left or ENDLESS))
 
     def _last_cycle(self) -> tuple[int, float]:
         """Return the number of the last cycle and the time (s) of its end."""
@@ -441,13 +438,3 @@ class Actuation:
         if self.kind == RAMP or self.sim.cycles_done + self.sim.cycles_left <= self._check:
             return self._last_cycle()
         return self._check, self._cycles_start + self._check * self.sim.drive_cycle.period
-
-
-def cycles_that_fit(room: float, stroke: float) -> int:
-    """Return how many cycles surely stay within ``room`` (m) in the direction of the step.
-
-    Within a cycle the runner gets ahead by the stroke of the actuator (m) at most.
-    """
-    if room < stroke:
-        return 0
-    return int(min(math.floor(room / stroke), ENDLESS))

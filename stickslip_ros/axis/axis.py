@@ -142,7 +142,7 @@ class Axis(Device):
         details = command.details(arguments)
         reason, prepared, more = self._checked(command, arguments)
         if reason:
-            raise self._refusal(name, reason, **details)
+            raise self.refuse(name, reason, **details)
         self.note(name, "applied", **details, **more, **self._waits(command, arguments))
         with self._solving():
             if command.effect:

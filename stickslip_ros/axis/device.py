@@ -138,7 +138,7 @@ class Device:
             raise ValueError(f"time cannot go back from {actuation.t} s to {t} s")
         if self._stalled:
             return
-        actuation.head_for(t)
+        actuation.asked = t
         try:
             if self._task or not (actuation.stands and self.supervisor.pass_by(actuation, t)):
                 self._run(t)
@@ -223,9 +223,12 @@ class Device:
             event = replace(event, number=self._noted)
         self._events.append(event)
 
-    def refuse(self, name: str, value: object, reason: str) -> CommandRefused:
-        """Count a command that did not reach the axis as refused; return the error to raise."""
-        return self._refusal(name, reason, value=value)
+    def refuse(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
+        """Count and note a command as refused; return the error to raise."""
+        self._refused += 1
+        self._last_error = reason = shorten(reason)
+        self.note(name, "refused", **shorten({**details, "reason": reason}))
+        return CommandRefused(reason)
 
     @contextmanager
     def _solving(self) -> Iterator[None]:
@@ -354,9 +357,3 @@ class Device:
         self.fault = self._last_error = reason
         self.note("fault", "fault", reason=reason)
         self._replace(None, breaks_off=True)
-
-    def _refusal(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
-        self._refused += 1
-        self._last_error = reason = shorten(reason)
-        self.note(name, "refused", **shorten({**details, "reason": reason}))
-        return CommandRefused(reason)

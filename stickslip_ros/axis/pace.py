@@ -228,27 +228,19 @@ def overload(axis: Axis, report: PaceReport) -> str:
     """Return a warning for an axis that does not keep its pace; else an empty text."""
     if not report.overload:
         return ""
-    wanted = axis.parameters.node.real_time_factor
-    how = f"real-time factor {report.factor:.3g} of {wanted:g}"
+    p = axis.parameters
+    how = f"real-time factor {report.factor:.3g} of {p.node.real_time_factor:g}"
     if report.behind:
         how = f"{report.behind:.2g} s behind /clock"
-    return (
-        f"{how}: a second of motion takes {report.cost:.2g} s of processor, by "
-        f"{costly_settings(axis)}"
-    )
-
-
-def costly_settings(axis: Axis) -> str:
-    """Return the settings of an axis that take processor time, to follow "because of"."""
-    p, actuation = axis.parameters, axis.actuation
-    found = []
+    costly = []
     if has_bandwidth(p.sensor):
-        found.append(f"sensor_bandwidth {p.sensor.sensor_bandwidth:g} Hz")
+        costly.append(f"sensor_bandwidth {p.sensor.sensor_bandwidth:g} Hz")
     if p.friction.contacts > 1:
-        found.append(f"contacts {p.friction.contacts}")
+        costly.append(f"contacts {p.friction.contacts}")
     if axis.moving:
-        found.append(f"{actuation.hertz or p.drive.frequency:g} cycles a second")
-    return ", ".join(found) or "the load of the machine"
+        costly.append(f"{axis.actuation.hertz or p.drive.frequency:g} cycles a second")
+    why = ", ".join(costly) or "the load of the machine"
+    return f"{how}: a second of motion takes {report.cost:.2g} s of processor, by {why}"
 
 
 class Pacer:

@@ -264,7 +264,12 @@ class SensorDynamics:
                 self._low_pass.settle(self._x)
             readings = np.arange(self._next, self._end) % self._samples == 0
             y = self._low_pass.filter(x, v)
-            self._seen(x, y)
+            low, high = self._range
+            self._range = (
+                min(low, float(min(x.min(), y.min()))),
+                max(high, float(max(x.max(), y.max()))),
+            )
+            self._x = float(x[-1])
             sensed = y[readings]
             if len(sensed):
                 self.sensed = float(sensed[-1])
@@ -277,10 +282,3 @@ class SensorDynamics:
             self._still = max(high, self._x) - min(low, self._x) <= _STILL
             self._range = (self._x, self._x)
         return sensed
-
-    def _seen(self, x: Array, *output: Array) -> None:
-        """Note positions and outputs (m)."""
-        low, high = self._range
-        both = (x, *output)
-        self._range = min(low, *(float(y.min()) for y in both)), max(high, *(y.max() for y in both))
-        self._x = float(x[-1])

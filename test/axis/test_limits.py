@@ -5,7 +5,6 @@ import pytest
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.axis.actuation import cycles_that_fit
 from stickslip_ros.axis.commands import COMMANDS
 
 FAST = {"frequency": 1000.0}
@@ -128,13 +127,6 @@ def test_a_scan_that_stays_within_the_soft_limits_is_left_alone(rate: float) -> 
     axis.advance(0.1)
     assert axis.status.scan_level == pytest.approx(90.0)
     assert axis.status.limits_hit == 0
-
-
-@pytest.mark.parametrize(
-    ("room", "cycles"), [(-1.0, 0), (0.0, 0), (0.9, 0), (1.0, 1), (7.5, 7), (1e300, 2**62)]
-)
-def test_cycles_that_fit(room: float, cycles: int) -> None:
-    assert cycles_that_fit(room * STROKE, STROKE) == cycles
 
 
 # -- ends of the travel

@@ -369,7 +369,7 @@ class AxisNode(GuardedNode):
 
     def refuse(self, name: str, value: object, reason: str) -> str:
         """Count, note and report a command that is refused before it reaches the axis."""
-        refusal = self._report_refusal(self.axis.refuse(name, value, reason))
+        refusal = self._report_refusal(self.axis.refuse(name, reason, value=value))
         self.publish_events()
         return refusal
 
@@ -380,7 +380,7 @@ class AxisNode(GuardedNode):
     def note_failure(self, source: str, error: Exception) -> None:
         """Count a callback that raised among the refusals too, which the diagnostics show."""
         super().note_failure(source, error)
-        self.axis.refuse(source, None, why_not(error))
+        self.axis.refuse(source, why_not(error), value=None)
 
     # -- parameters
 
