@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from stickslip_ros.axis.actuation import CYCLES, ENDLESS, RAMP, Actuation
-from stickslip_ros.axis.command import HOLDING, TARGETING
+from stickslip_ros.axis.command import HOLDING, HOMING, TARGETING
 from stickslip_ros.axis.trajectory import Trajectory
 from stickslip_ros.physics.laws.law import Contact
 
@@ -25,35 +25,10 @@ _AVERAGED = 10
 #: Steps at most before the step size is known, unless no reading would see them: few enough to
 #: pass no near target by far
 _FIRST_STEPS = 10
-#: Share of the predicted steps that is run when there are more than that: the rest corrects
-_CAUTION = 0.9
-#: Longest train as a multiple of the way to the target, if none of the stroke is lost
-_FARTHEST = 2.0
 #: Step size at least assumed, of the stroke: trains end although hardly a step was seen
 _SMALLEST = 0.01
-#: Strokes beyond those of the steps since the last check from which on something else has moved the
-#: runner: a step takes it a stroke at most
-_CARRIED = 10.0
-#: Times that limit, away from the nearest place, from which on the target is lost
-_LOST = 10.0
-#: s, how far ahead of time a trajectory is stepped along: what one look of the supervisor covers
-_LOOKAHEAD = 0.01
-#: Steps between two readings that show the step size beside ringing and noise
-_LEARN_FROM = 3
-#: Times the steps that have shown their size, at most, in the next train: those of a runner that
-#: rings on from step to step get longer, or shorter, with their number
-_GROWS = 4
 #: m, what the runner may ring by when it is read
 _STILL = 1e-9
-#: Tolerances of the target that a landing leaves for corrections, at least
-_ROOM = 6.0
-#: Share of the range of a scan by which a reading at rest differs from the mean of those before it
-#: if something has carried the runner away
-_MOVED = 0.25
-#: Trains that may end farther from the goal, one to learn from included, and rest
-_TRAINS = 3
-#: Standard deviations of a mean by which it is surely off
-_SURE = 3.0
 _NEVER = 2**62  # no number of a reading
 
 
@@ -100,43 +75,39 @@ class LoopReading(NamedTuple):
 
 
 class ClosedLoop:
-    """The task to follow a trajectory and to hold its end."""
+    """The task to follow a trajectory and to hold its end, or to end there if that is home."""
 
     def __init__(
         self, name: str, trajectory: Trajectory, steps: StepSize, note: Callable[..., None]
     ) -> None:
-        """Follow a trajectory; name is "target" or "trajectory", noted when the end is reached."""
-        self._name = name
-        self.trajectory = trajectory
+        """Follow a trajectory; name is the event that is noted at its end, "home" of the way home.
+
+        The others are "target" and "trajectory".
+        """
+        self._name, self._homes = name, name == "home"
         self._sizes = steps
         self._note = note
         self.due = math.inf
-        self.there = False  #: within the tolerance for the hold time, and still
-        self.waits = False  #: for others before it says so; the motion is that without them
-        self._finished = False
         self._x = math.nan  # where it was reached, by the mean of the last readings, m
-        self._inside_since: float | None = None
-        self._nearest = math.inf  # distance from the goal since it was left or set, m
-        self._nearer_at = 0.0  # when it last became less, s
-        self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
-        self._carried = False  # away from the goal, since it was left or set
-        self._moves_away = False  # the same in each look since that
-        self._direction = 0  # of the last train towards the goal
+        self._nearer_at = 0.0  # when the distance from the goal last became less, s
         self._coming: deque[LoopReading] = deque()  # readings that have not arrived
         # the last reading, with the mean base of those in the window: at rest, since the last step
         self._seen = LoopReading(0, math.nan, 0.0, 0, 0.0, False)
         self._window: deque[LoopReading] = deque(maxlen=_AVERAGED)
         self._reference = self._seen  # the one since which steps show their size
-        self._take, self._k = 0, 0  # numbers of the next reading, and of that at which one arrives
+        self._take = self._k = 0  # numbers of the next reading, and of that at which one arrives
         self._steps, self._strokes = 0, 0.0  # of all trains that have ended, as of a reading
         self._stroke = 0.0  # of the train under way, m, with sign; 0 without one
         self._level = 0.0  # that a scan goes to, m
         self._rests_at = -math.inf  # s, when the runner has stopped ringing
         self._stepped_until = -math.inf  # s, as far as the trajectory was looked ahead
+        self.follow(trajectory)
 
     @property
     def state(self) -> str:
         """Targeting, or holding while the position stays within the tolerance of the end."""
+        if self._homes:
+            return HOMING
         return HOLDING if self.reached else TARGETING
 
     @property
@@ -150,26 +121,26 @@ class ClosedLoop:
         if self._finished:
             self._note_end()
 
-    def on_trajectory(self, t: float) -> bool:
-        """Return whether the following error counts: along a trajectory, and when reached."""
-        return t < self.trajectory.end or self._finished
-
     def follow(self, trajectory: Trajectory) -> None:
         """Take another trajectory from now on, without a pause."""
         self.trajectory = trajectory
-        self.there = self.waits = self._finished = False
-        self._inside_since = None
-        self._direction = 0
-        self._nearest = math.inf
-        self._looked, self._moves_away, self._carried = (0.0, math.inf), False, False
+        self.there = False  #: within the tolerance for the hold time, and still
+        self.waits = False  #: for others before it says so; the motion is that without them
+        self._finished = False
+        self._inside_since = math.inf  # s, within the tolerance of the goal; inf if it is not
+        self._direction = 0  # of the last train towards the goal
+        self._nearest = math.inf  # distance from the goal since it was left or set, m
+        self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
+        self._carried = False  # away from the goal, since it was left or set
+        self._moves_away = False  # the same in each look since that
 
     def _expire(self, t: float) -> None:
         """Stay where the runner is, if the time of the trajectory is over before it is there."""
         if t >= self.trajectory.expires and not self._finished:
             self.follow(Trajectory(t, self._seen.base if self._stroke else self._base(), []))
 
-    def why_lost(self, x: float, actuation: Actuation) -> str:
-        """Return why the goal will not be reached, empty if it still may be; x: reading (m).
+    def why_lost(self, actuation: Actuation) -> str:
+        """Return why the goal will not be reached, empty if it still may be.
 
         It has come no nearer for the timeout: by less than the tolerance does not count, or else
         noise would do, nor does a place within the tolerance where it does not stay. A runner that
@@ -177,11 +148,16 @@ class ClosedLoop:
         its steps take away, as those that run backwards do, is lost.
         """
         config, t = actuation.config, actuation.t
-        p = config.parameters.closed_loop
-        error = self.trajectory.goal - x
-        distance = abs(error)
+        p, limit = config.parameters.closed_loop, config.parameters.limits.max_following_error
+        x = config.reading(actuation.sensed, config.sensor.number_at(t))
+        error = self.trajectory.at(t) - x
+        follows = t < self.trajectory.end or self._finished
+        if limit is not None and follows and abs(error) > limit:
+            return f"following error is {error:g} m, the limit is {limit:g} m"
+        distance = abs(self.trajectory.goal - x)
         (looked, before), self._looked = self._looked, (t, distance)
-        steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
+        # A step takes it a stroke at most: ten more than its steps, and something else moves it.
+        steps = 10.0 + (t - looked) * (actuation.hertz or config.frequency)
         far = steps * config.stroke(config.amplitude)
         self._moves_away = distance - before > far and (self._moves_away or not self._carried)
         if t < self.trajectory.end or self.there:
@@ -193,10 +169,11 @@ class ClosedLoop:
             self._nearest, self._nearer_at = distance, t
         goal, away = 1e6 * self.trajectory.goal, 1e6 * distance
         where = f"target {goal:g} um: the runner is {away:g} um away and"
-        if distance > self._nearest + _LOST * far:
+        if distance > self._nearest + 10.0 * far:
             return f"{where} steps take it farther: change the load, the preload or the frequency"
-        stays = self._inside_since is not None
-        waited = t - self._nearer_at - _TRAINS * p.settle_time  # after steps it rests first
+        stays = self._inside_since < math.inf
+        # Three trains may end farther from the goal, one to learn from included, and rest.
+        waited = t - self._nearer_at - 3 * p.settle_time
         if p.target_timeout is not None and not stays and waited > p.target_timeout:
             near = min(distance, self._nearest) <= p.target_tolerance
             what = "not stayed so near" if near else "come no closer"
@@ -221,6 +198,8 @@ class ClosedLoop:
     def arrived(self, actuation: Actuation) -> bool:
         """Go on, after a train by what is known of where it ends."""
         t = actuation.t
+        if self._homes and self.reached:
+            return True
         if self._stroke:
             self._steps += actuation.steps_done
             self._strokes += abs(actuation.steps_done) * self._stroke
@@ -245,6 +224,8 @@ class ClosedLoop:
         if self._coming and self._coming[0].k + delay <= self._k:
             reason = self._look(actuation, self._coming.popleft())
         self._plan(actuation, self._k)
+        if self._homes and self.reached:
+            self.due = math.inf
         return reason
 
     # -- inside: readings
@@ -282,7 +263,8 @@ class ClosedLoop:
         if math.isnan(reading.base):
             return "the sensor gives no reading: see to the sensor, then reset"
         low, high = _range(actuation)
-        if reading.steps != seen.steps or abs(reading.base - seen.base) >= _MOVED * (high - low):
+        # A quarter of the range of a scan, and something has carried the runner away.
+        if reading.steps != seen.steps or abs(reading.base - seen.base) >= 0.25 * (high - low):
             self._window.clear()
         if reading.rests:
             self._window.append(reading)
@@ -318,11 +300,11 @@ class ClosedLoop:
         """Take the step size from the steps between the reference and the last reading."""
         seen, before = self._seen, self._reference
         steps = seen.steps - before.steps
-        if not steps or not (seen.rests or abs(steps) >= _LEARN_FROM):
+        if not steps or not (seen.rests or abs(steps) >= 3):  # they show it beside the ringing
             return
         stroke = (seen.strokes - before.strokes) / steps
         step = (seen.base - before.base) / steps
-        if abs(step) <= _FARTHEST * stroke:
+        if abs(step) <= 2.0 * stroke:
             sign = 1 if steps > 0 else -1
             self._sizes.measured[sign] = stroke - step
             self._sizes.steps[sign] = max(self._sizes.steps.get(sign, 0), abs(steps))
@@ -343,14 +325,13 @@ class ClosedLoop:
         x = self._seen.base + actuation.level
         error = self.trajectory.goal - x
         if abs(error) > p.target_tolerance:
-            self._inside_since, self.there = None, False
-        elif self._inside_since is None:
+            self._inside_since, self.there = math.inf, False
+        elif self._inside_since == math.inf:
             self._inside_since = actuation.config.sensor.time_of(self._seen.k)
         # The base is where it will be at this level; what was read tells where it was.
         read = math.fsum(one.base + one.deflected for one in self._window) / len(self._window)
         if (
-            self._inside_since is not None
-            and t - self._inside_since >= p.hold_time
+            t - self._inside_since >= p.hold_time
             and len(self._window) == _AVERAGED
             and abs(self.trajectory.goal - read) <= p.target_tolerance
         ):
@@ -376,7 +357,7 @@ class ClosedLoop:
         # Out of reach of a scan a better place costs steps, which would leave the one it has: where
         # it has been, only if that is surely off.
         doubt = actuation.config.sensor.noise / math.sqrt(max(len(self._window), 1))
-        kept = tolerance + _SURE * doubt * self._finished
+        kept = tolerance + 3.0 * doubt * self._finished
         if abs(level - now) <= (0.5 * tolerance if reachable else kept):
             return
         seen = self._seen.steps == self._steps
@@ -385,12 +366,13 @@ class ClosedLoop:
             if rested:
                 self._scan(actuation, level)
             return
-        # A landing is known by a step; a scan to it takes no longer than the rest after steps.
+        # A landing is known by a step; a scan to it takes no longer than the rest after steps, and
+        # it leaves some tolerances for corrections.
         config, sign = actuation.config, 1 if level > now else -1
         p = config.parameters
         scan = p.drive.scan_rate * config.gain * p.closed_loop.settle_time
         step = self._sizes.of(config.stroke(config.amplitude), sign)
-        room = min(max(min(step, scan), _ROOM * tolerance), 0.5 * (high - low))
+        room = min(max(min(step, scan), 6.0 * tolerance), 0.5 * (high - low))
         way = level - min(max(0.0, low + room), high - room)
         # To turn back takes a reading at rest: corrections of a runner that rings never end.
         if (seen or sign in self._sizes.measured) and (sign * self._direction >= 0 or rested):
@@ -430,8 +412,10 @@ class ClosedLoop:
         size, way = self._sizes.of(stroke, sign), abs(way)
         count = math.ceil(way / size)
         if count > _FIRST_STEPS:
-            most = _GROWS * self._sizes.steps.get(sign, math.ceil(way / stroke))
-            count = min(int(_CAUTION * count), max(most, _FIRST_STEPS))
+            # The steps of a runner that rings on from one to the next get longer or shorter with
+            # their number: a few times those that have shown their size, and the rest corrects.
+            most = 4 * self._sizes.steps.get(sign, math.ceil(way / stroke))
+            count = min(int(0.9 * count), max(most, _FIRST_STEPS))
             if sign not in self._sizes.measured:  # so many that a reading sees them
                 seen = math.ceil(config.frequency * (sensor.delay + 2) / sensor.rate)
                 count = min(count, max(_FIRST_STEPS, seen))
@@ -447,7 +431,7 @@ class ClosedLoop:
             return
         config, t = actuation.config, actuation.t
         period = 1.0 / config.frequency
-        lookahead = max(_LOOKAHEAD, period)
+        lookahead = max(0.01, period)  # s, what one look of the supervisor covers
         ahead = self.trajectory.at(t + lookahead) - self._base()
         sign = 1 if ahead > 0.0 else -1
         count = min(
@@ -465,7 +449,7 @@ class ClosedLoop:
         sign = 1 if steps > 0 else -1
         if sign * (self._seen.steps - self._reference.steps) < 0:  # they went the other way
             self._reference = self._seen
-        self._inside_since = None  # it does not stay
+        self._inside_since = math.inf  # it does not stay
         self._stroke, self._direction = sign * actuation.config.stroke(volts), sign
         actuation.step(steps, volts)
 

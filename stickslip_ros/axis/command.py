@@ -70,9 +70,7 @@ class AxisStatus:
     mean_step: float  #: mean over the present or last run, m; nan before its first step
     backstep: float  #: of the last slip, m; nan before the first
     lost: float  #: energy lost in the contact over the last cycle, J; nan before the first
-    begins: (
-        float  #: when (s) what waits for the end of the running cycle begins; nan if nothing does
-    )
+    begins: float  #: when (s) what waits for the running cycle begins; nan if nothing does
     # -- position
     position: float  #: reading of the sensor, m
     zero_offset: float  #: subtracted from the reading, m
@@ -101,8 +99,6 @@ SET_PARAMETERS = "rcl_interfaces/srv/SetParametersAtomically"
 
 #: A message of a whole number holds less, and down to minus that.
 INT32_RANGE = 2**31
-#: A whole number in a bag may be larger than any float.
-_LARGEST = sys.float_info.max
 
 
 @dataclass(frozen=True)
@@ -110,10 +106,10 @@ class Command:
     """One command of an axis. It has either a ``task`` or an ``effect``."""
 
     name: str  #: of the command and of its events
-    interface: str  #: topic or service, below the name of the node
     type: str  #: of its message or service
     meaning: str
     states: Row
+    interface: str = ""  #: topic or service, below the name of the node; empty: by its name
     #: Arguments that an axis at rest with default parameters accepts; the documentation shows them.
     example: tuple[Any, ...] = ()
     #: Names of the arguments in the event; None: one mapping, whose keys are the names.
@@ -142,6 +138,11 @@ class Command:
     limits: Callable[[Any], tuple[float, float]] | None = None
     depth: int = 10  #: messages that may wait
 
+    def __post_init__(self) -> None:
+        """Give it the place of its kind if it has none of its own."""
+        place = "command/" if self.type in (INT32, FLOAT64) else ""
+        object.__setattr__(self, "interface", self.interface or place + self.name)
+
     @property
     def is_service(self) -> bool:
         """Whether it is a service and not a topic."""
@@ -150,8 +151,7 @@ class Command:
     @property
     def moves(self) -> bool:
         """Whether it can change the state of the axis, and so ends the running command."""
-        rows = [self.states, *([self.off[1]] if self.off else [])]
-        return any({*each.values()} - {SAME, REFUSED} for each in rows)
+        return any({*row.values()} - {SAME, REFUSED} for row in self.rows().values())
 
     def rows(self) -> dict[str, Row]:
         """Return its rows in the table of states by their names."""
@@ -192,30 +192,19 @@ class Command:
         """Return the arguments from the details of an event; ValueError for wrong details."""
         if self.arguments is None:
             return ({name: value for name, value in details.items() if not is_digest(name)},)
-        given = self.defaults
-        needed = self.arguments[: len(self.arguments) - len(given)]
-        if lacking := [name for name in needed if name not in details]:
+        left_out = self.arguments[len(self.arguments) - len(self.defaults) :]
+        details = {**dict(zip(left_out, self.defaults, strict=True)), **details}
+        if lacking := [name for name in self.arguments if name not in details]:
             raise ValueError(f"it lacks {lacking[0]!r}")
-        rest = zip(self.arguments[len(needed) :], given, strict=True)
-        found = tuple(details[name] for name in needed)
-        found += tuple(details.get(name, default) for name, default in rest)
+        found = tuple(details[name] for name in self.arguments)
         if not _SUITS.get(self.type, lambda *_: True)(*found):
             raise ValueError(f"its arguments are not those of a {self.type}")
         return found
 
 
 def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and -_LARGEST <= value <= _LARGEST
-
-
-def _are_points(joints: Any, points: Any, begin: Any) -> bool:
-    return (
-        _is_number(begin)
-        and isinstance(joints, list)
-        and all(isinstance(joint, str) for joint in joints)
-        and isinstance(points, list)
-        and all(isinstance(point, list) and all(map(_is_number, point)) for point in points)
-    )
+    # A whole number in a bag may be larger than any float.
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max
 
 
 #: Type of a command's message -> whether arguments can be of it
@@ -224,7 +213,13 @@ _SUITS: dict[str, Callable[..., bool]] = {
     FLOAT64: _is_number,
     WRENCH: _is_number,
     SET_BOOL: lambda value: isinstance(value, bool),
-    TRAJECTORY: _are_points,
+    TRAJECTORY: lambda joints, points, begin: (
+        isinstance(joints, list)
+        and all(isinstance(joint, str) for joint in joints)
+        and isinstance(points, list)
+        and all(isinstance(point, list) and all(map(_is_number, point)) for point in points)
+        and _is_number(begin)
+    ),
     JOINT_STATE: lambda joint, interface, value: (
         isinstance(joint, str) and interface in ("position", "velocity") and _is_number(value)
     ),

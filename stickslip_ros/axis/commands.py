@@ -14,45 +14,17 @@ from importlib import import_module
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.axis.command import (
-    DISABLED,
-    FLOAT64,
-    HOMING,
-    INT32,
-    INT32_RANGE,
-    JOGGING,
-    JOINT_STATE,
-    REFUSED,
-    SAME,
-    SCANNING,
-    SET_BOOL,
-    SET_PARAMETERS,
-    STEPPING,
-    STOPPED,
-    TARGETING,
-    TRAJECTORY,
-    TRIGGER,
-    WRENCH,
-    Command,
-    Row,
-    row,
-)
+from stickslip_ros.axis import command as of
+from stickslip_ros.axis.command import Command, Row, row
 from stickslip_ros.axis.events import WARNED, digests_of
-from stickslip_ros.axis.trajectory import Point, Trajectory, check_trajectory
+from stickslip_ros.axis.trajectory import MOST_POINTS, Point, Trajectory
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
 
 if TYPE_CHECKING:  # who only names commands needs no solver
-    from stickslip_ros.axis.closed_loop import ClosedLoop
     from stickslip_ros.axis.device import Device
 
 #: s for which a velocity is kept without renewal: then its commander is assumed dead
 _HORIZON = 1.0
-#: s between two positions of one motion: controllers send them ten times a second at least
-_LONGEST_PERIOD = 0.1
-#: s before the horizon, from when on the same velocity counts as new
-_RENEWED = 0.5
-#: s of stepping by which a set point may be ahead of the runner when the next one comes
-_AHEAD = 0.1
 #: Share by which two velocities may differ and count as the same: rounding on the way through ROS
 _SAME = 1e-9
 
@@ -63,11 +35,6 @@ _SAME = 1e-9
 def _task(name: str, *arguments: Any) -> Any:
     """Return a task; what computes is loaded with the first, so that clients do without."""
     return getattr(import_module("stickslip_ros.axis.tasks"), name)(*arguments)
-
-
-def _loop(axis: Device, goal: str, trajectory: Trajectory) -> ClosedLoop:
-    loop: ClosedLoop = _task("ClosedLoop", goal, trajectory, axis.step_size, axis.note)
-    return loop
 
 
 def _check_steps(axis: Device, steps: int) -> None:
@@ -85,7 +52,7 @@ def _check_steps(axis: Device, steps: int) -> None:
 def _check_amplitude(axis: Device, volts: float) -> None:
     for frequency in (axis.config.frequency, *axis.jogs):
         axis.config.check_drive(volts, frequency)
-    axis.config.rounded("amplitude", volts)
+    axis.config.rounded(volts)
 
 
 def _set_amplitude(axis: Device, volts: float) -> None:
@@ -99,30 +66,63 @@ def _set_frequency(axis: Device, hertz: float) -> None:
     axis.actuation.drive_changed()
 
 
-def _check_points(
+def _check_trajectory(
     axis: Device, joints: list[str], points: list[Point], begin: float
-) -> tuple[list[Point], float]:
+) -> Trajectory:
+    """Return the trajectory from here; ParameterError if it is malformed or leaves the limits."""
+    joint, checked = axis.config.joint, list[Point]()
     if not 0.0 <= begin < math.inf:
         raise ParameterError(f"trajectory begins in {begin:g} s; this has to be 0 or more")
-    config = axis.config
-    return check_trajectory(joints, points, config.joint, config.check_target), begin
-
-
-def _follow_points(axis: Device, checked: tuple[list[Point], float]) -> ClosedLoop:
-    points, begin = checked
-    trajectory = Trajectory(axis.actuation.t, axis.measured, points, wait=begin)
-    up, down = axis.speed_of_steps(1), axis.speed_of_steps(-1)
-    fastest, lag = trajectory.too_fast(up, down)
-    stroke = axis.config.stroke(axis.config.amplitude)
-    if lag > stroke:
-        reached = up if fastest > 0.0 else down
-        reason = (
-            f"the trajectory goes at {1e6 * fastest:.4g} um/s, {1e6 * reached:.4g} um/s is what "
-            f"steps reach at this load: the axis will stay {1e6 * lag:.3g} um behind at times; "
-            "give it more time, or raise frequency or amplitude"
+    if list(joints) != [joint]:
+        raise ParameterError(f"trajectory for {', '.join(joints) or 'no joint'}; give {joint} only")
+    if len(points) > MOST_POINTS:
+        raise ParameterError(
+            f"trajectory of {len(points)} points; {MOST_POINTS} is the limit: send it in parts, or "
+            "leave points out; the axis moves straight between points"
         )
-        axis.note("trajectory", WARNED, reason=reason)
-    return _loop(axis, "trajectory", trajectory)
+    if not points:
+        raise ParameterError("trajectory without points; give at least one point")
+    for number, point in enumerate(points, 1):
+        if len(point) != 2:
+            raise ParameterError(f"point {number} is {point!r}; give a time and a position")
+        t, x = float(point[0]), float(point[1])
+        before = checked[-1][0] if checked else 0.0
+        if not (math.isfinite(t) and math.isfinite(x)):
+            raise ParameterError(f"point {number} is ({t:g} s, {x:g} m); give finite numbers")
+        if t < before or (checked and t == before):
+            raise ParameterError(
+                f"point {number} is at {t:g} s, not after {before:g} s: times have to increase"
+            )
+        try:
+            axis.config.check_target(x)
+        except ParameterError as error:
+            raise ParameterError(f"point {number}: {error}") from None
+        checked.append((t, x))
+    return Trajectory(axis.actuation.t, axis.measured, checked, wait=begin)
+
+
+def _follow(axis: Device, goal: str, trajectory: Trajectory) -> Any:
+    return _task("ClosedLoop", goal, trajectory, axis.step_size, axis.note)
+
+
+def _follow_trajectory(axis: Device, trajectory: Trajectory) -> Any:
+    speeds = axis.speed_of_steps(1), axis.speed_of_steps(-1)
+    fastest, lag = trajectory.too_fast(*speeds)
+    if lag > axis.config.stroke(axis.config.amplitude):
+        then = f"will stay {1e6 * lag:.3g} um behind at times; give it more time, or"
+        _warn_of_speed(axis, "trajectory", "trajectory goes at", fastest, speeds, then)
+    return _follow(axis, "trajectory", trajectory)
+
+
+def _warn_of_speed(
+    axis: Device, name: str, what: str, v: float, speeds: tuple[float, float], then: str
+) -> None:
+    """Note that steps, up and down so fast (m/s), do not reach what a command asks for (m/s)."""
+    reason = (
+        f"the {what} {1e6 * v:.4g} um/s, {1e6 * speeds[v <= 0.0]:.4g} um/s is what steps reach at "
+        f"this load: the axis {then} raise frequency or amplitude"
+    )
+    axis.note(name, WARNED, reason=reason)
 
 
 def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) -> bool:
@@ -138,17 +138,15 @@ def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) ->
     if loop is None and axis.moving:
         return False
     if interface == "velocity":
-        velocity, left = (
-            (0.0, math.inf) if loop is None else loop.trajectory.velocity_at(axis.actuation.t)
-        )
-        return math.isclose(value, velocity, rel_tol=_SAME) and (not value or left > _RENEWED)
-    goal, near = axis.measured, axis.config.parameters.closed_loop.target_tolerance
+        v, left = loop.trajectory.velocity_at(axis.actuation.t) if loop else (0.0, math.inf)
+        # The same counts as new from half of its time on.
+        return math.isclose(value, v, rel_tol=_SAME) and (not value or left > 0.5 * _HORIZON)
+    near = axis.parameters.closed_loop.target_tolerance
     if loop:
-        goal = loop.trajectory.goal
-    else:
-        sensor = axis.config.parameters.sensor
-        near = max(near, 6.0 * sensor.sensor_noise + (sensor.sensor_resolution or 0.0))
-    return abs(value - goal) <= near
+        return abs(value - loop.trajectory.goal) <= near
+    sensor = axis.parameters.sensor
+    near = max(near, 6.0 * sensor.sensor_noise + (sensor.sensor_resolution or 0.0))
+    return abs(value - axis.measured) <= near
 
 
 def _check_set_point(axis: Device, joint: str, interface: str, value: float) -> None:
@@ -158,55 +156,38 @@ def _check_set_point(axis: Device, joint: str, interface: str, value: float) -> 
         raise ParameterError(f"velocity is {value:g} m/s; it has to be a finite number")
 
 
-def _follow_set_point(axis: Device, joint: str, interface: str, value: float) -> ClosedLoop:
+def _follow_set_point(axis: Device, joint: str, interface: str, value: float) -> Any:
     """Go to a position, or keep a velocity until it is renewed, at most for `_HORIZON`.
 
-    The axis should reach a position when the next one is due, judged by the time since the last.
+    The axis should reach a position when the next one is due, judged by the time since the last:
+    controllers send them ten times a second at least.
     """
     loop, t = axis.closed_loop, axis.actuation.t
-    start = loop.trajectory.at(t) if loop else axis.measured
-    up = down = math.inf
+    start, expires = loop.trajectory.at(t) if loop else axis.measured, math.inf
+    speeds = math.inf, math.inf
     if not axis.finishes_cycles and (loop or interface == "velocity"):
-        up, down = axis.speed_of_steps(1), axis.speed_of_steps(-1)
-        stroke = axis.config.stroke(axis.config.amplitude)
-        far = max(up, down) * _AHEAD + stroke
+        # It may be ahead of the runner by what a tenth of a second of stepping makes up for.
+        speeds = axis.speed_of_steps(1), axis.speed_of_steps(-1)
+        far = max(speeds) * 0.1 + axis.config.stroke(axis.config.amplitude)
         start = min(max(start, axis.measured - far), axis.measured + far)
-    lasts = math.inf
     if interface == "position":
-        ahead, goal = min(t - loop.trajectory.start, _LONGEST_PERIOD) if loop else 0.0, value
+        ahead, goal = min(t - loop.trajectory.start, 0.1) if loop else 0.0, value
     else:
         low, high = axis.config.reach
         goal = min(max(start + value * _HORIZON, low), high)
         ahead = (goal - start) / value if value else 0.0
-        lasts = math.inf if axis.finishes_cycles else _HORIZON
-        _warn_of_velocity(axis, loop, value, up, down)
-    if ahead <= 0.0:
-        start = goal
-    points = [(ahead, goal)] if ahead > 0.0 else []
-    trajectory = Trajectory(t, start, points, lasts=lasts)
+        expires = math.inf if axis.finishes_cycles else t + _HORIZON
+        before = loop.trajectory.velocity_at(t)[0] if loop else math.nan
+        new = not math.isclose(value, before, rel_tol=_SAME)  # it is said once of a velocity
+        if new and not -speeds[1] <= value <= speeds[0]:
+            then = "goes so fast;"
+            _warn_of_speed(axis, "joint_command", "velocity is", value, speeds, then)
+    trajectory = Trajectory(t, start, [(ahead, goal)]) if ahead > 0.0 else Trajectory(t, goal, [])
+    trajectory.expires = expires
     if loop is None:
-        return _loop(axis, "target", trajectory)
+        return _follow(axis, "target", trajectory)
     loop.follow(trajectory)
     return loop
-
-
-def _warn_of_velocity(
-    axis: Device, loop: ClosedLoop | None, value: float, up: float, down: float
-) -> None:
-    """Say once of a velocity (m/s) that steps, up and down at most so fast, do not reach it."""
-    before = loop.trajectory.velocity_at(axis.actuation.t)[0] if loop else math.nan
-    if -down <= value <= up or math.isclose(value, before, rel_tol=_SAME):
-        return
-    reached = up if value > 0.0 else down
-    reason = (
-        f"the velocity is {1e6 * value:.4g} um/s, {1e6 * reached:.4g} um/s is what steps reach at "
-        "this load: the axis goes so fast; raise frequency or amplitude"
-    )
-    axis.note("joint_command", WARNED, reason=reason)
-
-
-def _go_to(axis: Device, x: float) -> ClosedLoop:
-    return _loop(axis, "target", Trajectory(axis.actuation.t, x, []))
 
 
 def _check_home(axis: Device) -> None:
@@ -226,10 +207,17 @@ def _check_home(axis: Device) -> None:
 
 
 def _go_home(axis: Device) -> Any:
-    homing, where = import_module("stickslip_ros.axis.homing"), axis.parameters.limits.home
-    if where == "mark":
-        return homing.MarkTask(axis.config, axis.actuation.t, axis.step_size, axis.note)
-    return homing.EndTask(1 if where == "high" else -1, axis.note)
+    """Set out for the reference: there, what was counted before, by `zero`, is forgotten."""
+
+    def note(*event: str, **details: float) -> None:
+        axis.note(*event, **details)
+        axis.config.offset = 0.0
+
+    limits = axis.parameters.limits
+    if limits.home != "mark":
+        return _task("EndTask", limits.home == "high", note)
+    mark = Trajectory(axis.actuation.t, limits.home_mark - axis.config.offset, [])
+    return _task("ClosedLoop", "home", mark, axis.step_size, note)
 
 
 def _set_load(axis: Device, newtons: float) -> None:
@@ -269,11 +257,11 @@ def _pause(axis: Device, on: bool) -> None:
 
 def _most_steps(axis: Device) -> tuple[float, float]:
     most = axis.parameters.drive.max_steps
-    return (-most, most) if most else (-INT32_RANGE, INT32_RANGE - 1)
+    return (-most, most) if most else (-of.INT32_RANGE, of.INT32_RANGE - 1)
 
 
 #: In every state.
-_ALWAYS = row(SAME, fault=SAME, disabled=SAME)
+_ALWAYS = row(of.SAME, fault=of.SAME, disabled=of.SAME)
 
 COMMANDS: dict[str, Command] = {
     command.name: command
@@ -281,10 +269,9 @@ COMMANDS: dict[str, Command] = {
         # Of commands that wait together the drive is set before the steps are begun.
         Command(
             "amplitude",
-            "command/amplitude",
-            FLOAT64,
+            of.FLOAT64,
             "peak to peak, from the next cycle on",
-            row(SAME),
+            row(of.SAME),
             example=(250.0,),
             check=_check_amplitude,
             effect=_set_amplitude,
@@ -293,10 +280,9 @@ COMMANDS: dict[str, Command] = {
         ),
         Command(
             "frequency",
-            "command/frequency",
-            FLOAT64,
+            of.FLOAT64,
             "of stepping, from the next cycle on; the slip has to fit into the cycle",
-            row(SAME),
+            row(of.SAME),
             example=(900.0,),
             check=lambda axis, hertz: axis.config.check_drive(axis.config.amplitude, hertz),
             effect=_set_frequency,
@@ -308,8 +294,7 @@ COMMANDS: dict[str, Command] = {
         ),
         Command(
             "load",
-            "load",
-            WRENCH,
+            of.WRENCH,
             "external force along the axis; the other components are not used",
             _ALWAYS,
             example=(1e-3,),
@@ -321,24 +306,22 @@ COMMANDS: dict[str, Command] = {
         ),
         Command(
             "steps",
-            "command/steps",
-            INT32,
+            of.INT32,
             "number of steps, the sign is the direction; 0 finishes the cycle and stops",
-            row(STEPPING),
+            row(of.STEPPING),
             example=(100_000,),
-            off=("steps 0", row(STOPPED)),
+            off=("steps 0", row(of.STOPPED)),
             check=_check_steps,
             task=lambda axis, steps: _task("StepTask", steps),
             limits=_most_steps,
         ),
         Command(
             "jog",
-            "command/jog",
-            FLOAT64,
+            of.FLOAT64,
             "steps without end, the sign is the direction; 0 stops",
-            row(JOGGING),
+            row(of.JOGGING),
             example=(-700.0,),
-            off=("jog 0", row(STOPPED)),
+            off=("jog 0", row(of.STOPPED)),
             breaks_off=lambda hertz: not hertz,
             check=lambda axis, hertz: axis.config.check_drive(
                 axis.config.amplitude, abs(hertz) or axis.config.frequency
@@ -352,10 +335,9 @@ COMMANDS: dict[str, Command] = {
         ),
         Command(
             "scan",
-            "command/scan",
-            FLOAT64,
+            of.FLOAT64,
             "level to which the actuator moves slowly, without a slip",
-            row(SCANNING),
+            row(of.SCANNING),
             example=(200.0,),
             check=lambda axis, volts: axis.config.check_level(volts),
             task=lambda axis, volts: _task("ScanTask", axis.config.nearest(volts), axis.note_limit),
@@ -368,34 +350,33 @@ COMMANDS: dict[str, Command] = {
         ),
         Command(
             "position",
-            "command/position",
-            FLOAT64,
+            of.FLOAT64,
             "target position; the closed loop with the simulated sensor goes there and holds it",
-            row(TARGETING),
+            row(of.TARGETING),
             example=(1e-3,),
             check=lambda axis, x: axis.config.check_target(x),
-            task=_go_to,
+            task=lambda axis, x: _follow(axis, "target", Trajectory(axis.actuation.t, x, [])),
             unit="m",
             limits=lambda axis: axis.config.reach,
         ),
         Command(
             "trajectory",
-            "joint_trajectory",
-            TRAJECTORY,
+            of.TRAJECTORY,
             "points (s, m) that the closed loop follows; it holds the last",
-            row(TARGETING),
+            row(of.TARGETING),
+            "joint_trajectory",
             example=(["axis_slider"], [(5.0, 1e-5)]),
             arguments=("joints", "points", "begin"),
             defaults=(0.0,),
-            check=_check_points,
-            task=_follow_points,
+            check=_check_trajectory,
+            task=_follow_trajectory,
         ),
         Command(
             "joint_command",
-            "joint_commands",
-            JOINT_STATE,
+            of.JOINT_STATE,
             "set point of a controller of ROS, position (m) or velocity (m/s), in closed loop",
-            row(TARGETING),
+            row(of.TARGETING),
+            "joint_commands",
             example=("axis_slider", "position", 1e-3),
             arguments=("joint", "interface", "value"),
             ignored=_is_old_set_point,
@@ -405,59 +386,53 @@ COMMANDS: dict[str, Command] = {
         ),
         Command(
             "home",
-            "home",
-            TRIGGER,
+            of.TRIGGER,
             "go to the reference, a mark or an end of the travel; positions count from it then",
-            row(HOMING),
+            row(of.HOMING),
             arguments=(),
             check=_check_home,
             task=_go_home,
         ),
         Command(
             "stop",
-            "stop",
-            TRIGGER,
+            of.TRIGGER,
             "end the running command within 20 ms: a longer cycle is broken off",
-            row(STOPPED, fault=SAME, disabled=SAME),
+            row(of.STOPPED, fault=of.SAME, disabled=of.SAME),
             arguments=(),
             breaks_off=lambda: True,
             task=lambda axis: None,
         ),
         Command(
             "reset",
-            "reset",
-            TRIGGER,
+            of.TRIGGER,
             "leave a fault",
-            row(SAME, fault=STOPPED, disabled=SAME),
+            row(of.SAME, fault=of.STOPPED, disabled=of.SAME),
             arguments=(),
             check=_check_reset,
             effect=lambda axis: axis.clear_fault(),
         ),
         Command(
             "zero",
-            "zero",
-            TRIGGER,
+            of.TRIGGER,
             "count positions from the present reading of the sensor on",
-            row(REFUSED, stopped=SAME),
+            row(of.REFUSED, stopped=of.SAME),
             arguments=(),
             check=_check_zero,
             effect=_zero,
         ),
         Command(
             "enable",
-            "enable",
-            SET_BOOL,
+            of.SET_BOOL,
             "accept commands, or refuse them; disabling ends the running command as stop does",
-            row(SAME, fault=SAME, disabled=STOPPED),
+            row(of.SAME, fault=of.SAME, disabled=of.STOPPED),
             example=(True,),
             defaults=(True,),
-            off=("disable", row(DISABLED, fault=DISABLED, disabled=SAME)),
+            off=("disable", row(of.DISABLED, fault=of.DISABLED, disabled=of.SAME)),
             effect=lambda axis, on: axis.set_enabled(on),
         ),
         Command(
             "pause",
-            "pause",
-            SET_BOOL,
+            of.SET_BOOL,
             "pause the time of all axes of the process, or continue",
             _ALWAYS,
             example=(True,),
@@ -466,10 +441,10 @@ COMMANDS: dict[str, Command] = {
         ),
         Command(
             "parameters",
-            "set_parameters_atomically",
-            SET_PARAMETERS,
+            of.SET_PARAMETERS,
             "change parameters, all or none",
             _ALWAYS,
+            "set_parameters_atomically",
             example=({"payload": 1e-4},),
             arguments=None,
             check=lambda axis, changes: axis.checked(changes),

@@ -20,11 +20,6 @@ from stickslip_ros.physics.model.waveforms import command_of
 from stickslip_ros.physics.parameters import ParameterError, Parameters, parameter
 from stickslip_ros.physics.parameters.groups import SLIDER
 
-#: Drive cycles that are kept: a command of steps does not make its cycle anew
-_MOST_DRIVE_CYCLES = 8
-#: Parameters that commands of the same name set
-_COMMANDED = ("amplitude", "frequency")
-
 
 @dataclass
 class Config:
@@ -55,7 +50,8 @@ class Config:
         """Return the parameters as they would be with changes; jogs are frequencies (Hz) in use."""
         for name in changes:
             if not parameter(name).mutable:
-                later = f": later send {name}, on ~/command/{name}" if name in _COMMANDED else ""
+                commanded = name in ("amplitude", "frequency")
+                later = f": later send {name}, on ~/command/{name}" if commanded else ""
                 raise ParameterError(f"{name} can be set at the start only{later}")
         new = self.parameters.replace(**changes)
         replace(self, parameters=new).check_all(jogs)
@@ -68,7 +64,7 @@ class Config:
         if has_bandwidth(self.parameters.sensor):
             samples_per_reading(self.parameters.sensor, plant.ringing_frequency)
         for frequency in (self.frequency, *jogs):
-            self.check_drive(self.rounded("amplitude", self.amplitude), frequency)
+            self.check_drive(self.rounded(self.amplitude), frequency)
 
     def check_drive(self, amplitude: float, frequency: float) -> None:
         """Raise ParameterError for an amplitude (V) and frequency (Hz) that cannot be driven."""
@@ -82,25 +78,21 @@ class Config:
 
     def nearest(self, volts: float) -> float:
         """Return volts on the grid of ``amplitude_levels``."""
-        level = self._level
-        if level is None or not math.isfinite(volts):
+        levels = self.parameters.drive.amplitude_levels
+        if levels is None or not math.isfinite(volts):
             return volts
+        level = self.parameters.actuator.max_voltage / levels
         return round(volts / level) * level
 
-    def rounded(self, name: str, volts: float) -> float:
-        """Return volts rounded to the grid; name: the quantity. ParameterError if rounded to 0."""
-        nearest = self.nearest(volts)
-        if volts and not nearest:
+    def rounded(self, volts: float) -> float:
+        """Return an amplitude on that grid, V; ParameterError if it is rounded to 0."""
+        nearest, levels = self.nearest(volts), self.parameters.drive.amplitude_levels
+        if levels and volts and not nearest:
+            level = self.parameters.actuator.max_voltage / levels
             raise ParameterError(
-                f"{name} is {volts:g} V, less than half a level, which is {self._level:g} V"
+                f"amplitude is {volts:g} V, less than half a level, which is {level:g} V"
             )
         return nearest
-
-    @property
-    def _level(self) -> float | None:
-        """Return the distance of the levels that voltages are rounded to, V; None for any."""
-        levels = self.parameters.drive.amplitude_levels
-        return None if levels is None else self.parameters.actuator.max_voltage / levels
 
     def check_level(self, volts: float) -> None:
         """Raise ParameterError for a level (V) not to be held: amplifier, depolarisation."""
@@ -117,11 +109,10 @@ class Config:
 
     def check_target(self, x: float) -> None:
         """Raise ParameterError for a target (m, as measured) that must not or cannot be reached."""
-        limits = self.parameters.limits
-        low, high = self.reach
-        soft = (low, high) == (limits.soft_low, limits.soft_high)
-        what = "soft limits" if soft else "travel and soft limits"
+        limits, (low, high) = self.parameters.limits, self.reach
         if not low <= x <= high:
+            soft = (low, high) == (limits.soft_low, limits.soft_high)
+            what = "soft limits" if soft else "travel and soft limits"
             raise ParameterError(
                 f"target is {x:g} m; {what} allow {low:g} to {high:g} m: choose one in this range"
             )
@@ -152,15 +143,14 @@ class Config:
         """Return the cycle for steps in the direction of sign."""
         key = sign, amplitude, frequency
         if key not in self._drive_cycles:
-            if len(self._drive_cycles) > _MOST_DRIVE_CYCLES:
+            if len(self._drive_cycles) > 8:  # so many are kept for the commands to come
                 self._drive_cycles.clear()
             self._drive_cycles[key] = command_of(self._driven(amplitude, frequency), sign)
         return self._drive_cycles[key]
 
     def _driven(self, amplitude: float, frequency: float) -> Parameters:
-        """Return the parameters with another amplitude (V) and frequency (Hz), not checked."""
-        p = self.parameters
-        return replace(p, drive=replace(p.drive, amplitude=amplitude, frequency=frequency))
+        drive = replace(self.parameters.drive, amplitude=amplitude, frequency=frequency)
+        return replace(self.parameters, drive=drive)
 
     @property
     def joint(self) -> str:

@@ -60,8 +60,7 @@ class DcOffset:
 
     def cycled(self, volts: float) -> None:
         """Remember cycles between 0 and volts (V), which end at 0."""
-        self._stand(volts)
-        self._stand(0.0)
+        self.moved([volts, 0.0])
 
     def moved(self, volts: list[float]) -> None:
         """Remember voltages (V) that the actuator went between, and stay at the last."""

@@ -22,15 +22,13 @@ from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Paramet
 from stickslip_ros.physics.parameters.bounded_files import read_bytes
 from stickslip_ros.physics.parameters.row import file_names
 
-#: Keys besides those of the details
+#: Keys besides those of the details, and that of the running number, with which a loss is noticed
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
-#: Key of the running number, with which a lost event is noticed
 NUMBER = "number"
 #: Events that no command makes: the first one of every axis, a fault from outside, the end of a
 #: step of time, and a fault on demand that began or ended
 START, TRIP, STEP_OF_TIME, INJECTED = "start", "trip", "step of time", "injected fault"
-#: Outcome of what is carried out, but not as it was meant
-WARNED = "warned"
+WARNED = "warned"  #: outcome of what is carried out, but not as it was meant
 #: The event of one set point, and of many in the log
 _SET_POINT, _SET_POINTS = "joint_command", "joint_commands"
 #: Levels of outcomes as those of a DiagnosticStatus: 0 OK, 2 ERROR; all others are 1, WARN
@@ -72,10 +70,10 @@ class Event:
         """
         if not set(KEYS) <= set(texts):
             return None
-        of_event = (*KEYS, NUMBER)
-        details = {name: _value(name, text) for name, text in texts.items() if name not in of_event}
-        number = int(texts.get(NUMBER, 0))
-        return cls(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details, number)
+        rest = dict(texts)
+        number, time = int(rest.pop(NUMBER, 0)), float(rest.pop(_TIME))
+        details = {name: _value(name, text) for name, text in rest.items() if name not in KEYS}
+        return cls(time, texts[_NAME], texts[_OUTCOME], details, number)
 
 
 def event_texts(event: Event) -> dict[str, str]:
@@ -92,32 +90,25 @@ def is_set_point(event: Event) -> bool:
 
 def pack_set_points(set_points: Sequence[Event]) -> list[Event]:
     """Combine set points into events, each with many of one joint and interface, in order."""
+    packed = []
     kind = itemgetter("joint", "interface")
-    return [
-        Event(
-            run[0].time,
-            _SET_POINTS,
-            "applied",
-            {
-                **dict(zip(("joint", "interface"), of, strict=True)),
-                "times": [event.time for event in run],
-                "values": [event.details["value"] for event in run],
-            },
-        )
-        for of, group in groupby(set_points, lambda event: kind(event.details))
-        for run in [list(group)]
-    ]
+    for (joint, interface), same in groupby(set_points, lambda event: kind(event.details)):
+        run = list(same)
+        details: dict[str, Any] = {"joint": joint, "interface": interface}
+        details["times"] = [event.time for event in run]
+        details["values"] = [event.details["value"] for event in run]
+        packed.append(Event(run[0].time, _SET_POINTS, "applied", details))
+    return packed
 
 
 def unpack_set_points(event: Event) -> list[Event]:
     """Return the set points in an event of `pack_set_points`; any other event unchanged."""
     if event.name != _SET_POINTS:
         return [event]
-    given = event.details
-    same = {"joint": given["joint"], "interface": given["interface"]}
+    same = {name: event.details[name] for name in ("joint", "interface")}
     return [
         Event(time, _SET_POINT, "applied", {**same, "value": value})
-        for time, value in zip(given["times"], given["values"], strict=True)
+        for time, value in zip(event.details["times"], event.details["values"], strict=True)
     ]
 
 
@@ -141,8 +132,7 @@ def shorten(value: Any) -> Any:
         half = LONGEST_TEXT // 2
         return f"{value[:half]} ... ({len(value)} characters) ... {value[-half:]}"
     if isinstance(value, Mapping):
-        kept = list(value.items())[:_MOST_ITEMS]
-        return {shorten(key): shorten(item) for key, item in kept}
+        return {shorten(key): shorten(one) for key, one in islice(value.items(), _MOST_ITEMS)}
     if isinstance(value, Iterable) and isinstance(value, Sized):
         kept = [shorten(item) for item in islice(value, _MOST_ITEMS)]
         left = len(value) - len(kept)

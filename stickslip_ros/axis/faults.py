@@ -147,10 +147,6 @@ def _value(name: str, text: str) -> float:
     return value
 
 
-#: m that a stuck runner has to either side
-_STUCK = 1e-12
-
-
 class Travel:
     """The stops of a simulation: the ends of the travel, or narrower ones that faults set.
 
@@ -191,7 +187,8 @@ class Travel:
             self._stuck_at = None
         else:
             self._stuck_at = x if self._stuck_at is None else self._stuck_at
-            low, high = max(low, self._stuck_at - _STUCK), min(high, self._stuck_at + _STUCK)
+            # The stops are to either side of it.
+            low, high = max(low, self._stuck_at - 1e-12), min(high, self._stuck_at + 1e-12)
         self._confined = (low, high) != self._ends
         self._hits, self._other_hits = hits, self._sim.stop_hits - hits
         self._sim.set_stops(low, high)

@@ -10,19 +10,13 @@ draws its noise from a seed, so the same version gives the same states to the la
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import (
-    START,
-    TRIP,
-    CommandRefused,
-    Event,
-    NotRepeatable,
-    check_files,
-)
+from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event, NotRepeatable, check_files
 from stickslip_ros.physics.model.versions import ModelChange, changes_since
 from stickslip_ros.physics.parameters import (
     PARAMETERS,
@@ -107,9 +101,8 @@ class Rerun:
             if self._changes:
                 raise
             raise NotRepeatable(f"{_REFUSED}: {error}") from None
-        self._commands = [event for event in events[1:] if event.outcome == "applied"]
-        _check_commands(self._commands)
-        self._done = 0
+        applied = [event for event in events[1:] if event.outcome == "applied"]
+        self._commands = deque(_commands_of(applied, self._changes))
         self.left_out: list[str] = []  #: commands refused, each with the reason
 
     def advance(self, t: float) -> Axis:
@@ -118,47 +111,50 @@ class Rerun:
         Commands at t itself follow the state at t. Raises NotRepeatable if a command is refused
         that was applied in the recording, unless parameters were changed.
         """
-        while self._done < len(self._commands) and self._commands[self._done].time < t:
-            command = self._commands[self._done]
-            self.axis.advance(command.time)
-            self._repeat(command)
-            self._done += 1
+        while self._commands and self._commands[0][0] < t:
+            time, name, arguments = self._commands[0]
+            self.axis.advance(time)
+            try:
+                if name == TRIP:
+                    self.axis.trip(*arguments)
+                else:
+                    self.axis.command(name, *arguments)
+            except CommandRefused as refusal:
+                what = f"{name!r} at {time:.9g} s: {refusal}"
+                if not self._changes:
+                    raise NotRepeatable(
+                        f"a command that was applied in the run is refused now, {what}"
+                    ) from None
+                self.left_out.append(what)
+            self._commands.popleft()
         self.axis.advance(t)
         return self.axis
 
-    def _repeat(self, command: Event) -> None:
-        if command.name == TRIP:
-            self.axis.trip(command.details["reason"])
-        if command.name not in COMMANDS:
-            return
-        changes = {name: self._changes[name] for name in self._changes if name in command.details}
-        arguments = COMMANDS[command.name].arguments_of({**command.details, **changes})
-        try:
-            self.axis.command(command.name, *arguments)
-        except CommandRefused as refusal:
-            what = f"{command.name!r} at {command.time:.9g} s: {refusal}"
-            if not self._changes:
-                raise NotRepeatable(
-                    f"a command that was applied in the run is refused now, {what}"
-                ) from None
-            self.left_out.append(what)
 
+def _commands_of(
+    events: Sequence[Event], changes: Mapping[str, Any]
+) -> Iterator[tuple[float, str, tuple[Any, ...]]]:
+    """Yield time (s), name and arguments of the commands, with changes laid over parameters.
 
-def _check_commands(events: Sequence[Event]) -> None:
-    """Raise NotRepeatable for events that no axis can have noted: a bag can be anybody's."""
+    Raises NotRepeatable for events that no axis can have noted: a bag can be anybody's.
+    """
     before = 0.0
     for event in events:
-        where = (
-            f"the event {event.name[:_SHOWN]!r} at {event.time:.9g} s does not come from an axis"
-        )
-        if not before <= event.time < math.inf:
-            raise NotRepeatable(f"{where}: times begin at 0 and never run back")
-        before = event.time
-        if event.name == START or (event.name == TRIP and "reason" in event.details):
-            continue
-        if event.name not in COMMANDS:
-            raise NotRepeatable(f"{where}: there is no such command")
+        name, details = event.name, event.details
+        arguments: tuple[Any, ...] | None = None
         try:
-            COMMANDS[event.name].arguments_of(event.details)
+            if not before <= event.time < math.inf:
+                raise ValueError("times begin at 0 and never run back")
+            if name == TRIP and "reason" in details:
+                arguments = (details["reason"],)
+            elif name in COMMANDS:
+                laid = {one: changes[one] for one in changes if one in details}
+                arguments = COMMANDS[name].arguments_of({**details, **laid})
+            elif name != START:
+                raise ValueError("there is no such command")
         except ValueError as error:
-            raise NotRepeatable(f"{where}: {error}") from None
+            where = f"the event {name[:_SHOWN]!r} at {event.time:.9g} s"
+            raise NotRepeatable(f"{where} does not come from an axis: {error}") from None
+        before = event.time
+        if arguments is not None:
+            yield before, name, arguments

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Open-loop tasks of an axis: a number of steps, a jog, a scan; and the supervisor of all tasks.
+"""The tasks of an axis: a number of steps, a jog, a scan, the way home; and their supervisor.
 
 A task starts motions of the actuator, and decides whether it is done when a motion has ended. The
 closed loop is a task as well, see `closed_loop.py`. The supervisor checks the axis a hundred times
@@ -11,47 +11,34 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from stickslip_ros.axis.actuation import ENDLESS, RAMP, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop
-from stickslip_ros.axis.command import JOGGING, SCANNING, STEPPING
+from stickslip_ros.axis.command import HOMING, JOGGING, SCANNING, STEPPING
 
 #: Checks of the supervisor a second (Hz): a runner at 10 mm/s is caught within 0.1 mm
 _RATE = 100.0
 
 
-class AxisTask(Protocol):
-    """The execution of one command by an axis."""
+class _OpenLoop:
+    """A task of an axis; by itself, one whose motion is all of it."""
 
-    @property
-    def state(self) -> str:
-        """State of the axis during the task."""
-
-    @property
-    def due(self) -> float:
-        """Time at which `tick` has to be called next, s."""
+    state: str  #: of the axis during the task
+    due = math.inf  #: time at which `tick` has to be called next, s
 
     def begin(self, actuation: Actuation) -> None:
         """Start the task; the actuator rests."""
 
     def arrived(self, actuation: Actuation) -> bool:
         """Go on after the motion has ended; return whether the task is done."""
-
-    def tick(self, actuation: Actuation) -> str:
-        """Do the work that is due; return the reason of a fault, or nothing."""
-
-
-class _OpenLoop:
-    """A task whose motion is all of it."""
-
-    due = math.inf
-
-    def arrived(self, actuation: Actuation) -> bool:
         return True
 
     def tick(self, actuation: Actuation) -> str:
+        """Do the work that is due; return the reason of a fault, or nothing."""
         return ""
+
+
+AxisTask = _OpenLoop | ClosedLoop
 
 
 @dataclass(eq=False)
@@ -62,7 +49,6 @@ class StepTask(_OpenLoop):
     state = STEPPING
 
     def begin(self, actuation: Actuation) -> None:
-        """Start the cycles."""
         actuation.step(self.steps)
 
 
@@ -74,7 +60,6 @@ class JogTask(_OpenLoop):
     state = JOGGING
 
     def begin(self, actuation: Actuation) -> None:
-        """Start cycles without end."""
         actuation.step(ENDLESS if self.hertz > 0.0 else -ENDLESS, hertz=abs(self.hertz))
 
 
@@ -88,10 +73,8 @@ class ScanTask(_OpenLoop):
         self._volts = volts
         self._note_limit = note_limit
         self._k = 0  # number of the reading at which it checks again
-        self.due = math.inf
 
     def begin(self, actuation: Actuation) -> None:
-        """Start to move the level."""
         self._k = actuation.config.sensor.number_at(actuation.t)
         actuation.scan_to(self._volts * actuation.config.gain)
         self.tick(actuation)
@@ -101,14 +84,48 @@ class ScanTask(_OpenLoop):
         self.due = math.inf
         if actuation.kind == RAMP:
             sensor = actuation.config.sensor
-            limit = actuation.ends_beyond(1.0 / sensor.rate)
-            if limit:
+            if limit := actuation.ends_beyond(1.0 / sensor.rate):
                 actuation.halt()
                 self._note_limit(limit)
             else:
                 self._k += 1
                 self.due = sensor.time_of(self._k)
         return ""
+
+
+class EndTask(_OpenLoop):
+    """Steps to an end of the travel."""
+
+    state = HOMING
+
+    def __init__(self, high: bool, note: Callable[..., None]) -> None:
+        """Go to the upper end or to the lower one; note reports that it is there."""
+        self._sign, self._end, self._note = (1, "upper", note) if high else (-1, "lower", note)
+        self._hits, self._farthest, self._since = 0, -math.inf, 0.0
+
+    def begin(self, actuation: Actuation) -> None:
+        self._hits, self._since = actuation.travel.hits, actuation.t
+        actuation.step(self._sign * ENDLESS)
+        self.due = actuation.t + 1.0 / _RATE
+
+    def tick(self, actuation: Actuation) -> str:
+        """End at the end; a fault where the runner gets no nearer to it for too long."""
+        t, config, x = actuation.t, actuation.config, self._sign * actuation.x
+        if actuation.travel.hits > self._hits:
+            self.due = math.inf
+            self._note("home", "finished", position=actuation.x)
+            actuation.shorten()
+            return ""
+        self.due = t + 1.0 / _RATE
+        if x > self._farthest + 0.01 * config.stroke(config.amplitude):
+            self._farthest, self._since = x, t
+        timeout = config.parameters.closed_loop.target_timeout
+        if timeout is None or t - self._since < timeout + 1.0 / config.frequency:
+            return ""
+        return (
+            f"the {self._end} end of travel, which is home: the runner has come no nearer for "
+            f"{timeout:g} s: raise the amplitude, free the runner or raise target_timeout"
+        )
 
 
 class Supervisor:
@@ -172,12 +189,4 @@ class Supervisor:
                 f"velocity is {self.velocity:g} m/s, the limit is {limit:g} m/s: lower the "
                 "frequency, the amplitude or the load, or raise max_velocity"
             )
-        if not isinstance(task, ClosedLoop):
-            return ""
-        p, config, t = actuation.config.parameters, actuation.config, actuation.t
-        x = config.reading(actuation.sensed, config.sensor.number_at(t))
-        limit = p.limits.max_following_error
-        error = task.trajectory.at(t) - x
-        if limit is not None and task.on_trajectory(t) and abs(error) > limit:
-            return f"following error is {error:g} m, the limit is {limit:g} m"
-        return task.why_lost(x, actuation)
+        return task.why_lost(actuation) if isinstance(task, ClosedLoop) else ""

@@ -25,7 +25,6 @@ from stickslip_ros.ros.nodes.recording import axis_topics
 #: Moves the level of the actuator by a share of the highest voltage.
 SHARE = Command(
     "share",
-    "command/share",
     FLOAT64,
     "level as a share of the highest voltage",
     row(SCANNING),
