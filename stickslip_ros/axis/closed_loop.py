@@ -106,9 +106,7 @@ class ClosedLoop:
     @property
     def state(self) -> str:
         """Targeting, or holding while the position stays within the tolerance of the end."""
-        if self._homes:
-            return HOMING
-        return HOLDING if self.reached else TARGETING
+        return HOMING if self._homes else HOLDING if self.reached else TARGETING
 
     @property
     def reached(self) -> bool:
@@ -322,8 +320,7 @@ class ClosedLoop:
     def _approach(self, actuation: Actuation) -> str:
         """Judge whether the goal is reached, and go nearer if not."""
         p, t = actuation.config.parameters.closed_loop, actuation.t
-        x = self._seen.base + actuation.level
-        error = self.trajectory.goal - x
+        error = self.trajectory.goal - (self._seen.base + actuation.level)
         if abs(error) > p.target_tolerance:
             self._inside_since, self.there = math.inf, False
         elif self._inside_since == math.inf:
@@ -425,7 +422,6 @@ class ClosedLoop:
         self._begin_train(actuation, sign * count, volts)
 
     def _follow(self, actuation: Actuation) -> None:
-        """Step along the trajectory."""
         if actuation.level:
             actuation.scan_to(0.0)
             return

@@ -139,7 +139,6 @@ class Command:
     depth: int = 10  #: messages that may wait
 
     def __post_init__(self) -> None:
-        """Give it the place of its kind if it has none of its own."""
         place = "command/" if self.type in (INT32, FLOAT64) else ""
         object.__setattr__(self, "interface", self.interface or place + self.name)
 

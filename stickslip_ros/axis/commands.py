@@ -70,7 +70,8 @@ def _check_trajectory(
     axis: Device, joints: list[str], points: list[Point], begin: float
 ) -> Trajectory:
     """Return the trajectory from here; ParameterError if it is malformed or leaves the limits."""
-    joint, checked = axis.config.joint, list[Point]()
+    joint = axis.config.joint
+    checked: list[Point] = []
     if not 0.0 <= begin < math.inf:
         raise ParameterError(f"trajectory begins in {begin:g} s; this has to be 0 or more")
     if list(joints) != [joint]:

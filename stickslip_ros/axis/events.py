@@ -31,8 +31,6 @@ START, TRIP, STEP_OF_TIME, INJECTED = "start", "trip", "step of time", "injected
 WARNED = "warned"  #: outcome of what is carried out, but not as it was meant
 #: The event of one set point, and of many in the log
 _SET_POINT, _SET_POINTS = "joint_command", "joint_commands"
-#: Levels of outcomes as those of a DiagnosticStatus: 0 OK, 2 ERROR; all others are 1, WARN
-_LEVELS = {"applied": 0, "finished": 0, "fault": 2}
 #: Characters of a text, and items of a list, that the event of a refusal holds
 LONGEST_TEXT, _MOST_ITEMS = 400, 16
 _DIGEST = "_sha256"  # end of the names of details that are digests of files
@@ -59,8 +57,8 @@ class Event:
 
     @property
     def level(self) -> int:
-        """The level of the status that carries it: 0 OK, 1 WARN, 2 ERROR."""
-        return _LEVELS.get(self.outcome, 1)
+        """The level of the DiagnosticStatus that carries it: 0 OK, 1 WARN, 2 ERROR."""
+        return {"applied": 0, "finished": 0, "fault": 2}.get(self.outcome, 1)
 
     @classmethod
     def of(cls, texts: Mapping[str, str]) -> Event | None:

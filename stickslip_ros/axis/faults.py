@@ -74,7 +74,6 @@ class Faults:
     active: Mapping[str, tuple[float, Moment]]
 
     def __contains__(self, name: str) -> bool:
-        """Return whether a fault of that name acts."""
         return name in self.active
 
     def value(self, name: str) -> float:
@@ -187,7 +186,7 @@ class Travel:
             self._stuck_at = None
         else:
             self._stuck_at = x if self._stuck_at is None else self._stuck_at
-            # The stops are to either side of it.
+            # m, what a stuck runner has to either side
             low, high = max(low, self._stuck_at - 1e-12), min(high, self._stuck_at + 1e-12)
         self._confined = (low, high) != self._ends
         self._hits, self._other_hits = hits, self._sim.stop_hits - hits

@@ -18,20 +18,14 @@ from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event, NotRepeatable, check_files
 from stickslip_ros.physics.model.versions import ModelChange, changes_since
-from stickslip_ros.physics.parameters import (
-    PARAMETERS,
-    ParameterError,
-    Parameters,
-    Value,
-    parameter,
-)
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters, parameter
 
 #: Characters of a text from a recording that an error shows: names of events are shorter
 _SHOWN = 40
 _REFUSED = "this version refuses the parameters of the run"
 
 
-def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str, str]:
+def start_of(events: Sequence[Event]) -> tuple[dict[str, Any], str, str]:
     """Return the parameters at the start of a run, and the version and arithmetic of its axis.
 
     The arithmetic is the digest of `model.arithmetic`, empty in recordings before 2.0.0.

@@ -63,20 +63,17 @@ class JogTask(_OpenLoop):
         actuation.step(ENDLESS if self.hertz > 0.0 else -ENDLESS, hertz=abs(self.hertz))
 
 
+@dataclass(eq=False)
 class ScanTask(_OpenLoop):
     """The actuator goes to a level and stays there, or before a soft limit."""
 
+    volts: float  #: the level
+    note_limit: Callable[[str], None]  #: called with a soft limit that ends the scan early
     state = SCANNING
 
-    def __init__(self, volts: float, note_limit: Callable[[str], None]) -> None:
-        """Take the level (V); note_limit is called with a soft limit that ends the scan early."""
-        self._volts = volts
-        self._note_limit = note_limit
-        self._k = 0  # number of the reading at which it checks again
-
     def begin(self, actuation: Actuation) -> None:
-        self._k = actuation.config.sensor.number_at(actuation.t)
-        actuation.scan_to(self._volts * actuation.config.gain)
+        self._k = actuation.config.sensor.number_at(actuation.t)  # reading of the next check
+        actuation.scan_to(self.volts * actuation.config.gain)
         self.tick(actuation)
 
     def tick(self, actuation: Actuation) -> str:
@@ -86,25 +83,25 @@ class ScanTask(_OpenLoop):
             sensor = actuation.config.sensor
             if limit := actuation.ends_beyond(1.0 / sensor.rate):
                 actuation.halt()
-                self._note_limit(limit)
+                self.note_limit(limit)
             else:
                 self._k += 1
                 self.due = sensor.time_of(self._k)
         return ""
 
 
+@dataclass(eq=False)
 class EndTask(_OpenLoop):
-    """Steps to an end of the travel."""
+    """Steps to an end of the travel, which is home."""
 
+    high: bool  #: the upper end
+    note: Callable[..., None]  #: reports that it is there
     state = HOMING
 
-    def __init__(self, high: bool, note: Callable[..., None]) -> None:
-        """Go to the upper end or to the lower one; note reports that it is there."""
-        self._sign, self._end, self._note = (1, "upper", note) if high else (-1, "lower", note)
-        self._hits, self._farthest, self._since = 0, -math.inf, 0.0
-
     def begin(self, actuation: Actuation) -> None:
-        self._hits, self._since = actuation.travel.hits, actuation.t
+        self._sign = 1 if self.high else -1
+        self._hits = actuation.travel.hits
+        self._farthest, self._since = -math.inf, actuation.t  # on the way there, m, and since when
         actuation.step(self._sign * ENDLESS)
         self.due = actuation.t + 1.0 / _RATE
 
@@ -113,7 +110,7 @@ class EndTask(_OpenLoop):
         t, config, x = actuation.t, actuation.config, self._sign * actuation.x
         if actuation.travel.hits > self._hits:
             self.due = math.inf
-            self._note("home", "finished", position=actuation.x)
+            self.note("home", "finished", position=actuation.x)
             actuation.shorten()
             return ""
         self.due = t + 1.0 / _RATE
@@ -123,8 +120,9 @@ class EndTask(_OpenLoop):
         if timeout is None or t - self._since < timeout + 1.0 / config.frequency:
             return ""
         return (
-            f"the {self._end} end of travel, which is home: the runner has come no nearer for "
-            f"{timeout:g} s: raise the amplitude, free the runner or raise target_timeout"
+            f"the {'upper' if self.high else 'lower'} end of travel, which is home: the runner has "
+            f"come no nearer for {timeout:g} s: raise the amplitude, free the runner or raise "
+            "target_timeout"
         )
 
 

@@ -60,10 +60,9 @@ class Trajectory:
                 takes = abs(gap) / closing if closing > 0.0 else math.inf
                 gap = 0.0 if takes <= left else gap - math.copysign(1.0, gap) * closing * left
                 left = max(left - takes, 0.0)
-            if not gap and not -down <= v <= up:
-                gap = (v - up if v > 0.0 else v + down) * left
             if not -down <= v <= up:
-                fastest = v if abs(v) > abs(fastest) else fastest
+                gap = gap or (v - up if v > 0.0 else v + down) * left
+                fastest = max(fastest, v, key=abs)
                 lag = max(lag, abs(gap))
         return fastest, lag
 
