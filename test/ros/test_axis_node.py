@@ -105,7 +105,7 @@ TEXT_KEYS = {
 def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) -> None:
     """Three statuses, units in the keys, bare numbers in the values, and the judgement is real."""
     node = make_axis(frequency=1000.0)
-    first = diagnostics.Diagnostics("").statuses(node.axis, node._sim_loop, 0)[0]
+    first = diagnostics.Diagnostics("").statuses(node.axis, node.sim_loop, 0)[0]
     assert (first.level, first.message) == (DiagnosticStatus.OK, "stopped")
     client, heard = connect(ros)
     client.send("steps", 40).wait()

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -46,11 +46,8 @@ class Alone(Node):
 
     def __init__(self) -> None:
         super().__init__("alone")
-        self.finished = CountingFuture()
-
-    @property
-    def nodes(self) -> list[Node]:
-        return [self]
+        self.finished: Future = CountingFuture()
+        self.nodes: Sequence[Node] = [self]
 
     def close(self) -> None:
         pass
@@ -85,7 +82,7 @@ class Ticking(Alone):
 def test_rounds_of_the_executor_leave_nothing_behind(ros_domain: int) -> None:
     node = ended(Ticking)
     assert node.ticks == 200
-    assert node.finished.waiting <= 2
+    assert isinstance(node.finished, CountingFuture) and node.finished.waiting <= 2
 
 
 def test_a_signal_is_heard_behind_a_flood(ros_domain: int) -> None:

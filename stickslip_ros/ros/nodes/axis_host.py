@@ -18,7 +18,6 @@ from typing import Any
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis
@@ -34,7 +33,6 @@ from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.ros.nodes import node_parameters
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 from stickslip_ros.ros.nodes.diagnostics import Diagnostics
-from stickslip_ros.ros.nodes.followed_clock import follows
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import (
     fill_joints,
@@ -108,7 +106,6 @@ class AxisHost(GuardedNode):
         values = Parameters.of(given)
         node_parameters.declare_own(self, AXES)
         sim_loop = SimLoop(self, values.node)
-        self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
         # A wish for another name of the node would otherwise rename every one of them.
         mine = without_name(sys.argv if arguments is None else arguments)
@@ -127,8 +124,9 @@ class AxisHost(GuardedNode):
             )
             for name in names
         ]
+        self.nodes = [self, *self.axes]
         for node in self.axes:  # with less, an axis would pass over its own in silence
-            if follows(node) and not follows(self):
+            if node.followed and not self.followed:
                 raise ParameterError(
                     f"use_sim_time is true for {node.get_name()} alone, and all axes of a process "
                     f"have one time: give it to {AXIS_NODE}, or to all nodes"
@@ -157,11 +155,6 @@ class AxisHost(GuardedNode):
         kind, topic = message_class(TRAJECTORY.type), f"~/{TRAJECTORY.interface}"
         self.create_subscription(kind, topic, self._follow, TRAJECTORY.depth, raw=True)
         sim_loop.start(self.axes, self._together.end, self._publish_joints)
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """The nodes to spin."""
-        return [self, *self.axes]
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set the parameters of the time of all axes; the first axis executes the change."""

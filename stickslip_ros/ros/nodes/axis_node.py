@@ -16,7 +16,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis, CommandRefused
@@ -103,7 +102,8 @@ class AxisNode(GuardedNode):
         self._joint_is_double = False  # somebody else publishes it
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
-        self._sim_loop = sim_loop or SimLoop(self, values.node)
+        #: What advances the axis, and all others of the process
+        self.sim_loop = sim_loop or SimLoop(self, values.node)
         with report_compilation():
             self.axis.compile_ahead()
             self._diagnostics.prepare(self.axis, _PATIENCE)
@@ -129,30 +129,16 @@ class AxisNode(GuardedNode):
             f"preload {values.friction.preload:g} N, mass {values.runner.mass:g} kg"
         )
         if sim_loop is None:
-            self._sim_loop.start([self])
-
-    @property
-    def sim_loop(self) -> SimLoop:
-        """What advances the axis, and all others of the process."""
-        return self._sim_loop
-
-    @property
-    def finished(self) -> Future:
-        """Never done: it runs until a signal asks to end."""
-        return self._sim_loop.finished
+            self.sim_loop.start([self])
 
     def close(self) -> None:
         """Publish the events since the last block."""
         self.publish_events()
         self._log_set_points()
 
-    def catch_up(self) -> None:
-        """Bring the axis to the present, as before a command."""
-        self._sim_loop.act(self)
-
     def publish_events(self) -> None:
         """Publish the events since the last call, and the status with them or while it moves."""
-        if not self._sim_loop.begun or VANISH in self.axis.config.faults:
+        if not self.sim_loop.begun or VANISH in self.axis.config.faults:
             return  # there is no time yet to stamp it with, or nobody to hear of: it is kept
         events = self.axis.take_events()
         self._log(events)
@@ -166,8 +152,8 @@ class AxisNode(GuardedNode):
             events = [event for event in events if not is_set_point(event)]
             if len(self._set_points) >= _LOGGED_TOGETHER:
                 self._log_set_points()
-        too_slow = overload(self.axis, self._sim_loop.last_report)
-        period = self._sim_loop.elapsed() // _STATUS_PERIOD if self.axis.moving else -1.0
+        too_slow = overload(self.axis, self.sim_loop.last_report)
+        period = self.sim_loop.elapsed() // _STATUS_PERIOD if self.axis.moving else -1.0
         state = (self.axis.mode, bool(too_slow), period)
         if events or state != self._published:
             self._published = state
@@ -200,7 +186,7 @@ class AxisNode(GuardedNode):
                 )
 
     def _publish_statuses(self, topic: OutputTopic, statuses: list[DiagnosticStatus]) -> None:
-        self.publish(topic, diagnostic_array(self._sim_loop.stamp(), statuses))
+        self.publish(topic, diagnostic_array(self.sim_loop.stamp(), statuses))
 
     def _log_set_points(self) -> None:
         """Publish the set points since the last time for those who come late."""
@@ -225,8 +211,8 @@ class AxisNode(GuardedNode):
         # Messages for nobody cost half of a fast axis.
         read = [one for one in self._states if self._outputs[one.name].get_subscription_count()]
         self.is_read = bool(read)
-        name, now = self.axis.parameters.node.axis_name, self._sim_loop.stamp()
-        self._sim_loop.speakers.said(now)
+        name, now = self.axis.parameters.node.axis_name, self.sim_loop.stamp()
+        self.sim_loop.speakers.said(now)
         self.reported = self._report.take(self.axis)  # its velocities are from instant to instant
         for topic in read:
             assert topic.joints
@@ -244,7 +230,7 @@ class AxisNode(GuardedNode):
                 throttle_duration_sec=_COMMANDERS_WARN_PERIOD,
             )
         statuses = self._diagnostics.statuses(
-            self.axis, self._sim_loop, self._nan_set_points, several, self._doubles
+            self.axis, self.sim_loop, self._nan_set_points, several, self._doubles
         )
         self._publish_statuses(topics.DIAGNOSTICS, statuses)
         readers = self._outputs[topics.SET_POINTS.name].get_subscription_count()
@@ -266,7 +252,7 @@ class AxisNode(GuardedNode):
                 "or one that was killed a moment ago; end it, or give it another name"
             )
         joint, before = self.axis.config.joint, self._joint_is_double
-        self._joint_is_double = joint in self._sim_loop.speakers.joints and not self._doubles
+        self._joint_is_double = joint in self.sim_loop.speakers.joints and not self._doubles
         if self._joint_is_double and not before:
             self.get_logger().warning(
                 f"somebody else publishes the joint {joint} on {self.joint_topic}: start this axis "
@@ -275,10 +261,11 @@ class AxisNode(GuardedNode):
 
     def _warn_of_overload(self) -> None:
         """Warn of an axis that does not keep its pace; a fault after the limit of the user."""
-        report = self._sim_loop.last_report
+        report = self.sim_loop.last_report
         if report.overload:
             why = overload(self.axis, report)
-            self._sim_loop.warn(why, _OVERLOAD_WARN_PERIOD)
+            logger = self.sim_loop.node.get_logger()  # one for all axes together
+            logger.warning(why, throttle_duration_sec=_OVERLOAD_WARN_PERIOD)
             limit = self.axis.parameters.node.overload_limit
             if 0.0 < limit < report.overload and not self.axis.fault:
                 lasted = f"overloaded for {report.overload:.1f} s"
@@ -329,19 +316,19 @@ class AxisNode(GuardedNode):
         """Carry out a command now; return why it was refused, empty if it was not."""
         if LATE in self.axis.config.faults:  # like a controller with one line, busy with it
             time.sleep(self.axis.config.faults.value(LATE))
-        self._sim_loop.act(self)
+        self.sim_loop.act(self)
         reason = self._command(command, message)
         if command.moves and self.axis.moving and not reason:
-            self._sim_loop.follow_up(self)
+            self.sim_loop.follow_up(self)
         self.publish_events()
         return reason
 
     def _command(self, command: Command, message: Callable[[], Any]) -> str:
         try:
-            now, joint = self._sim_loop.pace.stamp, self.axis.config.joint
+            now, joint = self.sim_loop.pace.stamp, self.axis.config.joint
             arguments = read_command(command, message(), now, joint)
             if arguments is not None and not self._is_echo(command, arguments):
-                self._sim_loop.check([command.name])
+                self.sim_loop.check([command.name])
                 if command.type == TRAJECTORY and len(arguments[0]) > 1 and self._together:
                     wanted = f"give {joint} only, or all of them to {self._together}"
                     raise ParameterError(f"trajectory for {', '.join(arguments[0])}; {wanted}")
@@ -349,8 +336,8 @@ class AxisNode(GuardedNode):
                 self.axis.command(command.name, *arguments)
                 if self.axis.config.offset != zero:
                     self._publish_description()  # the range of targets has moved
-                if self.axis.paused != self._sim_loop.paused:
-                    self._sim_loop.pause(self.axis.paused)
+                if self.axis.paused != self.sim_loop.paused:
+                    self.sim_loop.pause(self.axis.paused)
             return ""
         except NoSetPoint as missing:
             self._nan_set_points += 1
@@ -403,7 +390,7 @@ class AxisNode(GuardedNode):
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
             result.reason = shorten(result.reason)
-            self._sim_loop.act(self)
+            self.sim_loop.act(self)
             self.refuse("parameters", wanted, result.reason)
         return result
 
@@ -411,7 +398,7 @@ class AxisNode(GuardedNode):
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         try:
             if axis_changes:  # others are of the process, declared before the time may begin
-                self._sim_loop.check(list(axis_changes))
+                self.sim_loop.check(list(axis_changes))
             check_place(self.axis.parameters, axis_changes)
             self.axis.checked(axis_changes)
         except ParameterError as error:
@@ -423,10 +410,10 @@ class AxisNode(GuardedNode):
     def _set_parameters(self, changes: list[Parameter]) -> None:
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         if axis_changes:
-            self._sim_loop.act(self)
+            self.sim_loop.act(self)
             self.axis.command("parameters", axis_changes)
-            self._sim_loop.pace.expect_change()
-            self._sim_loop.take(self, axis_changes)
+            self.sim_loop.pace.expect_change()
+            self.sim_loop.take(self, axis_changes)
             self.publish_events()
             self._publish_description()
 

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import asyncio
 import os
-import queue
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from concurrent.futures import Future, InvalidStateError
+from contextlib import suppress
+from queue import SimpleQueue
 from typing import Any
-
-from rclpy.node import Node
-from rclpy.task import Future
 
 from stickslip_ros.base.errors import UsageError
 from stickslip_ros.emulator import ServerThread, controller_of
@@ -32,9 +31,8 @@ class Emulation:
         """Listen on loopback. Raises ParameterError, and UsageError where the port is taken."""
         self._runnable = axes
         self._axes = [node for node in axes.nodes if isinstance(node, AxisNode)]
-        self._waiting: queue.SimpleQueue[tuple[Callable[[], Any], Callable[..., None]]]
-        self._waiting = queue.SimpleQueue()
-        self._main = main = axes.nodes[0]
+        self.finished, self.nodes = axes.finished, axes.nodes
+        self._waiting = SimpleQueue[tuple[Callable[[], Any], Future[Any]]]()
         made = controller_of(controller, [node.axis for node in self._axes])
         try:
             self._server = ServerThread(made, self._run, port=port, tick_s=_TICK_S)
@@ -44,17 +42,8 @@ class Emulation:
                 f"{EMULATE_PORT.name}, or 0 for a free one"
             ) from None
         self.port = self._server.port
-        main.get_logger().info(f"{controller} listens on {self._server.host} port {self.port}")
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """The nodes to spin."""
-        return self._runnable.nodes
-
-    @property
-    def finished(self) -> Future:
-        """Done when the axes have ended."""
-        return self._runnable.finished
+        said = f"{controller} listens on {self._server.host} port {self.port}"
+        self.nodes[0].get_logger().info(said)
 
     def close(self) -> None:
         """Hang up and let the axes finish."""
@@ -65,38 +54,24 @@ class Emulation:
 
     async def _run(self, action: Callable[[], Any]) -> Any:
         """Have the executor carry out an action; called in the thread of the server."""
-        loop = asyncio.get_running_loop()
-        answer: asyncio.Future[Any] = loop.create_future()
-
-        def done(result: Any, error: BaseException | None) -> None:
-            def settle() -> None:
-                if answer.done():
-                    return  # the client has gone
-                if error:
-                    answer.set_exception(error)
-                else:
-                    answer.set_result(result)
-
-            loop.call_soon_threadsafe(settle)
-
-        self._waiting.put((action, done))
+        answer: Future[Any] = Future()
+        self._waiting.put((action, answer))
         # Not a guard condition: the executor of events has none. Without an executor, before the
         # nodes are spun, the next tick carries it out.
-        executor = self._main.executor
-        if executor:
+        if executor := self.nodes[0].executor:
             executor.create_task(self._carry_out)
-        return await answer
+        return await asyncio.wrap_future(answer)
 
     def _carry_out(self) -> None:
         """Execute the commands that wait now; a flood of later ones leaves time for the axes."""
         for _ in range(self._waiting.qsize()):
-            action, done = self._waiting.get()
-            try:
-                for node in self._axes:
-                    node.catch_up()
-                result, error = action(), None
-            except Exception as failure:  # ends that client, not the axes
-                result, error = None, failure
-            done(result, error)
+            action, answer = self._waiting.get()
+            with suppress(InvalidStateError):  # the client has gone
+                try:
+                    for node in self._axes:
+                        node.sim_loop.act(node)
+                    answer.set_result(action())
+                except Exception as failure:  # ends that client, not the axes
+                    answer.set_exception(failure)
         for node in self._axes:
             node.publish_events()

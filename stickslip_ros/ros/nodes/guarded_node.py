@@ -21,13 +21,17 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_parameters
+from rclpy.task import Future
 
 from stickslip_ros.ros.nodes.followed_clock import (
     CLOCK_TOPIC,
     USE_SIM_TIME,
+    FollowedClock,
     follows,
     passing_over_negatives,
 )
@@ -62,15 +66,13 @@ class GuardedNode(Node):
         Given parameters are declared, so that a misspelt name is found.
         """
         self.failures = 0  #: callbacks that raised, since the start
+        self.finished = Future()  #: done when there is nothing left to do
+        self.nodes: Sequence[Node] = [self]  #: to spin
         options.setdefault("automatically_declare_parameters_from_overrides", True)
         super().__init__(name, **options)
-        follows(self)  # rclpy only logs a wrong type, and goes on without /clock
+        #: /clock, with ``use_sim_time``, of which rclpy only logs a wrong type, and goes on without
+        self.followed = FollowedClock(self) if follows(self) else None
         self.add_on_set_parameters_callback(_keep_clock)
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """The nodes to spin: this one."""
-        return [self]
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, *a: Any, **k: Any
@@ -107,7 +109,8 @@ class GuardedNode(Node):
     def create_timer(  # type: ignore[override]
         self, period: float, callback: Any, *a: Any, **k: Any
     ) -> Any:
-        """As rclpy does; an exception in the callback is counted."""
+        """As rclpy does, by the steady clock; an exception in the callback is counted."""
+        k.setdefault("clock", Clock(clock_type=ClockType.STEADY_TIME))
         return super().create_timer(period, self._guarded(callback, "a timer"), *a, **k)
 
     def note_failure(self, source: str, error: Exception) -> None:

@@ -19,11 +19,11 @@ from rclpy.parameter import Parameter as RosParameter
 from stickslip_ros.base.errors import UsageError
 from stickslip_ros.physics.laws import LAWS
 from stickslip_ros.physics.parameters import PARAMETERS, Parameter, ParameterError, Parameters
-from stickslip_ros.physics.parameters.bounded_files import nodes_in, values_in
+from stickslip_ros.physics.parameters.bounded_files import OF_EVERY_NODE, nodes_in, values_in
 from stickslip_ros.physics.parameters.row import file_names
 from stickslip_ros.physics.waveforms import WAVEFORMS
 from stickslip_ros.ros.nodes.own_parameters import OF_PROCESS, OwnParameter
-from stickslip_ros.ros.nodes.process import Runnable, given_parameters, run
+from stickslip_ros.ros.nodes.process import Runnable, run
 
 _OF_PROCESS = [row.name for row in OF_PROCESS]
 
@@ -57,9 +57,7 @@ def of_axes(node: Node, arguments: Sequence[str] | None = None) -> dict[str, Any
     Relative paths in a parameter file of the command line are tried from its own folder first.
     """
     values = {
-        name: node.get_parameter(name).value
-        for name in given_parameters(node)
-        if name not in _OF_PROCESS
+        name: node.get_parameter(name).value for name in _given(node) if name not in _OF_PROCESS
     }
     files = [
         Path(file)
@@ -73,6 +71,16 @@ def of_axes(node: Node, arguments: Sequence[str] | None = None) -> dict[str, Any
                 values[name] = str(beside)
                 break
     return values
+
+
+def _given(node: Node) -> list[str]:
+    """Return the names given from outside, without those that every node has.
+
+    The node has to be made with ``automatically_declare_parameters_from_overrides``: only so can a
+    misspelt name be found, which ROS would pass over in silence.
+    """
+    names = node.get_parameters_by_prefix("")
+    return [name for name in names if not name.startswith(OF_EVERY_NODE)]
 
 
 def unused_files(arguments: Sequence[str], nodes: Sequence[str]) -> list[str]:
@@ -157,7 +165,7 @@ def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, 
     declared once more to get a description. A whole number will do for a float. Raises UsageError.
     """
     names = [row.name for row in table]
-    for name in given_parameters(node):
+    for name in _given(node):
         if name not in names:
             close = difflib.get_close_matches(name, names, n=1)
             cure = f"did you mean {close[0]}?" if close else f"known: {', '.join(names)}"

@@ -14,7 +14,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future as Done
-from concurrent.futures import wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from itertools import pairwise
 from queue import SimpleQueue
 from typing import Protocol, TypeVar
@@ -37,7 +37,7 @@ from rclpy.utilities import remove_ros_args, try_shutdown
 
 from stickslip_ros.base.errors import StickslipError, UsageError, ending_signals
 from stickslip_ros.physics.parameters import ParameterError
-from stickslip_ros.physics.parameters.bounded_files import OF_EVERY_NODE, nodes_in
+from stickslip_ros.physics.parameters.bounded_files import nodes_in
 from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
@@ -53,26 +53,11 @@ N = TypeVar("N", bound=Node)
 class Runnable(Protocol):
     """The interface that `run` needs: a node, or several that belong together."""
 
-    @property
-    def finished(self) -> Future:
-        """Done when there is nothing left to do; its exception ends the process."""
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """All nodes to spin."""
+    finished: Future  #: done when there is nothing left to do; its exception ends the process
+    nodes: Sequence[Node]  #: all nodes to spin
 
     def close(self) -> None:
         """Finish the work in progress; calling it twice does no harm."""
-
-
-def given_parameters(node: Node) -> list[str]:
-    """Return the names given from outside, without those that every node has.
-
-    The node has to be made with ``automatically_declare_parameters_from_overrides``: only so can a
-    misspelt name be found, which ROS would pass over in silence.
-    """
-    names = node.get_parameters_by_prefix("")
-    return [name for name in names if not name.startswith(OF_EVERY_NODE)]
 
 
 def run(
@@ -139,23 +124,13 @@ def _check_arguments(command_line: list[str]) -> None:
 
 def _prepare(program: str, prepare: Callable[[], None], caught: list[int]) -> None:
     """Call ``prepare`` in a thread, for a signal is not heard where a compiler works."""
-    failures: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            prepare()
-        except BaseException as error:
-            failures.append(error)
-
-    thread = threading.Thread(target=work, name="prepare", daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(_POLL)
-        if caught and thread.is_alive():
-            print(f"{program}: ended before it was ready", file=sys.stderr, flush=True)
-            os._exit(DONE)  # files of the cache are renamed when they are whole
-    if failures:
-        raise failures[0]
+    with ThreadPoolExecutor(1, "prepare") as thread:
+        work = thread.submit(prepare)
+        while not wait([work], _POLL).done:
+            if caught:
+                print(f"{program}: ended before it was ready", file=sys.stderr, flush=True)
+                os._exit(DONE)  # files of the cache are renamed when they are whole
+    work.result()
 
 
 def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnable:
@@ -258,7 +233,12 @@ class _Rounds:
         self._nodes = nodes
         self._timers = [timer for node in nodes for timer in node.timers]  # made with their nodes
         self._fair = SingleThreadedExecutor()
-        self._quick = (_events_executor() if many else None) or self._fair
+        self._quick: Executor = self._fair
+        with contextlib.suppress(ImportError):  # an rclpy without it
+            if many:
+                from rclpy.experimental.events_executor import EventsExecutor
+
+                self._quick = EventsExecutor()
         self._had_turn = set[Timer]()  # since the last message
         self._hand_to(self._quick)
 
@@ -266,7 +246,8 @@ class _Rounds:
         """Execute one callback and the timers that are due, or none if there is nothing to do."""
         if self._now is not self._fair:
             self._now.spin_once(_ROUND)  # without a limit, it never returns
-            if any(_lateness(timer) > _LATE for timer in self._timers):
+            on = [timer for timer in self._timers if not timer.is_canceled()]
+            if any(-timer.time_until_next_call() > _LATE for timer in on):
                 self._quick.shutdown()  # forgets its events; the messages are still there
                 self._hand_to(self._fair)
             return
@@ -302,20 +283,6 @@ class _Rounds:
             executor.add_node(node)
 
 
-def _lateness(timer: Timer) -> int:
-    """Return the time (ns) since a timer was due, 0 or less if it is not."""
-    return 0 if timer.is_canceled() else -timer.time_until_next_call()
-
-
-def _events_executor() -> Executor | None:
-    """Return the executor of events, as far as this rclpy has it."""
-    try:
-        from rclpy.experimental.events_executor import EventsExecutor
-    except ImportError:
-        return None
-    return EventsExecutor()
-
-
 def _fail(program: str, error: Exception, code: int) -> int:
     print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
     return code
@@ -335,7 +302,7 @@ class SpinThread:
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain_id)
         self.executor = SingleThreadedExecutor(context=self.context)
-        self._nodes: list[Node] = []
+        self.nodes: list[Node] = []  #: those that are spun
         self._ending = False
         self._work = SimpleQueue[tuple[Callable[[], None], Done[None]]]()
         self._thread = threading.Thread(target=self._spin, name=name, daemon=True)
@@ -345,7 +312,7 @@ class SpinThread:
 
     def add(self, node: N) -> N:
         """Spin a node made with :attr:`context` and destroy it at the end; return it."""
-        self._nodes.append(node)
+        self.nodes.append(node)
         self.executor.add_node(node)
         return node
 
@@ -370,11 +337,6 @@ class SpinThread:
                     count += self._take(0.0)
         return count
 
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """The nodes that are spun."""
-        return tuple(self._nodes)
-
     def close(self) -> None:
         """End all of it; twice does no harm."""
         if self._ending:
@@ -384,7 +346,7 @@ class SpinThread:
         self.executor.create_task(lambda: None)  # a round ends with work, not because it was woken
         self._thread.join()
         self.executor.shutdown()
-        for node in self._nodes:
+        for node in self.nodes:
             node.destroy_node()
         self.context.try_shutdown()
 
@@ -408,7 +370,7 @@ class SpinThread:
         entity: object
         # Nodes in the order in which they came: executors keep them in a set, and of what waits at
         # once, tests would see now this first, now that.
-        handler, entity, _ = self.executor.wait_for_ready_callbacks(timeout, self._nodes)
+        handler, entity, _ = self.executor.wait_for_ready_callbacks(timeout, self.nodes)
         handler()
         handler.result()  # raises what it raised
         return entity is not None

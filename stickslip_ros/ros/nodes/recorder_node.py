@@ -9,22 +9,19 @@ from __future__ import annotations
 
 import os
 import re
+import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.qos import HistoryPolicy, QoSProfile
-from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from stickslip_ros.base.errors import UsageError
 from stickslip_ros.base.files import reason_and_cure
 from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
-from stickslip_ros.ros.nodes.followed_clock import FollowedClock, follows
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import diagnostic_array, diagnostic_status
 from stickslip_ros.ros.nodes.node_parameters import full_name, read_own_parameters, run_node
@@ -73,11 +70,9 @@ class RecorderNode(GuardedNode):
         there can be no bag.
         """
         super().__init__(NODE_NAME, **options)
-        self.finished: Future = Future()
         self._given = read_own_parameters(self, PARAMETERS)
         self._choice = self._chosen()
         self._check()
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._recording: Recording | None = None
         self._bags = 0
         self._forget_counts()
@@ -86,11 +81,8 @@ class RecorderNode(GuardedNode):
             self.create_service(
                 Trigger, f"~/{name}", self._answering(answer), qos_profile=SERVICE_QOS
             )
-        self._linger = self.create_timer(
-            STOP_LINGER, self._end, clock=self._steady, autostart=False
-        )
-        self._followed = FollowedClock(self) if follows(self) else None
-        if self._followed:
+        self._linger = self.create_timer(STOP_LINGER, self._end, autostart=False)
+        if self.followed:
             self.get_logger().info(
                 "use_sim_time: /clock stamps the diagnostics; the times of reception in the bag "
                 "stay those of the machine's clock, as a bag is in their order"
@@ -100,11 +92,11 @@ class RecorderNode(GuardedNode):
             self.get_logger().info("waiting for a call of ~/start")
         else:
             self._start()
-        self.create_timer(POLL_PERIOD, self._poll, clock=self._steady)
-        self.create_timer(FLUSH_PERIOD, self._flush, clock=self._steady)
-        self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
+        self.create_timer(POLL_PERIOD, self._poll)
+        self.create_timer(FLUSH_PERIOD, self._flush)
+        self.create_timer(_DIAGNOSTICS_PERIOD, self._report)
         if self._given["status_period"]:
-            self.create_timer(self._given["status_period"], self._say, clock=self._steady)
+            self.create_timer(self._given["status_period"], self._say)
 
     def close(self) -> None:
         """Record the waiting messages, close the bag, log its content; closing twice does no harm.
@@ -245,14 +237,14 @@ class RecorderNode(GuardedNode):
             )
 
     def _report(self) -> None:
-        if self._followed:
-            self._followed.missing()
+        if self.followed:
+            self.followed.missing()
         recording = self._under_way
         values: dict[str, Any] = {"state": "waiting"}
         level, message = DiagnosticStatus.OK, "waiting"
         if recording is not None:
             bag, lost = recording.bag, recording.lost
-            before, now = self._counted, self._steady.now().nanoseconds
+            before, now = self._counted, time.monotonic_ns()
             self._counted = bag.message_count, now
             if before and now > before[1]:
                 self._rate = 1e9 * (bag.message_count - before[0]) / (now - before[1])

@@ -19,18 +19,15 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.base.errors import UsageError, printable
 from stickslip_ros.recordings import OfferedQos, open_bag
-from stickslip_ros.ros.nodes.followed_clock import CLOCK_TOPIC, FollowedClock, follows
+from stickslip_ros.ros.nodes.followed_clock import CLOCK_TOPIC
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.nodes.node_parameters import full_name, read_own_parameters, run_node
@@ -74,7 +71,6 @@ class ReplayNode(GuardedNode):
         for a bad bag.
         """
         super().__init__(NODE_NAME, **options)
-        self.finished: Future = Future()
         self.played = 0  #: messages so far
         self._given = read_own_parameters(self, PARAMETERS)
         self._check()
@@ -88,14 +84,13 @@ class ReplayNode(GuardedNode):
         self._clock_out = (
             self.create_publisher(ClockMessage, "/clock", 10) if self._given["clock"] else None
         )
-        self._followed = FollowedClock(self) if follows(self) else None
-        if self._followed and (self._clock_out or CLOCK_TOPIC in self._outlets):
+        if self.followed and (self._clock_out or CLOCK_TOPIC in self._outlets):
             raise UsageError(
                 "use_sim_time lets /clock lead the time, and this would publish it as well: leave "
                 "out use_sim_time, or the parameter clock and, of the topics of the bag, /clock"
             )
         self._ended = threading.Event()
-        self.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(_POLL_PERIOD, self._poll)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._failure: Exception | None = None
         self._thread.start()
@@ -156,7 +151,7 @@ class ReplayNode(GuardedNode):
     def _play(self) -> None:
         try:
             self._wait_for_listeners()
-            while self._followed and self._followed.missing() and not self._ended.wait(_SLEEP):
+            while self.followed and self.followed.missing() and not self._ended.wait(_SLEEP):
                 pass
             if self._given["start"]:
                 self._send_kept()
@@ -204,7 +199,7 @@ class ReplayNode(GuardedNode):
     def _play_once(self) -> bool:
         """Play from start to end; return whether there was anything."""
         timetable = Timetable(self._given["rate"])
-        if leader := self._followed:
+        if leader := self.followed:
             # A clock of few messages makes everything late, so lateness is no stop then.
             timetable = Timetable(self._given["rate"], lambda: 1e-9 * leader.reading(), math.inf)
         played = self.played

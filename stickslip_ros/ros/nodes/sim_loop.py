@@ -30,17 +30,14 @@ from typing import Any, Protocol
 from builtin_interfaces.msg import Time
 from lifecycle_msgs.msg import State, TransitionEvent
 from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.axis import Axis, Pacer
 from stickslip_ros.axis.events import STEP_OF_TIME
 from stickslip_ros.axis.pace import Pace, PaceReport
 from stickslip_ros.physics.parameters import NodeParameters, ParameterError
-from stickslip_ros.ros.nodes.followed_clock import FollowedClock, follows
+from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import publisher_of, stamp
 from stickslip_ros.ros.nodes.neighbours import JointSpeakers
 from stickslip_ros.ros.nodes.topics import CLOCK, READY
@@ -87,9 +84,8 @@ class SimLoop:
     One timer, because the executor checks all its entities at each wake-up.
     """
 
-    def __init__(self, node: Node, values: NodeParameters) -> None:
+    def __init__(self, node: GuardedNode, values: NodeParameters) -> None:
         """Take the timers from a node. Raises ParameterError for two that lead the time."""
-        self.finished: Future = Future()
         self.begun = False  #: time goes by
         self.priority = "off"  #: result of the request for real-time priority
         self.pace = Pace((), 0.0, 0, 0, thread_time)
@@ -97,7 +93,7 @@ class SimLoop:
         self.blocks: list[float] = []  #: s that each took since the last report, all axes
         self.last_report = PaceReport(0.0, 0.0, 0.0)
         self.speakers = JointSpeakers(node)
-        self._node = node
+        self.node = node  #: what has the timers
         self._values = values
         self._start = 0
         self._axes: Sequence[AxisOfLoop] = ()
@@ -115,7 +111,7 @@ class SimLoop:
         self._first = 0  # of the axes that publishes first
         self._until = 0  # ns that the present step of a paused time goes to
         self._stepping: AxisOfLoop | None = None  # who asked for it
-        self._followed = FollowedClock(node) if follows(node) else None
+        self._followed = node.followed
         if self._followed and (values.publish_clock or self._factor != 1.0 or self.paused):
             raise ParameterError(_FOLLOWS)
         self._clock = publisher_of(node, CLOCK) if values.publish_clock else None
@@ -134,14 +130,14 @@ class SimLoop:
         """
         self._axes, self._in_step, self._published = axes, in_step, published
         self._start = monotonic_ns()
-        timer, steady = self._node.create_timer, Clock(clock_type=ClockType.STEADY_TIME)
+        timer = self.node.create_timer
         period = self.pacer.period
         self.pacer = Pacer(period, self.elapsed(), excused=_STARTS)
-        self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
+        self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced)
         self._tick_ns = self._tick.timer_period_ns
         # The executor checks a timer in every round, so its period is not a pause.
-        self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
-        self._reporter = timer(_DIAGNOSTICS_PERIOD / len(axes), self._report, clock=steady)
+        self._hurry = timer(1e-3, self._as_fast_as_it_can)
+        self._reporter = timer(_DIAGNOSTICS_PERIOD / len(axes), self._report)
         self._choose_timer()
         self._begin()
 
@@ -190,7 +186,7 @@ class SimLoop:
         p, frequency = node.axis.parameters.node, node.axis.status.frequency
         if p.real_time_factor != self._factor:
             self._factor = p.real_time_factor
-            nodes: dict[Any, None] = dict.fromkeys((*self._axes, self._node))
+            nodes: dict[Any, None] = dict.fromkeys((*self._axes, self.node))
             for one in nodes:
                 if one.get_parameter("real_time_factor").value != self._factor:
                     one.set_parameters([Parameter("real_time_factor", value=self._factor)])
@@ -249,10 +245,6 @@ class SimLoop:
             if self._catch_up(node.axis):
                 node.publish_state()
 
-    def warn(self, text: str, period: float) -> None:
-        """Log a warning that an axis has, once a period (s) for all axes together."""
-        self._node.get_logger().warning(text, throttle_duration_sec=period)
-
     def stamp(self) -> Time:
         """Return the stamp of the present time of the simulation."""
         return stamp(self.pace.stamp)
@@ -266,7 +258,7 @@ class SimLoop:
             self._asked_for_priority = True
             self.priority = request_priority(self._values.real_time_priority)
             if self.priority != "off":
-                self._node.get_logger().info(f"real-time priority {self.priority}")
+                self.node.get_logger().info(f"real-time priority {self.priority}")
         if not self.begun:
             self._begin()
             return
@@ -274,7 +266,7 @@ class SimLoop:
             self.pacer.restart(self.elapsed())
         self._is_due |= self._rests or self.pacer.tick(self.elapsed())
         if self.pacer.misses_more():
-            self._node.get_logger().warning(
+            self.node.get_logger().warning(
                 f"{self.pacer.missed} deadlines of {1e3 * self.pacer.period:g} ms missed so far; "
                 "lower publish_rate or the load of the machine"
             )

@@ -16,11 +16,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PointStamped
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -39,7 +36,6 @@ from stickslip_ros.measurement.twin.settings import ASKED, TwinError
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.physics.parameters.groups import AXIS_NODE, SLIDER
 from stickslip_ros.recordings.message_types import nanoseconds
-from stickslip_ros.ros.nodes.followed_clock import FollowedClock, follows
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import (
     diagnostic_array,
@@ -83,7 +79,6 @@ class TwinNode(GuardedNode):
     def __init__(self, **options: Any) -> None:
         """Read the parameters, subscribe. Raises UsageError, ParameterError and TwinError."""
         super().__init__(NODE_NAME, **options)
-        self.finished: Future = Future()
         given = read_own_parameters(self, PARAMETERS)
         self._patience, self._joint = given["patience"], given["joint"]
         direction, self._unit = list(given["direction"]), given["unit"]
@@ -97,7 +92,6 @@ class TwinNode(GuardedNode):
         settings = {name: given[name] for name in ASKED}
         posterior = find_posterior(Path(config)) if config else None
         self.twin = Twin(Parameters.of(config), TwinSettings(**settings), posterior)
-        self._followed = FollowedClock(self) if follows(self) else None
         self._origin: int | None = None  # ns that the twin's times count from: the oldest heard
         self._start: int | None = None  # ns, when the simulated time of the axis was 0
         self._sensor = OwnSensor()
@@ -127,9 +121,8 @@ class TwinNode(GuardedNode):
         self.create_subscription(Int32, "~/predict/steps", self._on_steps, 10)
         self.create_subscription(Float64, "~/predict/position", self._on_position, 10)
         self._out = {one.name: publisher_of(self, one) for one in TWIN_OUTPUTS}
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_POLL, self._poll, clock=steady)
-        self.create_timer(_REPORT, self._report, clock=steady)
+        self.create_timer(_POLL, self._poll)
+        self.create_timer(_REPORT, self._report)
 
     def close(self) -> None:
         """Take what waits; twice does no harm."""
@@ -183,10 +176,10 @@ class TwinNode(GuardedNode):
 
     def _wait_unstamped(self, what: TwinCommand | float) -> None:
         """Take what says no time as of now; nothing while there is no time."""
-        if not self._followed:
+        if not self.followed:
             self._wait(self.get_clock().now().nanoseconds, what)
-        elif not self._followed.missing():
-            self._wait(self._followed.reading(), what)
+        elif not self.followed.missing():
+            self._wait(self.followed.reading(), what)
 
     def _poll(self) -> None:
         newest = max((ns for ns, *_ in self._waiting), default=0)
@@ -233,8 +226,8 @@ class TwinNode(GuardedNode):
         return 1e-9 * (self._origin or 0) + t
 
     def _report(self) -> None:
-        if self._followed:
-            self._followed.missing()
+        if self.followed:
+            self.followed.missing()
         twin, name = self.twin, self.get_fully_qualified_name().lstrip("/")
         level, reason = twin.level
         if math.isnan(twin.t) and not any(self.count_publishers(n) for n in self._heard_on):
