@@ -26,7 +26,7 @@ from stickslip_ros.measurement.metric import METRICS
 from stickslip_ros.measurement.twin.recording import KNOWN, UNKNOWN
 from stickslip_ros.physics.parameters import PARAMETERS, NodeParameters
 from stickslip_ros.ros.nodes.diagnostics import STATUS_KEYS
-from stickslip_ros.ros.nodes.own_parameters import OF_PROCESS
+from stickslip_ros.ros.nodes.node_parameters import OF_PROCESS
 from stickslip_ros.ros.nodes.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 
 PAGES = Path(__file__).parent

@@ -14,7 +14,7 @@ from live import Ros
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.base.shared_files import example
@@ -113,7 +113,8 @@ def test_the_host_stops_all_axes_and_moves_several_together(ros: Ros, host: Axis
         assert (answer.success, answer.message) == (False, reason)
         x.wait_for_state("homing")
         assert x.wait_for_state("stopped").position == pytest.approx(0.0, abs=5e-9)
-        both = JointTrajectory(joint_names=["x_slider", "y_slider"])
+        point = JointTrajectoryPoint(positions=[1e-6, 1e-6])
+        both = JointTrajectory(joint_names=["x_slider", "y_slider"], points=[point])
         ros.send(ros.publisher(user, JointTrajectory, "/x/joint_trajectory"), both)
         ros.wait_until(lambda: "joint_trajectory" in x.last_error, "the refusal")
         cure = "give x_slider only, or all of them to /stickslip_axis/joint_trajectory"

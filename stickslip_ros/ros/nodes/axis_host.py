@@ -38,12 +38,11 @@ from stickslip_ros.ros.nodes.messages import (
     fill_joints,
     message_class,
     message_of,
-    parts_of,
     publisher_of,
     read_command,
     why_not,
 )
-from stickslip_ros.ros.nodes.own_parameters import AXES, EMULATE, EMULATE_PORT, OF_PROCESS
+from stickslip_ros.ros.nodes.node_parameters import AXES, EMULATE, EMULATE_PORT, OF_PROCESS
 from stickslip_ros.ros.nodes.process import Runnable, run
 from stickslip_ros.ros.nodes.sim_loop import SimLoop
 from stickslip_ros.ros.nodes.topics import RUNNER_TOPIC
@@ -64,6 +63,7 @@ def axis_or_host(arguments: Sequence[str] | None = None, **options: Any) -> Runn
     `rclpy.node.Node`. Raises ParameterError.
     """
     quiet: dict[str, Any] = {"start_parameter_services": False, "enable_rosout": False, **options}
+    arguments = sys.argv if arguments is None else arguments
     early = Node(AXIS_NODE, automatically_declare_parameters_from_overrides=True, **quiet)
     try:
         names = _names(early)
@@ -73,7 +73,7 @@ def axis_or_host(arguments: Sequence[str] | None = None, **options: Any) -> Runn
         AxisHost(names, arguments, **options) if names else AxisNode(arguments=arguments, **options)
     )
     called = [node.get_fully_qualified_name() for node in made.nodes]
-    for text in node_parameters.unused_files(sys.argv if arguments is None else arguments, called):
+    for text in node_parameters.unused_files(arguments, called):
         made.nodes[0].get_logger().warning(text)
     return _emulate_if_asked(made)
 
@@ -94,12 +94,7 @@ def _emulate_if_asked(axes: Runnable) -> Runnable:
 class AxisHost(GuardedNode):
     """Hosts axes and runs until :attr:`finished` is done."""
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        arguments: Sequence[str] | None = None,
-        **options: Any,
-    ) -> None:
+    def __init__(self, names: Sequence[str], arguments: Sequence[str], **options: Any) -> None:
         """Set up an axis for each name and start them; as `axis_or_host`."""
         super().__init__(AXIS_NODE, **options)
         given = node_parameters.of_axes(self, arguments)
@@ -108,8 +103,8 @@ class AxisHost(GuardedNode):
         sim_loop = SimLoop(self, values.node)
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
         # A wish for another name of the node would otherwise rename every one of them.
-        mine = without_name(sys.argv if arguments is None else arguments)
-        options = {"cli_args": mine, "use_global_arguments": False, **options}
+        mine = {"cli_args": without_name(arguments), "use_global_arguments": False}
+        options = {**mine, **options}
         options["namespace"] = self.get_namespace()
         of_process = {name: getattr(values.node, name) for name in _OF_PROCESS}
         self.axes = [
@@ -220,9 +215,8 @@ class AxisHost(GuardedNode):
             self._sim_loop.check([TRAJECTORY.name])
             self._together.named(joints)
             now = self._sim_loop.pace.stamp
-            parts = parts_of(message).items()
-            orders = {joint: read_command(TRAJECTORY, part, now, joint) for joint, part in parts}
-            self._together.follow({joint: order for joint, order in orders.items() if order})
+            orders = {one: read_command(TRAJECTORY, message, now, one) or () for one in joints}
+            self._together.follow({one: ([one], *order[1:]) for one, order in orders.items()})
         except Exception as error:  # of any kind: a peer may send anything
             for node in named:
                 node.refuse(TRAJECTORY.name, joints, why_not(error))

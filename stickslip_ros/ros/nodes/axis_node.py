@@ -89,9 +89,9 @@ class AxisNode(GuardedNode):
         ParameterError.
         """
         super().__init__(name, **options)
-        named = {*(given or ()), *node_parameters.of_axes(self, arguments)}
-        values = node_parameters.declare_axis(self, given or {}, of_process or {}, arguments)
-        if idle := idle_settings(values, named):
+        named = {**(given or {}), **node_parameters.of_axes(self, arguments)}
+        values = node_parameters.declare_axis(self, {**named, **(of_process or {})})
+        if idle := idle_settings(values, set(named)):
             self.get_logger().warning(idle)
         self.axis = Axis(values)
         # state, overload and, while the axis moves, the time as published last

@@ -18,7 +18,7 @@ from typing import Any
 from stickslip_ros.base.errors import UsageError
 from stickslip_ros.emulator import ServerThread, controller_of
 from stickslip_ros.ros.nodes.axis_node import AxisNode
-from stickslip_ros.ros.nodes.own_parameters import EMULATE_PORT
+from stickslip_ros.ros.nodes.node_parameters import EMULATE_PORT
 from stickslip_ros.ros.nodes.process import Runnable
 
 _TICK_S = 0.1  # each takes a round of the executor

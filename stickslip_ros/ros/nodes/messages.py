@@ -111,7 +111,8 @@ def read_command(command: Command, message: Any, now: int, joint: str) -> tuple[
     if command.type == TRAJECTORY:
         begin = nanoseconds(message.header.stamp)
         wait = max(0, begin - now) * 1e-9 if begin else 0.0
-        return list(message.joint_names), _points(message, now), wait
+        names = list(message.joint_names)
+        return names, _points(message, now, names.index(joint) if joint in names else 0), wait
     return (reduce(getattr, command.field.split("."), message),) if command.arguments else ()
 
 
@@ -167,8 +168,8 @@ def _set_point(message: JointState, joint: str) -> tuple[str, str, float] | None
     return numbers[0] if numbers else None
 
 
-def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
-    """Return the points of a trajectory of one joint: s from now on, m.
+def _points(message: JointTrajectory, now: int, k: int) -> list[tuple[float, float]]:
+    """Return the points of a trajectory for its joint number k: s from now on, m.
 
     The trajectory begins at the stamp of its header, at once if that is 0; points in the past are
     left out. Velocities, accelerations and efforts are not used: the closed loop goes from position
@@ -176,45 +177,22 @@ def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
     """
     begin = nanoseconds(message.header.stamp)
     delay = begin - now if begin else 0
-    points = []
+    points, joints = [], len(message.joint_names)
+    wanted = f"{joints}, one for each joint" if joints > 1 else "one, for one joint"
     for number, point in enumerate(message.points, 1):
-        if len(point.positions) != 1:
+        if len(point.positions) != max(joints, 1):
             raise MalformedCommand(
-                f"point {number} has {len(point.positions)} positions; give one, for one joint"
+                f"point {number} has {len(point.positions)} positions; give {wanted}"
             )
         at = delay + nanoseconds(point.time_from_start)
         if at >= 0 or not begin:
-            points.append((at * 1e-9, float(point.positions[0])))
+            points.append((at * 1e-9, float(point.positions[k])))
     if message.points and not points:
         raise MalformedCommand(
             f"all {len(message.points)} points lie in the past; give a header stamp of 0 to begin "
             "at once"
         )
     return points
-
-
-def parts_of(message: JointTrajectory) -> dict[str, JointTrajectory]:
-    """Return the trajectory of each joint of a message by its name. Raises MalformedCommand."""
-    names = list(message.joint_names)
-    for number, point in enumerate(message.points, 1):
-        if len(point.positions) != len(names):
-            raise MalformedCommand(
-                f"point {number} has {len(point.positions)} positions; give {len(names)}, "
-                "one for each joint"
-            )
-    return {
-        name: JointTrajectory(
-            header=message.header,
-            joint_names=[name],
-            points=[
-                JointTrajectoryPoint(
-                    positions=[point.positions[k]], time_from_start=point.time_from_start
-                )
-                for point in message.points
-            ],
-        )
-        for k, name in enumerate(names)
-    }
 
 
 def _trajectory_points(points: Sequence[tuple[float, Any]]) -> list[JointTrajectoryPoint]:

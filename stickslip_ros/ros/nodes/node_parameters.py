@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,30 +18,63 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from stickslip_ros.base.errors import UsageError
+from stickslip_ros.emulator import CONTROLLERS
 from stickslip_ros.physics.laws import LAWS
 from stickslip_ros.physics.parameters import PARAMETERS, Parameter, ParameterError, Parameters
 from stickslip_ros.physics.parameters.bounded_files import OF_EVERY_NODE, nodes_in, values_in
 from stickslip_ros.physics.parameters.row import file_names
 from stickslip_ros.physics.waveforms import WAVEFORMS
-from stickslip_ros.ros.nodes.own_parameters import OF_PROCESS, OwnParameter
-from stickslip_ros.ros.nodes.process import Runnable, run
+from stickslip_ros.ros.nodes.process import Runnable, parameter_files, run
 
+
+@dataclass(frozen=True)
+class OwnParameter:
+    """Name, default and meaning of a parameter; its type is that of the default.
+
+    An empty list has no element type in ROS: the default of a list of texts is one empty text.
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ""
+    #: a number lies between these, both included
+    low: float = -math.inf
+    high: float = math.inf
+    off: str = ""  #: what 0 stands for, which is allowed then
+
+    def check(self, value: Any) -> None:
+        """Raise UsageError for a number out of range."""
+        limited = -math.inf < self.low and isinstance(value, float)
+        if not limited or self.low <= value <= self.high or (self.off and value == 0.0):
+            return
+        unit = f" {self.unit}" if self.unit else ""
+        off = f", or be 0 for {self.off}" if self.off else ""
+        raise UsageError(
+            f"parameter {self.name} is {value:g}{unit}; "
+            f"it has to lie between {self.low:g} and {self.high:g}{unit}{off}"
+        )
+
+
+#: Parameters of the process, not of an axis. An empty name stands for no axes.
+AXES = OwnParameter("axes", [""], "names of the axes to host; none: one axis")
+EMULATE = OwnParameter(
+    "emulate", "", f"controller to emulate beside the topics, {', '.join(CONTROLLERS)}; empty: none"
+)
+EMULATE_PORT = OwnParameter(
+    "emulate_port", -1, "its TCP port on loopback, -1: the controller's own, 0: a free one"
+)
+OF_PROCESS = (AXES, EMULATE, EMULATE_PORT)
 _OF_PROCESS = [row.name for row in OF_PROCESS]
 
 
-def declare_axis(
-    node: Node,
-    given: Mapping[str, object],
-    of_process: Mapping[str, object],
-    arguments: Sequence[str] | None = None,
-) -> Parameters:
+def declare_axis(node: Node, given: Mapping[str, object]) -> Parameters:
     """Declare every parameter of the table and return their values.
 
-    given are values that hold where the node itself is not given any, which are declared already,
-    without a description; they are checked and declared once more. of_process are values that hold
-    whatever the node is given. Raises ParameterError for an unknown name or a bad value.
+    Those that the node itself was given are declared already, without a description; they are
+    declared once more. Raises ParameterError for an unknown name or a bad value.
     """
-    values = Parameters.of({**given, **of_axes(node, arguments), **of_process})
+    values = Parameters.of(given)
     flat = values.flat()
     for name, row in PARAMETERS.items():
         if node.has_parameter(name):
@@ -53,17 +87,12 @@ def of_axes(node: Node, arguments: Sequence[str] | None = None) -> dict[str, Any
     """Return the given parameters of axes, not checked yet.
 
     arguments are those of the command line, by default of this process.
-
     Relative paths in a parameter file of the command line are tried from its own folder first.
     """
     values = {
         name: node.get_parameter(name).value for name in _given(node) if name not in _OF_PROCESS
     }
-    files = [
-        Path(file)
-        for flag, file in pairwise(sys.argv if arguments is None else arguments)
-        if flag == "--params-file"
-    ]
+    files = [Path(file) for file in parameter_files(sys.argv if arguments is None else arguments)]
     for name in set(file_names(PARAMETERS)) & set(values):
         for file in files:
             beside = file.parent / str(values[name])
@@ -89,9 +118,7 @@ def unused_files(arguments: Sequence[str], nodes: Sequence[str]) -> list[str]:
     nodes are full names. ROS ignores such a file without a message, and the defaults apply.
     """
     found = []
-    for flag, file in pairwise(arguments):
-        if flag != "--params-file":
-            continue
+    for file in parameter_files(arguments):
         try:
             named = nodes_in(file)
         except ParameterError:
@@ -149,10 +176,10 @@ def usage_of(meaning: str, table: Sequence[OwnParameter]) -> str:
 
 def run_node(
     program: str,
-    args: Sequence[str] | None,
     make_node: Callable[[], Runnable],
     meaning: str,
     table: Sequence[OwnParameter],
+    args: Sequence[str] | None = None,
 ) -> int:
     """Run a node with the parameters of a table, as `run`; return the exit code."""
     return run(program, args, make_node, usage=lambda: usage_of(meaning, table))

@@ -108,10 +108,14 @@ def _caught_signals() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
+def parameter_files(command_line: Sequence[str]) -> list[str]:
+    """Return the parameter files that a command line names."""
+    return [file for flag, file in pairwise(command_line) if flag == "--params-file"]
+
+
 def _check_arguments(command_line: list[str]) -> None:
-    for flag, file in pairwise(command_line):
-        if flag == "--params-file":  # ROS takes the last of two values, and names no parameter
-            nodes_in(file)
+    for file in parameter_files(command_line):
+        nodes_in(file)  # ROS takes the last of two values, and names no parameter
     try:
         extra = remove_ros_args(command_line)[1:]
     except RuntimeError as error:

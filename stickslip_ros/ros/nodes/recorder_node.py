@@ -10,8 +10,9 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import datetime
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -24,8 +25,12 @@ from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import diagnostic_array, diagnostic_status
-from stickslip_ros.ros.nodes.node_parameters import full_name, read_own_parameters, run_node
-from stickslip_ros.ros.nodes.own_parameters import OwnParameter
+from stickslip_ros.ros.nodes.node_parameters import (
+    OwnParameter,
+    full_name,
+    read_own_parameters,
+    run_node,
+)
 from stickslip_ros.ros.nodes.recording import Choice, Recording
 
 NODE_NAME = "stickslip_recorder"
@@ -267,9 +272,5 @@ class RecorderNode(GuardedNode):
         self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), [status]))
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the recorder; return 0 when the bag is whole, 1 if writing failed, 2 on bad use.
-
-    args: the command line with the program's name, that of the process if None.
-    """
-    return run_node("recorder_node", args, RecorderNode, "Records topics into bags.", PARAMETERS)
+#: Runs the recorder; returns 0 when the bag is whole, 1 if writing failed, 2 on bad use
+main = partial(run_node, "recorder_node", RecorderNode, "Records topics into bags.", PARAMETERS)

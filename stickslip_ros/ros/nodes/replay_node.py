@@ -17,6 +17,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 from rclpy.duration import Duration
@@ -30,8 +31,12 @@ from stickslip_ros.recordings import OfferedQos, open_bag
 from stickslip_ros.ros.nodes.followed_clock import CLOCK_TOPIC
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import UnknownTypeError, message_class, stamp
-from stickslip_ros.ros.nodes.node_parameters import full_name, read_own_parameters, run_node
-from stickslip_ros.ros.nodes.own_parameters import OwnParameter
+from stickslip_ros.ros.nodes.node_parameters import (
+    OwnParameter,
+    full_name,
+    read_own_parameters,
+    run_node,
+)
 
 Item = TypeVar("Item")
 
@@ -298,8 +303,7 @@ def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
     )
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Play a bag; return 0 at its end or on request, 1 if it broke off, 2 on bad use."""
-    return run_node(
-        "replay_node", args, ReplayNode, "Plays a bag, every message at its time.", PARAMETERS
-    )
+#: Plays a bag; returns 0 at its end or on request, 1 if it broke off, 2 on bad use
+main = partial(
+    run_node, "replay_node", ReplayNode, "Plays a bag, every message at its time.", PARAMETERS
+)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +45,12 @@ from stickslip_ros.ros.nodes.messages import (
     publisher_of,
     stamp,
 )
-from stickslip_ros.ros.nodes.node_parameters import full_name, read_own_parameters, run_node
-from stickslip_ros.ros.nodes.own_parameters import OwnParameter
+from stickslip_ros.ros.nodes.node_parameters import (
+    OwnParameter,
+    full_name,
+    read_own_parameters,
+    run_node,
+)
 from stickslip_ros.ros.nodes.topics import EVENTS, TWIN_OUTPUTS
 
 NODE_NAME = "stickslip_twin"
@@ -297,8 +302,7 @@ class TwinNode(GuardedNode):
         self._say("prediction", DiagnosticStatus.OK, f"{found.steps} steps", values)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the twin; return 0 at its end, 2 on bad use."""
-    return run_node(
-        "twin_node", args, TwinNode, "The model beside an axis: what has changed.", PARAMETERS
-    )
+#: Runs the twin; returns 0 at its end, 2 on bad use
+main = partial(
+    run_node, "twin_node", TwinNode, "The model beside an axis: what has changed.", PARAMETERS
+)

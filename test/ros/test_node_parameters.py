@@ -7,7 +7,7 @@ import pytest
 
 from stickslip_ros.base.errors import UsageError
 from stickslip_ros.ros.nodes import recorder_node, replay_node
-from stickslip_ros.ros.nodes.own_parameters import OwnParameter
+from stickslip_ros.ros.nodes.node_parameters import OwnParameter
 
 NUMBERS = [
     row
