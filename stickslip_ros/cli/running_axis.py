@@ -128,7 +128,7 @@ def _send_to_all(args: argparse.Namespace, command: Command) -> int:
         cure = f"send {command.name} to each axis, by --axis NODE"
         raise UsageError(f"--all is for commands without a value and without --wait; {cure}")
     with require_ros():
-        from stickslip_ros.ros.client.everywhere import command_all
+        from stickslip_ros.ros.client.axis_client import command_all
     with progress_bar(0, f"every axis: {command.name}"):
         reasons = command_all(command, args.timeout)
     if not reasons:

@@ -15,19 +15,22 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.client import Client
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.task import Future
 
 from stickslip_ros.axis import CommandRefused
-from stickslip_ros.axis.command import JOINT_STATE, SET_PARAMETERS, TRAJECTORY
+from stickslip_ros.axis.command import JOINT_STATE, SET_PARAMETERS, TRAJECTORY, Command
 from stickslip_ros.axis.commands import COMMANDS, command_of
 from stickslip_ros.axis.events import STEP_OF_TIME, value_text
 from stickslip_ros.axis.faults import VANISH
@@ -46,6 +49,8 @@ from stickslip_ros.ros.nodes.process import SpinThread
 from stickslip_ros.ros.nodes.topics import axes_in
 
 _LAST_WORDS = 1.0  # s
+_LOOK = 0.01  # s between looks for axes and answers
+_QUIET = 1.0  # s without another axis, after which all are known
 #: Methods of before 3.0.0 and their commands; others had the names of theirs
 _FORMER = {"step": "steps", "move_to": "position", "follow": "trajectory"}
 
@@ -54,7 +59,7 @@ class AxisFault(StickslipError, RuntimeError):
     """The axis is in fault and takes no motion until a reset."""
 
 
-class AxisClient(AxisListener):
+class AxisClient(AxisListener, AbstractContextManager["AxisClient"]):
     """Commands one axis. Use it from one thread at a time."""
 
     def __init__(
@@ -78,7 +83,6 @@ class AxisClient(AxisListener):
             raise ValueError(f"axis is {axis!r}; give the full name of a node, as /{AXIS_NODE}")
         self.timeout = timeout  #: s, for each answer of the axis
         self._own: SpinThread | None = None
-        self._is_spun = False
         if node is None:
             self._own = SpinThread("stickslip_client")
             # It logs nothing, and a second one of that name would be warned of.
@@ -86,25 +90,19 @@ class AxisClient(AxisListener):
             node = self._own.add(own)
         super().__init__(name, node)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._spun = node.create_timer(0.0, self._note_spun, clock=steady)
+        self._spun = node.create_timer(0.0, lambda: self._spun.cancel(), clock=steady)
         self._answered = -1  # stamp (ns) of the answer to the last command
         self._commands = False  # something was sent: until then, what others send counts
         self._jogs = False  # the last command of this client that moves or ends a move
         self._moves = False  # that command moves, and its end has not been waited for
-        self._publishers = {
-            name: node.create_publisher(
-                message_class(command.type), f"{self.axis}/{command.interface}", command.depth
-            )
-            for name, command in COMMANDS.items()
-            if not command.is_service
-        }
-        self._clients = {
-            name: node.create_client(
-                message_class(command.type), f"{self.axis}/{command.interface}"
-            )
-            for name, command in COMMANDS.items()
-            if command.is_service
-        }
+        self._publishers: dict[str, Publisher] = {}
+        self._clients: dict[str, Client] = {}
+        for one in COMMANDS.values():
+            kind, topic = message_class(one.type), f"{self.axis}/{one.interface}"
+            if one.is_service:
+                self._clients[one.name] = node.create_client(kind, topic)
+            else:
+                self._publishers[one.name] = node.create_publisher(kind, topic, one.depth)
         try:
             with announce_if_slow(f"waiting for {self.axis}, {timeout:g} s at most"):
                 self._wait(
@@ -115,10 +113,6 @@ class AxisClient(AxisListener):
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> AxisClient:
-        """Return the client."""
-        return self
 
     def __exit__(self, *error: object) -> None:
         """Close the client; the axis continues."""
@@ -149,12 +143,8 @@ class AxisClient(AxisListener):
         """Return whether the axis, and as many nodes as needed, are connected both ways."""
         return not self._missing(listeners)
 
-    def _note_spun(self) -> None:
-        self._is_spun = True
-        self._spun.cancel()
-
     def _why_absent(self, listeners: int) -> str:
-        if not self._is_spun:
+        if not self._spun.is_canceled():
             return (
                 f"nobody spins {self.node.get_fully_qualified_name()}, the node that the client "
                 "was given: have another thread spin it, such as SpinThread, and make the client "
@@ -327,14 +317,14 @@ class AxisClient(AxisListener):
             at_rest = not self.moving and self.state not in ("targeting", "homing")
             return at_rest and self._shows_rest
 
-        self._wait_for_motion(
-            ended, timeout, lambda: f"{self.axis} is still {self.summary}; it goes on"
+        self._wait(
+            ended, timeout, lambda: f"{self.axis} is still {self.summary}; it goes on", motion=True
         )
         if self._moves:
             # The event of the end has a topic of its own; a closed loop that comes back to its
             # target has none.
             with suppress(TimeoutError):
-                self._wait_for_motion(self._heard_of_end, _LAST_WORDS, str)
+                self._wait(self._heard_of_end, _LAST_WORDS, str, motion=True)
             self._moves = False
             if (by := self.ended_by) in COMMANDS:
                 raise CommandRefused(
@@ -368,10 +358,11 @@ class AxisClient(AxisListener):
 
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
         """Wait until the axis is in that state; TimeoutError after timeout (s)."""
-        self._wait_for_motion(
+        self._wait(
             lambda: self.state == state,
             timeout,
             lambda: f"{self.axis} is {self.state}, not {state}",
+            motion=True,
         )
         return self
 
@@ -381,11 +372,8 @@ class AxisClient(AxisListener):
         The report is later than the last answer or end of a move received here.
         """
         since = self._status_stamp
-        self._wait_for_motion(
-            lambda: self._report_stamp > since,
-            timeout,
-            lambda: f"{self.axis} does not report on /diagnostics",
-        )
+        failure = f"{self.axis} does not report on /diagnostics"
+        self._wait(lambda: self._report_stamp > since, timeout, lambda: failure, motion=True)
         return self._report
 
     # -- inside
@@ -464,3 +452,32 @@ def _message(name: str, *arguments: Any) -> Any:
         return write_command(COMMANDS[name], *arguments)
     except MalformedCommand as error:
         raise CommandRefused(f"{name} refused: {error}") from None
+
+
+def command_all(command: Command, timeout: float) -> dict[str, str]:
+    """Call a service without values of every axis in the graph, each as soon as it is found.
+
+    Returns why it did not do so for each full name of an axis, which is empty where it did; nothing
+    where no axis is found within the timeout (s), which applies to the answers as well.
+    """
+    with closing(SpinThread("stickslip_everywhere")) as spin:
+        node = spin.add(Node("stickslip_everywhere", context=spin.context, enable_rosout=False))
+        clients: dict[str, Client] = {}
+        calls: dict[str, Future] = {}
+        began = found = time.monotonic()
+        while (now := time.monotonic()) < began + timeout:
+            for axis in axes_in(node):
+                if axis not in clients:
+                    kind, name = message_class(command.type), f"{axis}/{command.interface}"
+                    clients[axis], found = node.create_client(kind, name), now
+            for axis, client in clients.items():
+                if axis not in calls and client.service_is_ready():
+                    calls[axis] = client.call_async(write_command(command))
+            done = [axis for axis, call in calls.items() if call.done()]
+            if clients and len(done) == len(clients) and now > found + _QUIET:
+                break
+            time.sleep(_LOOK)
+        silent = f"it does not answer (waited {timeout:g} s)"
+        answers = {axis: call.result() for axis, call in calls.items() if call.done()}
+        reasons = {axis: "" if one.success else one.message for axis, one in answers.items()}
+        return {axis: reasons.get(axis, silent) for axis in clients}

@@ -234,30 +234,28 @@ class AxisListener:
             self._state_stamp = stamp
 
     def _wait(
-        self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]
+        self,
+        condition: Callable[[], bool],
+        timeout: float,
+        failure: Callable[[], str],
+        motion: bool = False,
     ) -> None:
-        deadline = time.monotonic() + timeout
-        with self._changed:
-            while not condition():
-                if time.monotonic() > deadline:
-                    raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
-                self._changed.wait(_POLL)
+        """Wait for a condition; for one of motion, time has to pass.
 
-    def _wait_for_motion(
-        self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]
-    ) -> None:
-        """Wait as `_wait`, where time has to pass; timeout (s) is by :attr:`clock`."""
-        if self.pass_time is None:
-            self._wait(condition, timeout, failure)
-            return
-        deadline = self.clock() + timeout
+        Raises TimeoutError after timeout (s), of motion by :attr:`clock`.
+        """
+        clock, pass_time = (self.clock, self.pass_time) if motion else (time.monotonic, None)
+        deadline = clock() + timeout
         while True:
             with self._changed:
                 if condition():
                     return
-            if self.clock() > deadline:
-                raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
-            self.pass_time()
+                if clock() > deadline:
+                    raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
+                if not pass_time:
+                    self._changed.wait(_POLL)
+            if pass_time:
+                pass_time()
 
     def _others(self) -> str:
         """Return a warning if several nodes publish as this axis, else an empty text."""
