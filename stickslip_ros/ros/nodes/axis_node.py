@@ -8,7 +8,6 @@ The executable of this name runs one, ``stickslip_axis``, or one for each name i
 from __future__ import annotations
 
 import inspect
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -39,7 +38,7 @@ from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, paramet
 from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.ros.nodes import node_parameters, topics
 from stickslip_ros.ros.nodes.diagnostics import Diagnostics, description
-from stickslip_ros.ros.nodes.guarded_node import GuardedNode, NoAnswer
+from stickslip_ros.ros.nodes.guarded_node import NoAnswer
 from stickslip_ros.ros.nodes.messages import (
     NoSetPoint,
     diagnostic_array,
@@ -52,7 +51,7 @@ from stickslip_ros.ros.nodes.messages import (
     why_not,
 )
 from stickslip_ros.ros.nodes.neighbours import Commanders
-from stickslip_ros.ros.nodes.sim_loop import SimLoop
+from stickslip_ros.ros.nodes.sim_loop import AxisOfLoop, SimLoop
 from stickslip_ros.ros.nodes.topics import OUTPUTS, OutputTopic
 
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
@@ -67,7 +66,7 @@ _STATUS_PERIOD = 0.2  # s, of the status while the axis moves
 _WITH_INFO = inspect.signature(lambda data, info: None)
 
 
-class AxisNode(GuardedNode):
+class AxisNode(AxisOfLoop):
     """One axis."""
 
     def __init__(
@@ -424,7 +423,3 @@ def _as_declared(change: Parameter) -> Parameter:
     if row and row.kind is float and change.type_ != Parameter.Type.DOUBLE:
         return Parameter(change.name, value=row.check(change.value))
     return change
-
-
-if __name__ == "__main__":
-    sys.exit("run the node as: python -m stickslip_ros.executables axis_node")

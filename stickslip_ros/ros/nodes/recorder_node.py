@@ -35,9 +35,6 @@ from stickslip_ros.ros.nodes.recording import Choice, Recording
 
 NODE_NAME = "stickslip_recorder"
 
-POLL_PERIOD = 0.1  # s, between checks of the graph for new topics and publishers
-FLUSH_PERIOD = 0.5  # s, the most that is lost with the process
-_DIAGNOSTICS_PERIOD = 1.0  # s
 # The answer to ~/stop is reliable: the node has to live on to repeat a lost one.
 STOP_LINGER = 0.3  # s
 
@@ -77,7 +74,11 @@ class RecorderNode(GuardedNode):
         super().__init__(NODE_NAME, **options)
         self._given = read_own_parameters(self, PARAMETERS)
         self._choice = self._chosen()
-        self._check()
+        if (compression := self._given["compression"]) not in COMPRESSIONS:
+            raise UsageError(
+                f"parameter compression is {compression!r}; "
+                f"it has to be one of {', '.join(COMPRESSIONS)}"
+            )
         self._recording: Recording | None = None
         self._bags = 0
         self._forget_counts()
@@ -97,9 +98,9 @@ class RecorderNode(GuardedNode):
             self.get_logger().info("waiting for a call of ~/start")
         else:
             self._start()
-        self.create_timer(POLL_PERIOD, self._poll)
-        self.create_timer(FLUSH_PERIOD, self._flush)
-        self.create_timer(_DIAGNOSTICS_PERIOD, self._report)
+        self.create_timer(0.1, self._poll)
+        self.create_timer(0.5, self._flush)  # the most that is lost with the process
+        self.create_timer(1.0, self._report)
         if self._given["status_period"]:
             self.create_timer(self._given["status_period"], self._say)
 
@@ -129,14 +130,6 @@ class RecorderNode(GuardedNode):
             tuple(full_name(self, "axis", name) for name in axes or [f"/{AXIS_NODE}"]),
             every=not axes,
         )
-
-    def _check(self) -> None:
-        given = self._given
-        if given["compression"] not in COMPRESSIONS:
-            raise UsageError(
-                f"parameter compression is {given['compression']!r}; "
-                f"it has to be one of {', '.join(COMPRESSIONS)}"
-            )
 
     # -- recordings
 
@@ -223,6 +216,7 @@ class RecorderNode(GuardedNode):
     # -- from time to time
 
     def _poll(self) -> None:
+        """Look for new topics and publishers."""
         if self._under_way and not self.finished.done():
             self._under_way.follow_graph()
 

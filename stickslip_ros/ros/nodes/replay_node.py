@@ -42,7 +42,6 @@ Item = TypeVar("Item")
 
 NODE_NAME = "stickslip_replay"
 _DEPTH = 1000
-_POLL_PERIOD = 0.1  # s
 #: New publishers and listeners that are there already find each other within this time, s
 _MATCHING = 3.0
 #: Nobody new for so long, s, means that all have
@@ -78,26 +77,33 @@ class ReplayNode(GuardedNode):
         super().__init__(NODE_NAME, **options)
         self.played = 0  #: messages so far
         self._given = read_own_parameters(self, PARAMETERS)
-        self._check()
-        self._bag = open_bag(self._given["bag"])
+        given, path = self._given, self._given["bag"]
+        if not path:
+            raise UsageError("parameter bag is empty; name the folder of a bag, -p bag:=FOLDER")
+        self._bag = open_bag(path)
         if not self._bag.message_count:
-            raise UsageError(f"{self._given['bag']} has no messages; name another bag")
-        self._begin = self._bag.start_ns or self._first_time()
-        self._first = self._begin + round(self._given["start"] * 1e9)
-        self._past = self._end()
+            raise UsageError(f"{path} has no messages; name another bag")
+        # A time of 0 stands for none.
+        timed = (one.log_ns for one in self._bag.messages() if one.log_ns)
+        begin = self._bag.start_ns or next(timed, 0)
+        length = (self._bag.end_ns - begin) * 1e-9
+        if given["start"] > length:
+            raise UsageError(
+                f"parameter start is {given['start']:g} s, "
+                f"but the bag is {length:g} s long; start earlier"
+            )
+        self._first = begin + round(given["start"] * 1e9)
+        lasts = round(given["duration"] * 1e9)
+        self._past = self._first + lasts if lasts else self._bag.end_ns + 1  # ns, not to play
         self._outlets = self._make_publishers()
-        self._clock_out = (
-            self.create_publisher(ClockMessage, "/clock", 10) if self._given["clock"] else None
-        )
+        self._clock_out = given["clock"] and self.create_publisher(ClockMessage, "/clock", 10)
         if self.followed and (self._clock_out or CLOCK_TOPIC in self._outlets):
             raise UsageError(
                 "use_sim_time lets /clock lead the time, and this would publish it as well: leave "
                 "out use_sim_time, or the parameter clock and, of the topics of the bag, /clock"
             )
         self._ended = threading.Event()
-        self.create_timer(_POLL_PERIOD, self._poll)
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
-        self._failure: Exception | None = None
         self._thread.start()
 
     def close(self) -> None:
@@ -105,30 +111,8 @@ class ReplayNode(GuardedNode):
         self._ended.set()
         self._thread.join()
         self._bag.close()
-        if self._failure is None:  # which is said last
+        if not self.finished.exception():  # which is said last
             self.get_logger().info(f"played {self.played} messages", once=True)
-
-    # -- parameters
-
-    def _check(self) -> None:
-        given = self._given
-        if not given["bag"]:
-            raise UsageError("parameter bag is empty; name the folder of a bag, -p bag:=FOLDER")
-
-    def _end(self) -> int:
-        """Return the first time (ns) not to play."""
-        length = (self._bag.end_ns - self._begin) * 1e-9
-        if self._given["start"] > length:
-            raise UsageError(
-                f"parameter start is {self._given['start']:g} s, "
-                f"but the bag is {length:g} s long; start earlier"
-            )
-        duration = self._given["duration"]
-        return self._first + round(duration * 1e9) if duration else self._bag.end_ns + 1
-
-    def _first_time(self) -> int:
-        """Return the first time (ns) that is not zero, which stands for none; 0: there is none."""
-        return next((one.log_ns for one in self._bag.messages() if one.log_ns), 0)
 
     def _make_publishers(self) -> dict[str, Publisher]:
         wanted = [full_name(self, "topics", name) for name in self._given["topics"] if name]
@@ -165,9 +149,9 @@ class ReplayNode(GuardedNode):
             for publisher in self._outlets.values():
                 if not self._ended.is_set():
                     publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGED))
+            self.finished.set_result(None)
         except Exception as error:  # handed over to the thread that waits for the end
-            self._failure = error
-        self._ended.set()
+            self.finished.set_exception(error)
 
     def _wait_for_listeners(self) -> None:
         """Wait until listeners that are there already are connected, or nobody turns up."""
@@ -227,15 +211,6 @@ class ReplayNode(GuardedNode):
                 f"was suspended for {timetable.moved:.3f} s; playback continues from there"
             )
         return self.played > played
-
-    def _poll(self) -> None:
-        if not self._ended.is_set() or self.finished.done():
-            return
-        self._thread.join()
-        if self._failure is not None:
-            self.finished.set_exception(self._failure)
-            return
-        self.finished.set_result(None)
 
 
 class Timetable:

@@ -25,7 +25,6 @@ import math
 import os
 from collections.abc import Callable, Collection, Sequence
 from time import monotonic_ns, perf_counter, thread_time
-from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
 from lifecycle_msgs.msg import State, TransitionEvent
@@ -55,18 +54,12 @@ _FOLLOWS = (
 )
 
 
-class AxisOfLoop(Protocol):
-    """The interface of a node with an axis that the loop needs."""
+class AxisOfLoop(GuardedNode):
+    """A node with an axis, as the loop calls it."""
 
     axis: Axis
     is_read: bool  #: somebody subscribed to a state when one was published last
     joint_topic: str  #: full name of the topic of its joints
-
-    def get_parameter(self, name: str) -> Parameter:
-        """Return a parameter of the node, as `rclpy.node.Node`."""
-
-    def set_parameters(self, parameter_list: list[Parameter]) -> Any:
-        """Set parameters of the node, as `rclpy.node.Node`."""
 
     def begin(self) -> None:
         """Publish the description of the axis; the time is 0."""
@@ -186,8 +179,7 @@ class SimLoop:
         p, frequency = node.axis.parameters.node, node.axis.status.frequency
         if p.real_time_factor != self._factor:
             self._factor = p.real_time_factor
-            nodes: dict[Any, None] = dict.fromkeys((*self._axes, self.node))
-            for one in nodes:
+            for one in dict.fromkeys((*self._axes, self.node)):
                 if one.get_parameter("real_time_factor").value != self._factor:
                     one.set_parameters([Parameter("real_time_factor", value=self._factor)])
             self._choose_timer()

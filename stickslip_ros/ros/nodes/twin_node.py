@@ -9,7 +9,6 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -110,10 +109,8 @@ class TwinNode(GuardedNode):
         self.create_subscription(kind, EVENTS.full_name(axis), self._on_events, latched)
         for command in COMMANDS.values():
             if command.type in (INT32, FLOAT64) and command.name in (*KNOWN, *UNKNOWN):
-                kind = message_class(command.type)
-                self.create_subscription(
-                    kind, command.interface, self._on_command(command.name), 10
-                )
+                kind, take = message_class(command.type), partial(self._on_command, command.name)
+                self.create_subscription(kind, command.interface, take, 10)
         positions = [
             self.create_subscription(kind, name, take, _QUEUE)
             for kind, name, take in (
@@ -155,13 +152,9 @@ class TwinNode(GuardedNode):
             ns = published if self._start is None else event_ns(self._start, event)
             self._wait(ns, event)
 
-    def _on_command(self, name: str) -> Callable[[Any], None]:
-        """Return what takes a command that says no time: it is given when it arrives."""
-
-        def take(message: Any) -> None:
-            self._wait_unstamped(TwinCommand(math.nan, name, float(message.data)))
-
-        return take
+    def _on_command(self, name: str, message: Any) -> None:
+        """Take a command that says no time: it is given when it arrives."""
+        self._wait_unstamped(TwinCommand(math.nan, name, float(message.data)))
 
     def _on_joints(self, message: JointState) -> None:
         names = list(message.name)
@@ -226,10 +219,6 @@ class TwinNode(GuardedNode):
     def _stamp(self, t: float) -> Any:
         return stamp((self._origin or 0) + round(1e9 * t))
 
-    def _epoch(self, t: float) -> float:
-        """Return a time of the twin in s since 1970."""
-        return 1e-9 * (self._origin or 0) + t
-
     def _report(self) -> None:
         if self.followed:
             self.followed.missing()
@@ -249,7 +238,8 @@ class TwinNode(GuardedNode):
             for one in estimates
         ]  # fmt: skip
         for number, change in enumerate(twin.changes[-_CHANGES:], 1):
-            times = {"since (s)": self._epoch(change.onset), "told (s)": self._epoch(change.told)}
+            origin = 1e-9 * (self._origin or 0)  # s since 1970
+            times = {"since (s)": origin + change.onset, "told (s)": origin + change.told}
             what, warn = f"change {number}", DiagnosticStatus.WARN
             statuses.append(diagnostic_status(name, what, warn, change.text, times))
         heard = now if math.isnan(twin.t) else self._stamp(twin.t)
