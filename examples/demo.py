@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from std_srvs.srv import Trigger
 
 from stickslip_ros import Parameters, StickslipError, decoder_for, open_bag, read_yaml
+from stickslip_ros.base.child_process import ChildError, child_node, choose_domain
 from stickslip_ros.base.compiled import report_compilation
 from stickslip_ros.base.files import WriteError, writing
 from stickslip_ros.base.reporting import SIMULATED
@@ -31,7 +32,6 @@ from stickslip_ros.cli.pages.response import draw_closer, draw_cycles
 from stickslip_ros.client import AxisClient
 from stickslip_ros.physics.model import Plant, drive_of
 from stickslip_ros.physics.parameters.parameters import yaml_text
-from stickslip_ros.ros.testing.child_process import ChildError, child_node, choose_domain
 from stickslip_ros.simulation.phases import points
 from stickslip_ros.simulation.sampling import trace_steps
 from stickslip_ros.simulation.steps import StepRun, run_steps

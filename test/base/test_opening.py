@@ -28,7 +28,7 @@ WITHOUT = {
     "recordings/export.py": "rows that it has written itself",
     "recordings/reader.py": "bags whose files were opened before",
     "base/reporting/page.py": "templates of the package",
-    "ros/testing/child_process.py": "the log of our own process",
+    "base/child_process.py": "the log of our own process",
     "ros/nodes/messages.py": "definitions of installed messages",
     "cli/workbench/server.py": "scripts of the package",
 }

@@ -179,8 +179,8 @@ def record(name: str, folder: Path) -> None:
     """Record an axis node with the recorder node while it is driven over topics."""
     from std_srvs.srv import Trigger
 
+    from stickslip_ros.base.child_process import child_node, choose_domain
     from stickslip_ros.client import AxisClient
-    from stickslip_ros.ros.testing.child_process import child_node, choose_domain
 
     choose_domain()
     file, values = AXES[name]

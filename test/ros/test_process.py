@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How nodes run: as a process, in a child process, in a thread that spins them."""
+"""How nodes run: as a process, in a thread that spins them."""
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -27,8 +24,6 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.ros.nodes import axis_host, process, recorder_node, replay_node, twin_node
 from stickslip_ros.ros.nodes.process import DONE, SpinThread, run
-from stickslip_ros.ros.testing import child_process
-from stickslip_ros.ros.testing.child_process import ChildError, ChildProcess
 
 
 class CountingFuture(Future):
@@ -178,28 +173,6 @@ def test_every_node_prints_its_usage(
     assert said.err == ""
     assert " --ros-args [-p NAME:=VALUE ...]" in said.out
     assert shown in said.out
-
-
-@pytest.mark.parametrize(
-    ("program", "complaint"),
-    [
-        ("import time; time.sleep(60)", "node did not end: last words"),
-        ("raise SystemExit(1)", "node failed: last words"),
-    ],
-)
-def test_a_process_that_does_not_end_well(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, program: str, complaint: str
-) -> None:
-    monkeypatch.setattr(child_process, "_TIMEOUT", 1.0)
-    log = tmp_path / "log"
-    log.write_text("last words\n")
-    child = subprocess.Popen([sys.executable, "-c", program])
-    try:
-        with pytest.raises(ChildError, match=complaint):
-            ChildProcess("node", log, child).ended()
-    finally:
-        child.kill()
-        child.wait()
 
 
 def test_what_another_thread_destroys_does_not_end_it(

@@ -28,11 +28,11 @@ from pathlib import Path
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from stickslip_ros.base.child_process import ChildError, choose_domain
 from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.nodes.axis_host import compile_axis
 from stickslip_ros.ros.nodes.process import SpinThread
-from stickslip_ros.ros.testing.child_process import ChildError, choose_domain
 from validation.campaigns.processes import PATIENCE, Program, ended, waited
 
 LOST = 0.5  #: s of messages at most that an end without a warning costs

@@ -41,12 +41,12 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
+from stickslip_ros.base.child_process import ChildError, choose_domain
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 from stickslip_ros.ros.nodes.messages import message_class
 from stickslip_ros.ros.nodes.process import SpinThread
-from stickslip_ros.ros.testing.child_process import ChildError, choose_domain
 from stickslip_ros.simulation import warm_up
 from validation.campaigns.hostile_messages import damaged, examples, messages, search
 from validation.campaigns.processes import FAKETIME, Program, memory_of, waited, with_clock_of

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.base.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.testing.child_process import choose_domain
 from stickslip_ros.simulation import warm_up
 from validation.campaigns.processes import PATIENCE, Program, memory_of, waited, waited_here
 from validation.draws import even

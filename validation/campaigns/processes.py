@@ -16,7 +16,7 @@ from pathlib import Path
 
 from child import environment
 
-from stickslip_ros.ros.testing.child_process import ChildProcess
+from stickslip_ros.base.child_process import ChildProcess
 
 PATIENCE = 60.0  # s
 FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)

@@ -27,7 +27,7 @@ from rclpy.utilities import try_shutdown
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
-from stickslip_ros.ros.testing.child_process import choose_domain
+from stickslip_ros.base.child_process import choose_domain
 from validation.campaigns.processes import Program, memory_of
 
 AXIS = ("axis_node", "--ros-args", "-p", "frequency:=100.0", "-p", "publish_rate:=100.0")

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if not Path("/proc/self/statm").exists():
         raise UsageError("needs /proc to watch the processes: run it on Linux")
     with require_ros():
-        from stickslip_ros.ros.testing.child_process import choose_domain
+        from stickslip_ros.base.child_process import choose_domain
         from validation.soak.run import soak
     try:
         args.out.mkdir()

@@ -21,11 +21,11 @@ from std_srvs.srv import Trigger
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.base.child_process import ChildError, ChildProcess, child_node
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.physics.parameters import PARAMETERS, Parameters
 from stickslip_ros.recordings import BagError, open_bag, resimulate
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.testing.child_process import ChildError, ChildProcess, child_node
 from stickslip_ros.simulation import warm_up
 from validation.campaigns.processes import memory_of, waited
 

@@ -69,10 +69,11 @@ class InProcess:
         file.write_text(json.dumps(content), encoding="utf-8")
         arguments = ["--ros-args", "--params-file", str(file)] if common else ["--ros-args"]
         self._spin = SpinThread("stickslip_in_process")
+        self.context = self._spin.context  #: of all nodes here
         try:
             self._axes = axis_or_host(
                 arguments=arguments,
-                context=self._spin.context,
+                context=self.context,
                 cli_args=arguments,
                 use_global_arguments=False,
             )
@@ -82,6 +83,7 @@ class InProcess:
             self.nodes = [node for node in self._axes.nodes if isinstance(node, AxisNode)]
             names = [AXIS_NODE] if single else list(of_axes)
             self.clients = {name: AxisClient(name, node=client) for name in names}
+            self.axis = self.clients[names[0]]  #: of the only axis, or of the first one
             if own_time:
                 self._spin.run(self._hold)
         except BaseException:
@@ -94,11 +96,6 @@ class InProcess:
         if not isinstance(self._axes, Emulation):
             raise ValueError("no controller is emulated; set the parameter emulate")
         return self._axes.port
-
-    @property
-    def axis(self) -> AxisClient:
-        """The client of the only axis, or of the first one."""
-        return next(iter(self.clients.values()))
 
     @contextmanager
     def fault(self, faults: str, axis: str | AxisClient | None = None) -> Iterator[AxisClient]:
@@ -186,7 +183,7 @@ class InProcess:
 
     def node(self, name: str, **options: Any) -> Node:
         """Make a node that the executor spins."""
-        return self.add(Node(name, context=self._spin.context, **options))
+        return self.add(Node(name, context=self.context, **options))
 
     def add(self, node: Node) -> Node:
         """Let the executor spin a node that was made with :attr:`context`; return it.
@@ -209,11 +206,6 @@ class InProcess:
 
         self._spin.run(tell)
         return node
-
-    @property
-    def context(self) -> Any:
-        """The context of all nodes here."""
-        return self._spin.context
 
     def close(self) -> None:
         """End all of it; twice does no harm."""
