@@ -24,7 +24,7 @@ from stickslip_ros.recordings import BagWriter, TopicDescription
 from stickslip_ros.recordings.message_types import schema_text
 from stickslip_ros.ros.nodes.axis_host import axis_or_host
 from stickslip_ros.ros.nodes.axis_node import AxisNode
-from stickslip_ros.ros.nodes.followed_clock import follows
+from stickslip_ros.ros.nodes.guarded_node import follows
 from stickslip_ros.ros.nodes.messages import message_definition
 from stickslip_ros.ros.nodes.process import Runnable
 from stickslip_ros.ros.nodes.recorder_node import RecorderNode

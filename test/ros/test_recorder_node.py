@@ -30,9 +30,8 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
 from stickslip_ros.recordings import open_bag, recorded_runs
-from stickslip_ros.ros.nodes.recorded_topic import LossCount, RecordedTopic, request_qos
 from stickslip_ros.ros.nodes.recorder_node import SERVICE_QOS, main
-from stickslip_ros.ros.nodes.recording import axis_topics
+from stickslip_ros.ros.nodes.recording import LossCount, RecordedTopic, axis_topics, request_qos
 
 
 def _values(folder: Path, topic: str) -> list[Any]:

@@ -36,8 +36,8 @@ from stickslip_ros.ros.nodes.diagnostics import Diagnostics
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import (
     fill_joints,
-    message_class,
     message_of,
+    offer,
     publisher_of,
     read_command,
     why_not,
@@ -136,19 +136,16 @@ class AxisHost(GuardedNode):
             row = node_parameters.descriptor(PARAMETERS[name])
             row.dynamic_typing = True  # a whole number for a float; the axis checks it
             self.declare_parameter(name, of_process[name], row, ignore_override=True)
-        of_host = [(COMMANDS["pause"], self.axes[0].server(COMMANDS["pause"]))]  # of all, by one
+        of_host: list[tuple[Command, Callable[..., Any]]] = [
+            (COMMANDS["pause"], self.axes[0].server(COMMANDS["pause"]))
+        ]  # of all, by one
         of_host += [(one, self._for_all(one)) for one in COMMANDS.values() if one.name in _FOR_ALL]
-        for command, server in of_host:
-            self.create_service(message_class(command.type), f"~/{command.interface}", server)
+        of_host += [(SET_POINT, self._on_set_points), (TRAJECTORY, self._follow)]
+        for command, take in of_host:
+            offer(self, command, take)
         self._sim_loop = sim_loop
         self._joints = publisher_of(self, RUNNER_TOPIC, values.node.publish_rate)
-        set_point = message_class(SET_POINT.type)
-        self.create_subscription(
-            set_point, f"~/{SET_POINT.interface}", self._on_set_points, SET_POINT.depth, raw=True
-        )
         self._together = AxisGroup([node.axis for node in self.axes])
-        kind, topic = message_class(TRAJECTORY.type), f"~/{TRAJECTORY.interface}"
-        self.create_subscription(kind, topic, self._follow, TRAJECTORY.depth, raw=True)
         sim_loop.start(self.axes, self._together.end, self._publish_joints)
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
@@ -198,7 +195,7 @@ class AxisHost(GuardedNode):
         """Hand set points of several joints to their axes; each refuses its own."""
         for node in self.axes:
             if VANISH not in node.axis.config.faults:
-                node.carry_out(SET_POINT, lambda: message_of(data, message_class(SET_POINT.type)))
+                node.carry_out(SET_POINT, lambda: message_of(data, SET_POINT))
 
     def _follow(self, data: bytes) -> None:
         """Carry out a trajectory of several joints, or refuse it at all that it names."""
@@ -206,7 +203,7 @@ class AxisHost(GuardedNode):
         named = list(nodes.values())
         joints: list[str] = []
         try:
-            message = message_of(data, message_class(TRAJECTORY.type))
+            message = message_of(data, TRAJECTORY)
             joints = list(message.joint_names)
             named = [nodes[name] for name in dict.fromkeys(joints) if name in nodes] or named
             if any(VANISH in node.axis.config.faults for node in named):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -44,8 +44,8 @@ from stickslip_ros.ros.nodes.messages import (
     diagnostic_array,
     event_status,
     fill_joints,
-    message_class,
     message_of,
+    offer,
     publisher_of,
     read_command,
     why_not,
@@ -54,16 +54,7 @@ from stickslip_ros.ros.nodes.neighbours import Commanders
 from stickslip_ros.ros.nodes.sim_loop import AxisOfLoop, SimLoop
 from stickslip_ros.ros.nodes.topics import OUTPUTS, OutputTopic
 
-_LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
-_OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
-_COMMANDERS_WARN_PERIOD = 10.0  # s
-_PATIENCE = 1.0  # s, with slow results before the time begins
-_STATUS_PERIOD = 0.2  # s, of the status while the axis moves
-
-
-#: rclpy looks at this to see that a callback wants to know about its message
-_WITH_INFO = inspect.signature(lambda data, info: None)
 
 
 class AxisNode(AxisOfLoop):
@@ -105,7 +96,7 @@ class AxisNode(AxisOfLoop):
         self.sim_loop = sim_loop or SimLoop(self, values.node)
         with report_compilation():
             self.axis.compile_ahead()
-            self._diagnostics.prepare(self.axis, _PATIENCE)
+            self._diagnostics.prepare(self.axis, patience=1.0)
 
         self._outputs = {
             topic.name: publisher_of(self, topic, values.node.publish_rate)
@@ -120,7 +111,10 @@ class AxisNode(AxisOfLoop):
         self._set_points: list[Event] = []  # that are not in the log yet
         self._readers = 0  # of set points
         self._nan_set_points = 0
-        self._offer_commands()
+        for command in COMMANDS.values():
+            if command.arguments is not None:  # parameters have services of their own
+                take = self.server if command.is_service else self._subscriber
+                offer(self, command, take(command))
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._set_parameters)
         self.get_logger().info(
@@ -144,15 +138,14 @@ class AxisNode(AxisOfLoop):
         set_points = [event for event in events if is_set_point(event)]
         if set_points:
             # Many a second, so they have topics of their own: "start" has to stay in the events.
-            self._publish_statuses(
-                topics.SET_POINTS, [event_status(self._name, e) for e in set_points]
-            )
+            self._publish_events(topics.SET_POINTS, set_points)
             self._set_points += set_points
             events = [event for event in events if not is_set_point(event)]
-            if len(self._set_points) >= _LOGGED_TOGETHER:
+            if len(self._set_points) >= 1000:  # ten seconds of a usual controller
                 self._log_set_points()
         too_slow = overload(self.axis, self.sim_loop.last_report)
-        period = self.sim_loop.elapsed() // _STATUS_PERIOD if self.axis.moving else -1.0
+        # While it moves, the status comes every 0.2 s.
+        period = self.sim_loop.elapsed() // 0.2 if self.axis.moving else -1.0
         state = (self.axis.mode, bool(too_slow), period)
         if events or state != self._published:
             self._published = state
@@ -160,7 +153,7 @@ class AxisNode(AxisOfLoop):
                 topics.STATUS, [self._diagnostics.axis_status(self.axis, too_slow)]
             )
             if events:
-                self._publish_statuses(topics.EVENTS, [event_status(self._name, e) for e in events])
+                self._publish_events(topics.EVENTS, events)
 
     def publish(self, topic: OutputTopic, message: Any) -> None:
         """Publish a message on a topic of the table."""
@@ -187,13 +180,13 @@ class AxisNode(AxisOfLoop):
     def _publish_statuses(self, topic: OutputTopic, statuses: list[DiagnosticStatus]) -> None:
         self.publish(topic, diagnostic_array(self.sim_loop.stamp(), statuses))
 
+    def _publish_events(self, topic: OutputTopic, events: Iterable[Event]) -> None:
+        self._publish_statuses(topic, [event_status(self._name, event) for event in events])
+
     def _log_set_points(self) -> None:
         """Publish the set points since the last time for those who come late."""
         if self._set_points:
-            logged = [
-                event_status(self._name, event) for event in pack_set_points(self._set_points)
-            ]
-            self._publish_statuses(topics.SET_POINT_LOG, logged)
+            self._publish_events(topics.SET_POINT_LOG, pack_set_points(self._set_points))
             self._set_points.clear()
 
     # -- called by the SimLoop
@@ -226,7 +219,7 @@ class AxisNode(AxisOfLoop):
             self.get_logger().warning(
                 f"{' and '.join(several)} both command this axis: the last command wins; let one "
                 "of them command it",
-                throttle_duration_sec=_COMMANDERS_WARN_PERIOD,
+                throttle_duration_sec=10.0,
             )
         statuses = self._diagnostics.statuses(
             self.axis, self.sim_loop, self._nan_set_points, several, self._doubles
@@ -264,7 +257,7 @@ class AxisNode(AxisOfLoop):
         if report.overload:
             why = overload(self.axis, report)
             logger = self.sim_loop.node.get_logger()  # one for all axes together
-            logger.warning(why, throttle_duration_sec=_OVERLOAD_WARN_PERIOD)
+            logger.warning(why, throttle_duration_sec=10.0)
             limit = self.axis.parameters.node.overload_limit
             if 0.0 < limit < report.overload and not self.axis.fault:
                 lasted = f"overloaded for {report.overload:.1f} s"
@@ -276,17 +269,7 @@ class AxisNode(AxisOfLoop):
 
     # -- commands
 
-    def _offer_commands(self) -> None:
-        for command in COMMANDS.values():
-            kind, name = message_class(command.type), f"~/{command.interface}"
-            if not command.is_service:
-                # Raw: too long or broken messages are refused before they cost anything.
-                callback: Any = self._subscriber(command, kind)
-                self.create_subscription(kind, name, callback, command.depth, raw=True)
-            elif command.arguments is not None:  # parameters have services of their own
-                self.create_service(kind, name, self.server(command))
-
-    def _subscriber(self, command: Command, kind: type[Any]) -> Callable[..., None]:
+    def _subscriber(self, command: Command) -> Callable[..., None]:
         topic = self.resolve_topic_name(f"~/{command.interface}")
 
         def callback(*taken: Any) -> None:
@@ -294,9 +277,11 @@ class AxisNode(AxisOfLoop):
             data, info = taken if len(taken) == 2 else taken[0]
             if VANISH not in self.axis.config.faults:
                 self._commanders.note(topic, info["publication_sequence_number"])
-                self.carry_out(command, lambda: message_of(data, kind))
+                self.carry_out(command, lambda: message_of(data, command))
 
-        callback.__signature__ = _WITH_INFO  # type: ignore[attr-defined]
+        # rclpy looks at this to see that a callback wants to know about its message.
+        wanted = inspect.signature(lambda data, info: None)
+        callback.__signature__ = wanted  # type: ignore[attr-defined]
         return callback
 
     def server(self, command: Command) -> Callable[[Any, Any], Any]:

@@ -2,14 +2,15 @@
 """A node that guards all its callbacks, so that none of them can end the process.
 
 If a callback raises an exception, the node logs and counts it; a service answers that it failed.
-rclpy itself would pass the exception to the code that spins the executor.
+rclpy itself would pass the exception to the code that spins the executor. The topic /clock, which
+leads the time of a node with ``use_sim_time``, is read so that time never runs back.
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial, wraps
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -28,14 +29,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_parameters
 from rclpy.task import Future
 
-from stickslip_ros.ros.nodes.followed_clock import (
-    CLOCK_TOPIC,
-    USE_SIM_TIME,
-    FollowedClock,
-    follows,
-    passing_over_negatives,
-)
+from stickslip_ros.base.errors import UsageError
 
+CLOCK_TOPIC, USE_SIM_TIME = "/clock", "use_sim_time"
+_AGAIN = 10.0  # s between warnings that there is no clock, or none that counts
 _WARN_PERIOD = 1.0  # s, between errors in the log
 #: Of services: so many requests may wait
 _SERVICES = QoSProfile(depth=250)
@@ -51,6 +48,55 @@ _LISTS = {
     SetParameters: "parameters",
     SetParametersAtomically: "parameters",
 }
+
+
+def follows(node: Node) -> bool:
+    """Return whether a node has ``use_sim_time``. Raises UsageError where it is no bool."""
+    value = node.get_parameter(USE_SIM_TIME).value
+    if not isinstance(value, bool):
+        raise UsageError(f"parameter {USE_SIM_TIME} is {value!r}; it has to be true or false")
+    return value
+
+
+class FollowedClock:
+    """Readings of /clock that never run back, for what cannot be undone."""
+
+    def __init__(self, node: Node) -> None:
+        """Take the clock of a node that has ``use_sim_time``."""
+        self._node = node
+        self._back = self._last = 0  # ns by which it was set back, and its last reading
+        self._begun = False
+
+    def missing(self) -> bool:
+        """Return whether there is no time yet, and say so now and then."""
+        # Later on, 0 is a time as any other: a simulator that starts anew.
+        self._begun = self._begun or self._node.get_clock().now().nanoseconds > 0
+        if self._begun:
+            return False
+        self._node.get_logger().warning(
+            "waits for the first message on /clock, which leads the time; publish it, or leave "
+            "out use_sim_time",
+            throttle_duration_sec=_AGAIN,
+        )
+        return True
+
+    def reading(self) -> int:
+        """Return the time, ns, from where it was set back; 0: there is none yet."""
+        now = self._node.get_clock().now().nanoseconds + self._back
+        if now < self._last:
+            self._node.get_logger().warning(
+                f"/clock was set back by {1e-9 * (self._last - now):g} s; time goes on from where "
+                "it was, ahead of it: start the node anew for the new time"
+            )
+            self._back, now = self._back + self._last - now, self._last
+        now = min(now, (2**31 - 1) * 10**9)  # the last time that a stamp can hold
+        if self._last and now - self._last > 60_000_000_000:  # the clock may have been set
+            self._node.get_logger().warning(
+                f"/clock went on by {1e-9 * (now - self._last):g} s at once, and all of it counts: "
+                "start the node anew if that was a change of the clock"
+            )
+        self._last = now
+        return self._last
 
 
 class NoAnswer(Exception):
@@ -79,7 +125,7 @@ class GuardedNode(Node):
     ) -> Any:
         """As rclpy does; an exception in the callback is counted as a refusal."""
         if topic == CLOCK_TOPIC:  # asked for by rclpy itself, with use_sim_time
-            callback = passing_over_negatives(self, callback)
+            callback = partial(self._take_clock, callback)
         return super().create_subscription(msg_type, topic, self._guarded(callback, topic), *a, **k)
 
     def create_service(  # type: ignore[override]
@@ -149,9 +195,20 @@ class GuardedNode(Node):
         except Exception as error:
             return _refused(_short(error))
 
+    def _take_clock(self, take: Callable[[Any], None], message: Any) -> None:
+        """Hand a message of /clock to rclpy, which raises for times below 0."""
+        if message.clock.sec >= 0:
+            take(message)
+            return
+        self.get_logger().warning(
+            f"/clock says {message.clock.sec + 1e-9 * message.clock.nanosec:g} s, which is passed "
+            "over: ROS knows no times before 0; have whoever publishes it begin at 0 or later",
+            throttle_duration_sec=_AGAIN,
+        )
+
     def _guarded(self, callback: Callable[..., Any], source: str) -> Callable[..., Any]:
-        # rclpy looks at the signature, which functools.wraps keeps.
-        @functools.wraps(callback)
+        # rclpy looks at the signature, which wraps keeps.
+        @wraps(callback)
         def guarded(*arguments: Any) -> Any:
             try:
                 return callback(*arguments)

@@ -7,7 +7,7 @@ import importlib
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, reduce
 from numbers import Integral
 from pathlib import Path
@@ -93,11 +93,11 @@ def why_not(error: Exception) -> str:
     return f"it cannot be understood ({type(error).__name__}: {error})"
 
 
-def message_of(data: bytes, kind: type[Any]) -> Any:
-    """Return the message of its serialized bytes; MalformedCommand if they are too many."""
+def message_of(data: bytes, command: Command) -> Any:
+    """Return the message of a command of its bytes; MalformedCommand if they are too many."""
     if len(data) > MOST_BYTES:
         raise MalformedCommand(f"message of {len(data)} bytes; {MOST_BYTES} is the limit")
-    return deserialize_message(data, kind)
+    return deserialize_message(data, message_class(command.type))
 
 
 def read_command(command: Command, message: Any, now: int, joint: str) -> tuple[Any, ...] | None:
@@ -231,6 +231,18 @@ def message_class(type_name: str) -> type[Any]:
             f"message type {type_name} is not installed; install the package {package}"
         ) from error
     return found
+
+
+def offer(node: Node, command: Command, take: Callable[..., Any]) -> None:
+    """Let a node take a command, below its name: requests and responses, or bytes of messages.
+
+    Raw: what is too long or broken is refused before it costs anything.
+    """
+    kind, name = message_class(command.type), f"~/{command.interface}"
+    if command.is_service:
+        node.create_service(kind, name, take)
+    else:
+        node.create_subscription(kind, name, take, command.depth, raw=True)
 
 
 def publisher_of(node: Node, topic: OutputTopic, rate: float = 0.0) -> Publisher:

@@ -11,12 +11,8 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
-#: Looks after which a commander that sends nothing more is no longer counted
-_FORGOTTEN = 10
-#: Looks for which new publishers of joints are listened to
-_LISTENED = 3
-#: Stamps of own states that are remembered: more than may be on their way
-_STAMPS = 1000
+_FORGOTTEN = 10  # looks after which a commander that sends nothing more is no longer counted
+_LISTENED = 3  # looks for which new publishers of joints are listened to
 
 
 class Commanders:
@@ -69,7 +65,7 @@ class JointSpeakers:
         self._node = node
         self._others: dict[str, int] = {}  # publishers of other processes on each topic
         self._ears: dict[str, tuple[Subscription, int]] = {}  # and the looks that are left
-        self._stamps: deque[Time] = deque(maxlen=_STAMPS)
+        self._stamps = deque[Time](maxlen=1000)  # more than may be on their way
 
     def said(self, time: Time) -> None:
         """Note the stamp of states that are published here."""

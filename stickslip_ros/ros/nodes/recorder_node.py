@@ -232,7 +232,7 @@ class RecorderNode(GuardedNode):
             bag = self._under_way.bag
             self.get_logger().info(
                 f"{bag.message_count} messages, {self._rate:.1f}/s, "
-                f"{1e-6 * bag.size:.1f} MB, lost {self._under_way.lost}"
+                f"{1e-6 * bag.size:.1f} MB, lost {self._under_way.lost[0]}"
             )
 
     def _report(self) -> None:
@@ -242,7 +242,7 @@ class RecorderNode(GuardedNode):
         values: dict[str, Any] = {"state": "waiting"}
         level, message = DiagnosticStatus.OK, "waiting"
         if recording is not None:
-            bag, lost = recording.bag, recording.lost
+            bag, (lost, before_joining) = recording.bag, recording.lost
             before, now = self._counted, time.monotonic_ns()
             self._counted = bag.message_count, now
             if before and now > before[1]:
@@ -258,9 +258,11 @@ class RecorderNode(GuardedNode):
                 "size (B)": bag.size,
                 "files": bag.file_count,
                 "messages lost": lost,
-                "messages before joining": recording.before_joining,
-                **{f"lost on {name}": count for name, count in recording.losses()},
+                "messages before joining": before_joining,
             }
+            for topic in recording.topics.values():
+                if topic.losses.lost:
+                    values[f"lost on {topic.name}"] = topic.losses.lost
         name = self.get_fully_qualified_name().lstrip("/")
         status = diagnostic_status(name, "recording", level, message, values)
         self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), [status]))

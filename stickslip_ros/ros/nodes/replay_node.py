@@ -28,8 +28,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.base.errors import UsageError, printable
 from stickslip_ros.recordings import OfferedQos, open_bag
-from stickslip_ros.ros.nodes.followed_clock import CLOCK_TOPIC
-from stickslip_ros.ros.nodes.guarded_node import GuardedNode
+from stickslip_ros.ros.nodes.guarded_node import CLOCK_TOPIC, GuardedNode
 from stickslip_ros.ros.nodes.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.nodes.node_parameters import (
     OwnParameter,

@@ -24,7 +24,7 @@ from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.nodes.axis_host import axis_or_host
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 from stickslip_ros.ros.nodes.emulation import Emulation
-from stickslip_ros.ros.nodes.followed_clock import CLOCK_TOPIC, follows
+from stickslip_ros.ros.nodes.guarded_node import CLOCK_TOPIC, follows
 from stickslip_ros.ros.nodes.process import SpinThread
 
 _INSTANT = 0.5e-9  # s
