@@ -18,7 +18,6 @@ from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.ros.client import AxisClient, CommandRefused
-from stickslip_ros.ros.nodes.recording import UnsetClock
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 # The launch system is not among the ROS wheels.
@@ -210,9 +209,6 @@ def test_readiness_reaches_those_who_come_late_with_any_durability(
     assert {one.goal_state.label for each in heard for one in each} == {"active"}
 
 
-DAY = 86_400 * 10**9
-
-
 def test_without_a_home_it_says_where_the_log_can_go(
     start_node: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -246,26 +242,3 @@ def test_of_two_recorders_on_one_output_one_is_refused(
     assert kept.interrupt() == 0
     with open_bag(tmp_path / "run") as bag:
         assert bag.message_count == 1
-
-
-def test_a_clock_that_is_set_leaves_the_order_of_times() -> None:
-    now = {"wall": 10 * DAY, "steady": DAY}
-    clock = UnsetClock(lambda: now["wall"], lambda: now["steady"])
-
-    def later(ns: int, set_by: int = 0) -> None:
-        now["steady"] += ns
-        now["wall"] += ns + set_by
-
-    later(1000)
-    assert clock.time_of(now["wall"] - 10) == 10 * DAY + 990
-    later(1000, set_by=-2 * DAY)
-    before_it_was_set = 10 * DAY + 1500  # of a message that waited meanwhile
-    assert clock.time_of(before_it_was_set) == before_it_was_set
-    assert clock.time_of(now["wall"]) == 10 * DAY + 2000
-    assert clock.time_of(before_it_was_set) == before_it_was_set
-    assert clock.set_by == -2 * DAY
-    later(1000, set_by=500_000_000)  # trimmed
-    assert clock.time_of(now["wall"]) == 10 * DAY + 500_003_000
-    later(1000, set_by=2 * DAY - 500_000_000)
-    assert clock.time_of(now["wall"]) == 10 * DAY + 4000
-    assert clock.set_by == 0

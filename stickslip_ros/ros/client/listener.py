@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -19,21 +20,13 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.base.reporting import format_si
 from stickslip_ros.physics.parameters.groups import SLIDER
 from stickslip_ros.recordings.message_types import nanoseconds
+from stickslip_ros.ros.nodes import topics
 from stickslip_ros.ros.nodes.messages import message_class
-from stickslip_ros.ros.nodes.topics import (
-    DESCRIPTION,
-    DIAGNOSTICS,
-    EVENTS,
-    JOINTS,
-    SET_POINTS,
-    STATUS,
-)
 
 _POLL = 0.02  # s, between checks of conditions without a notification
 _QUEUE = 100  # messages that may wait while the program computes
 _MOST_ANSWERS = 1000  # that are kept: as many as an axis keeps for those who join late
 _OF_STATUS = ("state", "moving", "target reached", "steps done", "steps left", "last error")
-_OF_ANSWER = ("event", "outcome")
 
 
 @dataclass(frozen=True)
@@ -169,34 +162,31 @@ class AxisListener:
         found = []
         for topic, take in (
             # Events from before the connection arrive too: no answer gets lost.
-            (STATUS, self._on_status),
-            (EVENTS, self._on_events),
-            (SET_POINTS, self._on_events),
-            (DESCRIPTION, self._on_description),
-            (DIAGNOSTICS, self._on_report),
-            (JOINTS, self._on_state),
+            (topics.STATUS, self._on_status),
+            (topics.EVENTS, self._on_events),
+            (topics.SET_POINTS, self._on_events),
+            (topics.DESCRIPTION, self._on_description),
+            (topics.DIAGNOSTICS, self._on_report),
+            (topics.JOINTS, self._on_state),
         ):
             kind, name = message_class(topic.type), topic.full_name(self.axis)
             qos = latched if topic.kept else QoSProfile(depth=_QUEUE)
-            callback = self._locked(take, name)
+            callback = partial(self._take, take, name)
             found.append(self.node.create_subscription(kind, name, callback, qos))
         return found
 
-    def _locked(self, take: Callable[[Any, int], None], topic: str) -> Callable[[Any], None]:
-        def callback(message: Any) -> None:
-            try:
-                with self._changed:
-                    take(message, nanoseconds(message.header.stamp))
-                    self._changed.notify_all()
-            except (LookupError, ValueError) as error:
-                # Anybody may publish here, and an exception would end the thread that spins.
-                self.node.get_logger().warning(
-                    f"ignored a message on {topic} that does not come from an axis "
-                    f"({type(error).__name__}): who else publishes there?",
-                    throttle_duration_sec=1.0,
-                )
-
-        return callback
+    def _take(self, take: Callable[[Any, int], None], topic: str, message: Any) -> None:
+        try:
+            with self._changed:
+                take(message, nanoseconds(message.header.stamp))
+                self._changed.notify_all()
+        except (LookupError, ValueError) as error:
+            # Anybody may publish here, and an exception would end the thread that spins.
+            self.node.get_logger().warning(
+                f"ignored a message on {topic} that does not come from an axis "
+                f"({type(error).__name__}): who else publishes there?",
+                throttle_duration_sec=1.0,
+            )
 
     def _on_status(self, message: DiagnosticArray, stamp: int) -> None:
         if stamp >= self._status_stamp:
@@ -207,7 +197,7 @@ class AxisListener:
 
     def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
         for status in message.status:
-            self._answers.append(Answer(stamp, _values(status, _OF_ANSWER)))
+            self._answers.append(Answer(stamp, _values(status, ("event", "outcome"))))
 
     def _on_description(self, message: DiagnosticArray, _: int) -> None:
         found = {status.name: status for status in message.status}
@@ -259,7 +249,7 @@ class AxisListener:
 
     def _others(self) -> str:
         """Return a warning if several nodes publish as this axis, else an empty text."""
-        count = self.node.count_publishers(STATUS.full_name(self.axis))
+        count = self.node.count_publishers(topics.STATUS.full_name(self.axis))
         if count < 2:
             return ""
         return f"; {count} nodes publish as {self.axis} and obey: end all but one, or rename them"

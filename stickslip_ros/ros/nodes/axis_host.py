@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -33,7 +34,7 @@ from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.ros.nodes import node_parameters
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 from stickslip_ros.ros.nodes.diagnostics import Diagnostics
-from stickslip_ros.ros.nodes.guarded_node import GuardedNode
+from stickslip_ros.ros.nodes.guarded_node import GuardedNode, refused
 from stickslip_ros.ros.nodes.messages import (
     fill_joints,
     message_of,
@@ -48,10 +49,7 @@ from stickslip_ros.ros.nodes.sim_loop import SimLoop
 from stickslip_ros.ros.nodes.topics import RUNNER_TOPIC
 
 TRAJECTORY, SET_POINT = COMMANDS["trajectory"], COMMANDS["joint_command"]
-#: Those that the host takes while it runs, for all axes
-_OF_TIME = ("real_time_factor", *STEPS_OF_TIME)
-#: Commands that the host takes for all axes
-_FOR_ALL = ("stop", "home")
+_OF_TIME = ("real_time_factor", *STEPS_OF_TIME)  # that the host takes for all axes, at any time
 #: Parameters of the process as a whole: those of the host hold for all axes.
 _OF_PROCESS = ("publish_rate", "real_time_priority", "publish_clock", "start_paused", *_OF_TIME)
 
@@ -59,6 +57,7 @@ _OF_PROCESS = ("publish_rate", "real_time_priority", "publish_clock", "start_pau
 def axis_or_host(arguments: Sequence[str] | None = None, **options: Any) -> Runnable:
     """Return the axis, or the host of those that the parameter ``axes`` names.
 
+    They are also served as the controller that the parameter ``emulate`` names, if it does.
     arguments is the command line of the process (``sys.argv`` if None), options are those of
     `rclpy.node.Node`. Raises ParameterError.
     """
@@ -69,26 +68,20 @@ def axis_or_host(arguments: Sequence[str] | None = None, **options: Any) -> Runn
         names = _names(early)
     finally:
         early.destroy_node()
-    made: Runnable = (
+    made: AxisHost | AxisNode = (
         AxisHost(names, arguments, **options) if names else AxisNode(arguments=arguments, **options)
     )
     called = [node.get_fully_qualified_name() for node in made.nodes]
     for text in node_parameters.unused_files(arguments, called):
-        made.nodes[0].get_logger().warning(text)
-    return _emulate_if_asked(made)
-
-
-def _emulate_if_asked(axes: Runnable) -> Runnable:
-    """Return axes, also served as a controller if the parameter ``emulate`` names one."""
-    node = axes.nodes[0]
-    name, port = (node_parameters.declare_own(node, one) for one in (EMULATE, EMULATE_PORT))
+        made.get_logger().warning(text)
+    name, port = (node_parameters.declare_own(made, one) for one in (EMULATE, EMULATE_PORT))
     if not name:
-        return axes
+        return made
     from stickslip_ros.ros.nodes.emulation import Emulation  # asyncio, 0.1 s
 
     if name in CONTROLLERS and port < 0:
         port = CONTROLLERS[name].port
-    return Emulation(axes, name, port)
+    return Emulation(made, name, port)
 
 
 class AxisHost(GuardedNode):
@@ -136,13 +129,12 @@ class AxisHost(GuardedNode):
             row = node_parameters.descriptor(PARAMETERS[name])
             row.dynamic_typing = True  # a whole number for a float; the axis checks it
             self.declare_parameter(name, of_process[name], row, ignore_override=True)
-        of_host: list[tuple[Command, Callable[..., Any]]] = [
-            (COMMANDS["pause"], self.axes[0].server(COMMANDS["pause"]))
-        ]  # of all, by one
-        of_host += [(one, self._for_all(one)) for one in COMMANDS.values() if one.name in _FOR_ALL]
-        of_host += [(SET_POINT, self._on_set_points), (TRAJECTORY, self._follow)]
-        for command, take in of_host:
-            offer(self, command, take)
+        pause = COMMANDS["pause"]
+        offer(self, pause, partial(self.axes[0].serve, pause))  # of all, by one
+        for name in ("stop", "home"):
+            offer(self, COMMANDS[name], partial(self._for_all, COMMANDS[name]))
+        offer(self, SET_POINT, self._on_set_points)
+        offer(self, TRAJECTORY, self._follow)
         self._sim_loop = sim_loop
         self._joints = publisher_of(self, RUNNER_TOPIC, values.node.publish_rate)
         self._together = AxisGroup([node.axis for node in self.axes])
@@ -154,7 +146,7 @@ class AxisHost(GuardedNode):
         foreign = [p.name for p in parameter_list if p.name not in _OF_TIME]
         if foreign:
             cure = f"set it at the axes, as /{first.get_name()}"
-            return SetParametersResult(successful=False, reason=f"{foreign[0]}: {cure}")
+            return refused(f"{foreign[0]}: {cure}")
         new = [
             p
             for p in parameter_list
@@ -163,17 +155,13 @@ class AxisHost(GuardedNode):
         result = first.set_parameters_atomically(new)
         return super().set_parameters_atomically(parameter_list) if result.successful else result
 
-    def _for_all(self, command: Command) -> Callable[[Any, Any], Any]:
-        """Return the callback of a service by which every axis carries out a command."""
-
-        def callback(request: Any, response: Any) -> Any:
-            there = [node for node in self.axes if VANISH not in node.axis.config.faults]
-            done = [(node.get_name(), node.carry_out(command, lambda: request)) for node in there]
-            reasons = [f"{name}: {reason}" for name, reason in done if reason]
-            response.success, response.message = not reasons, "; ".join(reasons)
-            return response
-
-        return callback
+    def _for_all(self, command: Command, request: Any, response: Any) -> Any:
+        """Have every axis carry out a command that is a service."""
+        there = [node for node in self.axes if VANISH not in node.axis.config.faults]
+        done = [(node.get_name(), node.carry_out(command, lambda: request)) for node in there]
+        reasons = [f"{name}: {reason}" for name, reason in done if reason]
+        response.success, response.message = not reasons, "; ".join(reasons)
+        return response
 
     def _publish_joints(self) -> None:
         """Publish the sliders of all axes that have readings in one message."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -38,7 +39,7 @@ from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, paramet
 from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.ros.nodes import node_parameters, topics
 from stickslip_ros.ros.nodes.diagnostics import Diagnostics, description
-from stickslip_ros.ros.nodes.guarded_node import NoAnswer
+from stickslip_ros.ros.nodes.guarded_node import NoAnswer, refused
 from stickslip_ros.ros.nodes.messages import (
     NoSetPoint,
     diagnostic_array,
@@ -113,8 +114,8 @@ class AxisNode(AxisOfLoop):
         self._nan_set_points = 0
         for command in COMMANDS.values():
             if command.arguments is not None:  # parameters have services of their own
-                take = self.server if command.is_service else self._subscriber
-                offer(self, command, take(command))
+                serve = partial(self.serve, command)
+                offer(self, command, serve if command.is_service else self._subscriber(command))
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._set_parameters)
         self.get_logger().info(
@@ -284,17 +285,13 @@ class AxisNode(AxisOfLoop):
         callback.__signature__ = wanted  # type: ignore[attr-defined]
         return callback
 
-    def server(self, command: Command) -> Callable[[Any, Any], Any]:
-        """Return the callback of a service that carries out a command."""
-
-        def callback(request: Any, response: Any) -> Any:
-            if VANISH in self.axis.config.faults:
-                raise NoAnswer(f"the injected fault {VANISH} leaves {command.name} unanswered")
-            response.message = self.carry_out(command, lambda: request)
-            response.success = not response.message
-            return response
-
-        return callback
+    def serve(self, command: Command, request: Any, response: Any) -> Any:
+        """Carry out a command that is a service; return the response with what came of it."""
+        if VANISH in self.axis.config.faults:
+            raise NoAnswer(f"the injected fault {VANISH} leaves {command.name} unanswered")
+        response.message = self.carry_out(command, lambda: request)
+        response.success = not response.message
+        return response
 
     def carry_out(self, command: Command, message: Callable[[], Any]) -> str:
         """Carry out a command now; return why it was refused, empty if it was not."""
@@ -357,20 +354,12 @@ class AxisNode(AxisOfLoop):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters, all or none; every refusal counts, also those by rclpy itself."""
+        # Before rclpy, whose own refusals do not name the parameter or the cure.
         unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
-        if unknown:
-            reason = f"{unknown[0]} is not declared"
-            try:
-                parameter(unknown[0])
-            except ParameterError as error:
-                reason = str(error)
-            result = SetParametersResult(successful=False, reason=reason)
-        else:
-            # Before rclpy, whose own refusals do not name the parameter or the cure.
-            result = self._check_parameters(parameter_list)
-            if result.successful:
-                declared = [_as_declared(p) for p in parameter_list]
-                result = super().set_parameters_atomically(declared)
+        result = self._check_parameters(parameter_list, unknown)
+        if result.successful:
+            declared = [_as_declared(p) for p in parameter_list]
+            result = super().set_parameters_atomically(declared)
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
             result.reason = shorten(result.reason)
@@ -378,17 +367,19 @@ class AxisNode(AxisOfLoop):
             self.refuse("parameters", wanted, result.reason)
         return result
 
-    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+    def _check_parameters(
+        self, changes: list[Parameter], unknown: Sequence[str] = ()
+    ) -> SetParametersResult:
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         try:
+            for name in unknown:
+                parameter(name)  # raises, and says which one may be meant
             if axis_changes:  # others are of the process, declared before the time may begin
                 self.sim_loop.check(list(axis_changes))
             check_place(self.axis.parameters, axis_changes)
             self.axis.checked(axis_changes)
-        except ParameterError as error:
-            return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:  # of any kind: a peer may send anything
-            return SetParametersResult(successful=False, reason=why_not(error))
+            return refused(why_not(error))
         return SetParametersResult(successful=True)
 
     def _set_parameters(self, changes: list[Parameter]) -> None:

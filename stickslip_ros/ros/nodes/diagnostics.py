@@ -10,6 +10,7 @@ import contextlib
 import math
 import os
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -34,7 +35,6 @@ from stickslip_ros.simulation.phases import phase_now, regime_now
 from stickslip_ros.version import __version__
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-NO_READING = "the sensor gives no reading"
 LATER, _PATIENCE = "the 0-amplitude is being computed", 0.02  # s that a report waits for it
 
 #: Keys of ``~/status``: the attribute of `AxisStatus` that each holds, and what docs/states.md says
@@ -74,10 +74,7 @@ class Diagnostics:
     def __init__(self, node: str) -> None:
         """Name the statuses after the node."""
         self._node = node
-        self._refused = 0
-        self._hits = 0
-        self._nan = 0
-        self._missed = 0
+        self._counted = Counter[str]()
         self._zero: tuple[float | None, str] = (None, LATER)
         self._zero_of: object = None
         self._computing = threading.Thread()
@@ -101,12 +98,14 @@ class Diagnostics:
         number of others that publish as this axis.
         """
         status = axis.status
-        refused, self._refused = status.refused - self._refused, status.refused
-        hits, self._hits = status.limits_hit - self._hits, status.limits_hit
-        news = [f"{refused} commands refused"] if refused else []
-        news += [f"limits hit {hits} times"] if hits else []
-        nan, self._nan = nan_set_points - self._nan, nan_set_points
-        news += [f"{nan} set points of NaN ignored"] if nan else []
+        news = []
+        for text, count in (
+            ("{} commands refused", status.refused),
+            ("limits hit {} times", status.limits_hit),
+            ("{} set points of NaN ignored", nan_set_points),
+        ):
+            if new := self._new(text, count):
+                news.append(text.format(new))
         news += [f"commanded by {' and '.join(commanders)}"] if commanders else []
         news += [f"{doubles} others publish as this axis"] if doubles else []
         return [
@@ -125,7 +124,8 @@ class Diagnostics:
             level, message = ERROR, f"fault: {status.fault}"
         elif math.isnan(axis.arrived):
             stays = axis.parameters.node.joint_state_source != TRUTH
-            level, message = WARN, NO_READING + (": joint_states stays away" if stays else "")
+            away = ": joint_states stays away" if stays else ""
+            level, message = WARN, f"the sensor gives no reading{away}"
         elif status.held_at:
             level, message = WARN, f"held at the {status.held_at} end of the travel"
         else:
@@ -134,6 +134,11 @@ class Diagnostics:
                 message += f": what was commanded begins at {status.begins:.6g} s; {STOP_ENDS}"
         values = {key: getattr(status, name, overload) for key, (name, _) in STATUS_KEYS.items()}
         return diagnostic_status(self._node, "axis", level, message, values)
+
+    def _new(self, what: str, count: int) -> int:
+        """Return by how much a count has grown since the last time."""
+        before, self._counted[what] = self._counted[what], count
+        return count - before
 
     def _friction(self, axis: Axis, status: AxisStatus) -> DiagnosticStatus:
         state, plant = axis.state, axis.plant
@@ -166,7 +171,7 @@ class Diagnostics:
 
     def _timing(self, axis: Axis, sim_loop: SimLoop) -> DiagnosticStatus:
         pacer, blocks, report = sim_loop.pacer, sim_loop.blocks, sim_loop.last_report
-        missed_now, self._missed = pacer.missed - self._missed, pacer.missed
+        missed_now = self._new("deadlines", pacer.missed)
         message = f"{missed_now} deadlines missed" if missed_now else "on time"
         values: dict[str, object] = {
             "real-time factor": report.factor,

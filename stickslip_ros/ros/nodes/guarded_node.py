@@ -34,20 +34,11 @@ from stickslip_ros.base.errors import UsageError
 CLOCK_TOPIC, USE_SIM_TIME = "/clock", "use_sim_time"
 _AGAIN = 10.0  # s between warnings that there is no clock, or none that counts
 _WARN_PERIOD = 1.0  # s, between errors in the log
-#: Of services: so many requests may wait
-_SERVICES = QoSProfile(depth=250)
+_SERVICES = QoSProfile(depth=250)  # so many requests may wait
 #: Parameters that one request may set, more are refused together; or ask for: it is answered by
 #: nothing then, as by a node that does not know one of them. 3000 names made a node grow by 70 MB.
 MOST_PARAMETERS = 200
-#: What a request of each service for parameters lists
-_LISTS = {
-    DescribeParameters: "names",
-    GetParameters: "names",
-    GetParameterTypes: "names",
-    ListParameters: "prefixes",
-    SetParameters: "parameters",
-    SetParametersAtomically: "parameters",
-}
+_ASKING = (DescribeParameters, GetParameters, GetParameterTypes, ListParameters)
 
 
 def follows(node: Node) -> bool:
@@ -138,10 +129,10 @@ class GuardedNode(Node):
         """
         setters = {SetParameters: self._set_each, SetParametersAtomically: self._set_all}
         guarded = self._guarded(setters.get(kind, callback), name)
-        listed = _LISTS.get(kind)
+        listed = "prefixes" if kind is ListParameters else "names"
 
         def answer(request: Any, response: Any) -> Any:
-            if kind not in setters and listed and len(getattr(request, listed)) > MOST_PARAMETERS:
+            if kind in _ASKING and len(getattr(request, listed)) > MOST_PARAMETERS:
                 return response
             done = guarded(request, response)
             if done is None and hasattr(response, "message"):
@@ -184,7 +175,7 @@ class GuardedNode(Node):
         """Set parameters, all or none; a type that ROS does not know is refused as well."""
         if (count := len(messages)) > MOST_PARAMETERS:
             limit = f"{MOST_PARAMETERS} is the limit: send several"
-            return _refused(f"{count} parameters in one request; {limit}")
+            return refused(f"{count} parameters in one request; {limit}")
         try:
             wanted = [Parameter.from_parameter_msg(message) for message in messages]
             # A dump that is loaded again names those of the start too, as they are.
@@ -193,7 +184,7 @@ class GuardedNode(Node):
                 return SetParametersResult(successful=True)
             return self.set_parameters_atomically(news)
         except Exception as error:
-            return _refused(_short(error))
+            return refused(_short(error))
 
     def _take_clock(self, take: Callable[[Any], None], message: Any) -> None:
         """Hand a message of /clock to rclpy, which raises for times below 0."""
@@ -224,11 +215,12 @@ class GuardedNode(Node):
 def _keep_clock(changes: Sequence[Parameter]) -> SetParametersResult:
     """Refuse another clock while the node runs: what is under way counts by the present one."""
     if any(one.name == USE_SIM_TIME for one in changes):
-        return _refused(f"{USE_SIM_TIME} can be set at the start only")
+        return refused(f"{USE_SIM_TIME} can be set at the start only")
     return SetParametersResult(successful=True)
 
 
-def _refused(reason: str) -> SetParametersResult:
+def refused(reason: str) -> SetParametersResult:
+    """Return that parameters are not set, and why."""
     return SetParametersResult(successful=False, reason=reason)
 
 

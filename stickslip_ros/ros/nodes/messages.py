@@ -31,8 +31,7 @@ from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.recordings.message_types import definition_from_fields, nanoseconds
 from stickslip_ros.ros.nodes.topics import OutputTopic
 
-#: Size of the message of a command: room for the longest trajectory that an axis takes
-MOST_BYTES = 1_000_000
+MOST_BYTES = 1_000_000  #: of a command: room for the longest trajectory that an axis takes
 
 
 def stamp(nanoseconds: int) -> Time:

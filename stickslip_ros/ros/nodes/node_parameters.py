@@ -185,7 +185,7 @@ def run_node(
     return run(program, args, make_node, usage=lambda: usage_of(meaning, table))
 
 
-def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, Any]:
+def read_own(node: Node, table: Sequence[OwnParameter]) -> dict[str, Any]:
     """Declare the parameters of a table, read-only, and return their values.
 
     Values given from outside are declared already, which is how misspelt names are found. They are
@@ -200,20 +200,13 @@ def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, 
     return {row.name: declare_own(node, row) for row in table}
 
 
-#: Types of rows with those of whole numbers that will do for them.
-_WHOLE = {
-    (RosParameter.Type.DOUBLE, RosParameter.Type.INTEGER),
-    (RosParameter.Type.DOUBLE_ARRAY, RosParameter.Type.INTEGER_ARRAY),
-}
-
-
 def declare_own(node: Node, row: OwnParameter) -> Any:
-    """Declare a parameter, read-only, and return its value, as `read_own_parameters`."""
+    """Declare a parameter, read-only, and return its value, as `read_own`."""
     value, kind = row.default, RosParameter.Type.from_parameter_value(row.default)
     if node.has_parameter(row.name):
         given = node.get_parameter(row.name)
         value = given.value
-        if (kind, given.type_) in _WHOLE:
+        if given.type_ != kind and given.type_.name == kind.name.replace("DOUBLE", "INTEGER"):
             value = np.asarray(given.value, dtype=np.float64).tolist()
         elif given.type_ != kind:
             wanted = kind.name.lower().replace("string_array", "list of names, as [x, 'y']")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import time
 from collections.abc import Callable
 from datetime import datetime
 from functools import partial
@@ -25,12 +24,7 @@ from stickslip_ros.physics.parameters.groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import diagnostic_array, diagnostic_status
-from stickslip_ros.ros.nodes.node_parameters import (
-    OwnParameter,
-    full_name,
-    read_own_parameters,
-    run_node,
-)
+from stickslip_ros.ros.nodes.node_parameters import OwnParameter, full_name, read_own, run_node
 from stickslip_ros.ros.nodes.recording import Choice, Recording
 
 NODE_NAME = "stickslip_recorder"
@@ -72,7 +66,7 @@ class RecorderNode(GuardedNode):
         there can be no bag.
         """
         super().__init__(NODE_NAME, **options)
-        self._given = read_own_parameters(self, PARAMETERS)
+        self._given = read_own(self, PARAMETERS)
         self._choice = self._chosen()
         if (compression := self._given["compression"]) not in COMPRESSIONS:
             raise UsageError(
@@ -81,12 +75,10 @@ class RecorderNode(GuardedNode):
             )
         self._recording: Recording | None = None
         self._bags = 0
-        self._forget_counts()
         # rosbag2's own recorder listens to ~/split_bagfile as well; these are plain Triggers.
         for name, answer in (("start", self._start), ("stop", self._stop), ("split", self._split)):
-            self.create_service(
-                Trigger, f"~/{name}", self._answering(answer), qos_profile=SERVICE_QOS
-            )
+            take = partial(self._answer, answer)
+            self.create_service(Trigger, f"~/{name}", take, qos_profile=SERVICE_QOS)
         self._linger = self.create_timer(STOP_LINGER, self._end, autostart=False)
         if self.followed:
             self.get_logger().info(
@@ -155,13 +147,7 @@ class RecorderNode(GuardedNode):
         )
         self._recording = Recording(self, bag, self._choice)
         self._bags += 1
-        self._forget_counts()
         return f"recording to {bag.folder}"
-
-    def _forget_counts(self) -> None:
-        self._rate = 0.0  # messages per second, between the last two reports
-        self._counted: tuple[int, int] | None = None  # messages, and when (ns), at the last one
-        self._lost_before = 0
 
     def _stop(self) -> str:
         recording = self._recording
@@ -170,7 +156,7 @@ class RecorderNode(GuardedNode):
         try:
             recording.close()
         except BagError as error:
-            self._fail(error)
+            self._end(error)
             raise
         if not self._given["wait"]:
             self._linger.reset()  # once more with every call that is answered
@@ -183,35 +169,27 @@ class RecorderNode(GuardedNode):
         bag.split()
         return f"{bag.folder}: file {bag.file_count} begins"
 
-    def _answering(self, action: Callable[[], str]) -> Callable[..., Trigger.Response]:
-        """Return the callback of a service that calls a function and reports success or failure."""
-
-        def callback(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            try:
-                response.message = action()
-                response.success = True
-            except BagError as error:
-                response.message = str(error)
-            return response
-
-        return callback
+    def _answer(self, action: Callable[[], str], _: Any, response: Any) -> Any:
+        """Call a function for a service, and report its success or failure."""
+        try:
+            response.message = action()
+            response.success = True
+        except BagError as error:
+            response.message = str(error)
+        return response
 
     def note_failure(self, source: str, error: Exception) -> None:
         """End if the bag cannot be written; pass over anything else as every node does."""
         if isinstance(error, MemoryError):  # messages that found no memory are missing in the bag
             error = BagError(f"cannot record {source}: {reason_and_cure(error)}")
         if isinstance(error, BagError):
-            self._fail(error)
+            self._end(error)
         else:
             super().note_failure(source, error)
 
-    def _fail(self, error: BagError) -> None:
+    def _end(self, error: BagError | None = None) -> None:
         if not self.finished.done():
-            self.finished.set_exception(error)
-
-    def _end(self) -> None:
-        if not self.finished.done():
-            self.finished.set_result(None)
+            self.finished.set_exception(error) if error else self.finished.set_result(None)
 
     # -- from time to time
 
@@ -231,7 +209,7 @@ class RecorderNode(GuardedNode):
         if self._under_way:
             bag = self._under_way.bag
             self.get_logger().info(
-                f"{bag.message_count} messages, {self._rate:.1f}/s, "
+                f"{bag.message_count} messages, {self._under_way.rate:.1f}/s, "
                 f"{1e-6 * bag.size:.1f} MB, lost {self._under_way.lost[0]}"
             )
 
@@ -243,18 +221,14 @@ class RecorderNode(GuardedNode):
         level, message = DiagnosticStatus.OK, "waiting"
         if recording is not None:
             bag, (lost, before_joining) = recording.bag, recording.lost
-            before, now = self._counted, time.monotonic_ns()
-            self._counted = bag.message_count, now
-            if before and now > before[1]:
-                self._rate = 1e9 * (bag.message_count - before[0]) / (now - before[1])
-            new, self._lost_before = lost - self._lost_before, lost
+            new = recording.count_anew()
             level = DiagnosticStatus.WARN if new else DiagnosticStatus.OK
             message = f"{new} messages lost" if new else "recording"
             values = {
                 "state": "recording",
                 "bag": str(bag.folder),
                 "messages": bag.message_count,
-                "messages per second (1/s)": self._rate,
+                "messages per second (1/s)": recording.rate,
                 "size (B)": bag.size,
                 "files": bag.file_count,
                 "messages lost": lost,

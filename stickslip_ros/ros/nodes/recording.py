@@ -16,13 +16,12 @@ from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPo
 from rclpy.subscription import Subscription
 
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.base.clocks import UnsetClock
 from stickslip_ros.base.files import reason_and_cure
 from stickslip_ros.recordings import BagError, BagWriter, OfferedQos, TopicDescription
 from stickslip_ros.recordings.message_types import schema_text
 from stickslip_ros.ros.nodes.messages import UnknownTypeError, message_class, message_definition
 from stickslip_ros.ros.nodes.topics import OUTPUTS, axes_in
-
-_STEP = 1_000_000_000  # ns by which a clock that is set differs at least from one that is trimmed
 
 
 def axis_topics(axis: str) -> dict[str, str]:
@@ -53,17 +52,6 @@ class Choice:
         new = [axis for axis in found if axis not in self.axes] if self.every else []
         return replace(self, axes=(*self.axes, *new)) if new else self
 
-    def known(self) -> dict[str, str]:
-        """Return topics and their types that can be subscribed before anybody publishes."""
-        everything = {name: kind for axis in self.axes for name, kind in axis_topics(axis).items()}
-        return {name: kind for name, kind in everything.items() if self.takes(name)}
-
-    def latched(self) -> set[str]:
-        """Return the topics among the known ones that an axis keeps for late joiners."""
-        return {
-            topic.full_name(axis) for axis in self.axes for topic in OUTPUTS.values() if topic.kept
-        }
-
     def takes(self, name: str) -> bool:
         """Return whether a new topic is recorded."""
         if name in self.names or (self.pattern is not None and self.pattern.fullmatch(name)):
@@ -82,39 +70,11 @@ class Choice:
         return ", ".join(parts) or f"all topics of {', '.join(self.axes)}"
 
 
-class UnsetClock:
-    """The clock of the machine without steps, because bags are read in the order of times.
-
-    Corrections of the clock by less than a second are followed.
-    """
-
-    def __init__(
-        self,
-        wall: Callable[[], int] = time.time_ns,
-        steady: Callable[[], int] = time.monotonic_ns,
-    ) -> None:
-        """Begin with the clocks (ns) as they are."""
-        self._wall, self._steady = wall, steady
-        self._offset = wall() - steady()
-        self.set_by = self._before = 0  #: ns since the beginning
-
-    def time_of(self, ns: int) -> int:
-        """Convert a recent time of the machine's clock (ns) to the clock without steps."""
-        wall = self._wall()
-        set_by = wall - self._steady() - self._offset
-        if abs(set_by - self.set_by) >= _STEP:
-            self._before, self.set_by = self.set_by, set_by
-        # What was read off just before it was set is nearer to the present without that.
-        now = wall - self.set_by
-        return min(ns - self.set_by, ns - self._before, key=lambda one: abs(one - now))
-
-
 # At 1 kHz, ten seconds of messages may wait for us while the machine has no time; those of one
 # second are taken at once, before others are heard. Fast DDS makes room as it needs it.
 QUEUE_DEPTH, AT_ONCE = 10_000, 1000
 
-Taken = tuple[bytes, dict[str, Any]]
-"""A serialized message, and the information of the middleware about it."""
+Taken = tuple[bytes, dict[str, Any]]  #: a serialized message, what the middleware says of it
 
 
 def request_qos(offers: Sequence[QoSProfile], expect_latched: bool = False) -> QoSProfile:
@@ -309,10 +269,14 @@ class Recording:
         self.topics: dict[str, RecordedTopic] = {}  #: that are recorded, by name
         self._refused: set[str] = set()
         self._clock = UnsetClock()
+        self.rate = 0.0  #: messages per second, between the last two counts
+        self._counted = 0, time.monotonic_ns(), 0  # messages, and when (ns), and lost ones
         try:
-            latched = choice.latched()
-            for name, type_name in choice.known().items():
-                self._open(name, type_name, name in latched)
+            for axis in choice.axes:  # whose topics are known before anybody publishes
+                kept = {topic.full_name(axis) for topic in OUTPUTS.values() if topic.kept}
+                for name, type_name in axis_topics(axis).items():
+                    if name not in self.topics and choice.takes(name):
+                        self._open(name, type_name, name in kept)
             self._add_new_topics()
         except BaseException:
             bag.discard()
@@ -324,6 +288,14 @@ class Recording:
         """Messages that were published but never came, and those from before we heard of them."""
         losses = [topic.losses for topic in self.topics.values()]
         return sum(one.lost for one in losses), sum(one.before_joining for one in losses)
+
+    def count_anew(self) -> int:
+        """Count messages for the rate; return those that were lost since the last count."""
+        before = self._counted
+        self._counted = self.bag.message_count, time.monotonic_ns(), self.lost[0]
+        count, ns, lost = (now - then for now, then in zip(self._counted, before, strict=True))
+        self.rate = 1e9 * count / max(ns, 1)
+        return lost
 
     def follow_graph(self) -> None:
         """Look for new axes and topics, and for publishers that want another QoS."""

@@ -16,9 +16,9 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.exceptions import NameValidationException
@@ -26,30 +26,18 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from stickslip_ros.base.clocks import Timetable, with_ticks
 from stickslip_ros.base.errors import UsageError, printable
 from stickslip_ros.recordings import OfferedQos, open_bag
 from stickslip_ros.ros.nodes.guarded_node import CLOCK_TOPIC, GuardedNode
 from stickslip_ros.ros.nodes.messages import UnknownTypeError, message_class, stamp
-from stickslip_ros.ros.nodes.node_parameters import (
-    OwnParameter,
-    full_name,
-    read_own_parameters,
-    run_node,
-)
-
-Item = TypeVar("Item")
+from stickslip_ros.ros.nodes.node_parameters import OwnParameter, full_name, read_own, run_node
 
 NODE_NAME = "stickslip_replay"
 _DEPTH = 1000
-#: New publishers and listeners that are there already find each other within this time, s
-_MATCHING = 3.0
-#: Nobody new for so long, s, means that all have
-_QUIET = 0.5
+_MATCHING = 3.0  # s in which new publishers find listeners that are there already
+_QUIET = 0.5  # s without anybody new, which means that all have
 _ACKNOWLEDGED = 3.0  # s, the last messages may take to arrive
-#: Largest delay (s) of a busy machine; a longer one counts as a stop.
-LATE = 0.2
-#: Longest sleep (s) between checks whether to end.
-_SLEEP = 0.05
 
 PARAMETERS = (
     OwnParameter("bag", "", "folder of the bag, or one of its files"),
@@ -75,7 +63,7 @@ class ReplayNode(GuardedNode):
         """
         super().__init__(NODE_NAME, **options)
         self.played = 0  #: messages so far
-        self._given = read_own_parameters(self, PARAMETERS)
+        self._given = read_own(self, PARAMETERS)
         given, path = self._given, self._given["bag"]
         if not path:
             raise UsageError("parameter bag is empty; name the folder of a bag, -p bag:=FOLDER")
@@ -139,7 +127,7 @@ class ReplayNode(GuardedNode):
     def _play(self) -> None:
         try:
             self._wait_for_listeners()
-            while self.followed and self.followed.missing() and not self._ended.wait(_SLEEP):
+            while self.followed and self.followed.missing() and not self._ended.wait(0.05):
                 pass
             if self._given["start"]:
                 self._send_kept()
@@ -210,54 +198,6 @@ class ReplayNode(GuardedNode):
                 f"was suspended for {timetable.moved:.3f} s; playback continues from there"
             )
         return self.played > played
-
-
-class Timetable:
-    """The times at which messages are due, by a given clock, at a rate."""
-
-    def __init__(
-        self, rate: float, now: Callable[[], float] = time.monotonic, late: float = LATE
-    ) -> None:
-        """Start at the first thing asked for; rate 2 plays in half the time.
-
-        late: the delay (s) beyond which the process was stopped.
-        """
-        self._rate = rate
-        self._now = now
-        self._late = late
-        self._start: float | None = None
-        self.moved = 0.0  #: s by which stops of the process have delayed the rest
-
-    def wait(self, t: float, ended: Callable[[], bool]) -> bool:
-        """Sleep until the time t (s since the beginning) has come; return False if ended first."""
-        if self._start is None:
-            self._start = self._now() - t / self._rate
-        due = self._start + t / self._rate
-        while (left := due - self._now()) > 0.0:
-            if ended():
-                return False
-            time.sleep(min(left, _SLEEP))
-        if -left > self._late:
-            self._start -= left
-            self.moved -= left
-        return not ended()
-
-
-def with_ticks(
-    messages: Iterable[tuple[int, Item]], period_ns: int
-) -> Iterator[tuple[int, Item | None]]:
-    """Yield messages in their order, and None every period between the first and the last.
-
-    messages are pairs of a time (ns) and anything; with period 0 there is nothing between.
-    """
-    tick: int | None = None
-    for time_ns, message in messages:
-        if period_ns and tick is None:
-            tick = time_ns
-        while tick is not None and tick <= time_ns:
-            yield tick, None
-            tick += period_ns
-        yield time_ns, message
 
 
 def is_kept(offers: Sequence[OfferedQos]) -> bool:

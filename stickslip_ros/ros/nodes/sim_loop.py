@@ -22,7 +22,6 @@ clock advances is simulated; while it stands or has been set back, the axes stan
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Collection, Sequence
 from time import monotonic_ns, perf_counter, thread_time
 
@@ -35,6 +34,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from stickslip_ros.axis import Axis, Pacer
 from stickslip_ros.axis.events import STEP_OF_TIME
 from stickslip_ros.axis.pace import Pace, PaceReport
+from stickslip_ros.base.priority import request_priority
 from stickslip_ros.physics.parameters import NodeParameters, ParameterError
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import publisher_of, stamp
@@ -328,18 +328,3 @@ class SimLoop:
         if not self._to_report:
             self.pacer.forget_worst()
             self.blocks = []
-
-
-def request_priority(priority: int | None) -> str:
-    """Request a priority of SCHED_FIFO for the calling thread; return the result.
-
-    None and 0 request nothing. The answer starts with "off", "granted" or "refused".
-    """
-    if not priority:
-        return "off"
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (OSError, AttributeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "this system knows no SCHED_FIFO"
-        return f"refused: {reason} (on Linux allow it with `ulimit -r {priority}` or CAP_SYS_NICE)"
-    return f"granted: SCHED_FIFO {priority}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import math
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -44,22 +45,15 @@ from stickslip_ros.ros.nodes.messages import (
     publisher_of,
     stamp,
 )
-from stickslip_ros.ros.nodes.node_parameters import (
-    OwnParameter,
-    full_name,
-    read_own_parameters,
-    run_node,
-)
+from stickslip_ros.ros.nodes.node_parameters import OwnParameter, full_name, read_own, run_node
 from stickslip_ros.ros.nodes.topics import EVENTS, TWIN_OUTPUTS
 
 NODE_NAME = "stickslip_twin"
 _POLL, _REPORT = 0.05, 1.0  # s
 _READING_TIME = 0.1  # s that readings are taken without a look at messages and reports
 _AGAIN = 10.0  # s between warnings that no position is heard
-#: Messages that wait at most: a flood beyond them is counted and left out
-_MOST = 20_000
-#: Messages of a topic that may come while the twin has no processor
-_QUEUE = 10_000
+_MOST = 20_000  # messages that wait: a flood beyond them is counted and left out
+_QUEUE = 10_000  # messages of a topic that may come while the twin has no processor
 _CHANGES = 20  # the last ones, which estimates tell
 _LEVELS = {"ok": DiagnosticStatus.OK, "unlike the model": DiagnosticStatus.ERROR}
 
@@ -83,7 +77,7 @@ class TwinNode(GuardedNode):
     def __init__(self, **options: Any) -> None:
         """Read the parameters, subscribe. Raises UsageError, ParameterError and TwinError."""
         super().__init__(NODE_NAME, **options)
-        given = read_own_parameters(self, PARAMETERS)
+        given = read_own(self, PARAMETERS)
         self._patience, self._joint = given["patience"], given["joint"]
         direction, self._unit = list(given["direction"]), given["unit"]
         length = math.hypot(*direction)
@@ -120,8 +114,11 @@ class TwinNode(GuardedNode):
             )
         ]
         self._heard_on = [one.topic_name for one in positions]
-        self.create_subscription(Int32, "~/predict/steps", self._on_steps, 10)
-        self.create_subscription(Float64, "~/predict/position", self._on_position, 10)
+        for kind, name, ask in (
+            (Int32, "~/predict/steps", self.twin.predict_steps),
+            (Float64, "~/predict/position", self.twin.predict_position),
+        ):
+            self.create_subscription(kind, name, partial(self._predict, ask), 10)
         self._out = {one.name: publisher_of(self, one) for one in TWIN_OUTPUTS}
         self.create_timer(_POLL, self._poll)
         self.create_timer(_REPORT, self._report)
@@ -266,17 +263,12 @@ class TwinNode(GuardedNode):
             diagnostic_array(self.get_clock().now().to_msg(), [status])
         )
 
-    def _on_steps(self, message: Int32) -> None:
-        self._predict(lambda: self.twin.predict_steps(message.data))
-
-    def _on_position(self, message: Float64) -> None:
-        if math.isfinite(message.data):
-            self._predict(lambda: self.twin.predict_position(message.data))
-
-    def _predict(self, ask: Any) -> None:
+    def _predict(self, ask: Callable[[Any], Forecast], asked: Int32 | Float64) -> None:
         """Publish where a move ends: its begin, then its end with the ends of the 95 % band."""
+        if not math.isfinite(asked.data):
+            return
         try:
-            found: Forecast = ask()
+            found = ask(asked.data)
         except TwinError as error:
             self.get_logger().warning(str(error))
             return

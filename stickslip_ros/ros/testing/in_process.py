@@ -15,8 +15,6 @@ from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.publisher import Publisher
-from rclpy.subscription import Subscription
 from rosgraph_msgs.msg import Clock
 
 from stickslip_ros.physics.parameters.groups import AXIS_NODE
@@ -148,13 +146,12 @@ class InProcess:
         # What rclpy says of QoS that does not match is two thirds of what an executor looks at in
         # each round; nodes under test keep theirs, which say the same.
         for node in self._spin.nodes:
-            ends: tuple[Publisher | Subscription, ...] = (*node.publishers, *node.subscriptions)
+            ends: list[Any] = [*node.publishers, *node.subscriptions]
             for one in ends:
-                handlers: Any = one.event_handlers  # rclpy's hint is of one of them
-                for handler in handlers:
+                for handler in one.event_handlers:
                     node.remove_waitable(handler)
                     handler.destroy()
-                handlers.clear()
+                one.event_handlers.clear()
 
     def _pass_block(self, end: float | None = None) -> None:
         """Let time go on to the next state, and all nodes react to it; or to an end (s) or near it.
