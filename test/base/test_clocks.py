@@ -36,11 +36,9 @@ class SteadyClock:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
-        self.slept: list[float] = []
         monkeypatch.setattr("stickslip_ros.base.clocks.time.sleep", self.sleep)
 
     def sleep(self, seconds: float) -> None:
-        self.slept.append(seconds)
         self.now += seconds
 
 

@@ -5,15 +5,13 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from statistics import median
 from typing import Any
 
 import pytest
 from live import Ros
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.event_handler import EventHandler
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -23,6 +21,7 @@ from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
 
 from stickslip_ros.ros.nodes import axis_host, process, recorder_node, replay_node, twin_node
+from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.process import DONE, SpinThread, run
 
 
@@ -36,13 +35,12 @@ class CountingFuture(Future):
         super().add_done_callback(callback)
 
 
-class Alone(Node):
+class Alone(GuardedNode):
     """What a process runs, of one node."""
 
     def __init__(self) -> None:
         super().__init__("alone")
-        self.finished: Future = CountingFuture()
-        self.nodes: Sequence[Node] = [self]
+        self.finished = CountingFuture()
 
     def close(self) -> None:
         pass
@@ -126,8 +124,7 @@ class Flooded(Alone):
         self.ticks, self.executors = list[float](), set[Any]()
         self.create_subscription(Int32, "~/numbers", self._hear, 10)
         self._publisher = self.create_publisher(Int32, "~/numbers", 10)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(0.01, lambda: self.ticks.append(time.monotonic()), clock=steady)
+        self.create_timer(0.01, lambda: self.ticks.append(time.monotonic()))
         threading.Thread(target=self._flood, daemon=True).start()
 
     def _flood(self) -> None:
