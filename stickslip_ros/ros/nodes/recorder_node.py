@@ -79,7 +79,7 @@ class RecorderNode(GuardedNode):
         for name, answer in (("start", self._start), ("stop", self._stop), ("split", self._split)):
             take = partial(self._answer, answer)
             self.create_service(Trigger, f"~/{name}", take, qos_profile=SERVICE_QOS)
-        self._linger = self.create_timer(STOP_LINGER, self._end, autostart=False)
+        self._linger = self.create_timer(STOP_LINGER, lambda: self._end(), autostart=False)
         if self.followed:
             self.get_logger().info(
                 "use_sim_time: /clock stamps the diagnostics; the times of reception in the bag "
