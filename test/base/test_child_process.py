@@ -24,10 +24,7 @@ def test_a_process_that_does_not_end_well(
     monkeypatch.setattr(child_process, "_TIMEOUT", 1.0)
     log = tmp_path / "log"
     log.write_text("last words\n")
-    child = subprocess.Popen([sys.executable, "-c", program])
-    try:
+    with subprocess.Popen([sys.executable, "-c", program]) as child:
         with pytest.raises(ChildError, match=complaint):
             ChildProcess("node", log, child).ended()
-    finally:
         child.kill()
-        child.wait()

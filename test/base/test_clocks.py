@@ -34,9 +34,7 @@ def test_a_clock_that_is_set_leaves_the_order_of_times() -> None:
 class SteadyClock:
     """A clock that moves when slept on."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.now = 100.0
-        monkeypatch.setattr("stickslip_ros.base.clocks.time.sleep", self.sleep)
+    now = 100.0
 
     def sleep(self, seconds: float) -> None:
         self.now += seconds
@@ -44,7 +42,9 @@ class SteadyClock:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> SteadyClock:
-    return SteadyClock(monkeypatch)
+    found = SteadyClock()
+    monkeypatch.setattr("stickslip_ros.base.clocks.time.sleep", found.sleep)
+    return found
 
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 10.0])

@@ -158,9 +158,8 @@ class AxisNode(AxisOfLoop):
 
     def publish(self, topic: OutputTopic, message: Any) -> None:
         """Publish a message on a topic of the table."""
-        if VANISH in self.axis.config.faults:
-            return
-        self._outputs[topic.name].publish(message)
+        if VANISH not in self.axis.config.faults:
+            self._outputs[topic.name].publish(message)
 
     def _log(self, events: Sequence[Event]) -> None:
         """Log what has ended a motion, or kept it from its way, without a command."""

@@ -145,20 +145,15 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
         description=f"{row.description} ({row.unit})" if row.unit else row.description,
         read_only=not row.mutable,
     )
-    if choices := _choices(row):
+    registered = {"model": LAWS, "waveform": WAVEFORMS}.get(row.name)
+    choices = list(registered or row.pattern.split("|"))  # one of any text, and of a number
+    if len(choices) > 1:
         message.additional_constraints = f"one of: {', '.join(choices)}"
     if row.kind is float:
         message.floating_point_range = [FloatingPointRange(from_value=row.low, to_value=row.high)]
     elif row.kind is int:
         message.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
     return message
-
-
-def _choices(row: Parameter) -> list[str]:
-    """Return the texts that a parameter takes, none for a number or any text."""
-    registered = {"model": LAWS, "waveform": WAVEFORMS}.get(row.name)
-    found = list(registered or row.pattern.split("|"))
-    return found if len(found) > 1 else []
 
 
 # -- nodes without an axis: read once, at the start

@@ -83,7 +83,9 @@ class ReplayNode(GuardedNode):
         lasts = round(given["duration"] * 1e9)
         self._past = self._first + lasts if lasts else self._bag.end_ns + 1  # ns, not to play
         self._outlets = self._make_publishers()
-        self._clock_out = given["clock"] and self.create_publisher(ClockMessage, "/clock", 10)
+        self._clock_out: Publisher | None = None
+        if given["clock"]:
+            self._clock_out = self.create_publisher(ClockMessage, "/clock", 10)
         if self.followed and (self._clock_out or CLOCK_TOPIC in self._outlets):
             raise UsageError(
                 "use_sim_time lets /clock lead the time, and this would publish it as well: leave "
