@@ -158,6 +158,7 @@ def test_what_a_twin_hears_without_a_stamp_is_of_the_time_of_the_clock(
     for seconds in (50, 51):
         leader.show(seconds, 0, nodes)
         ros.send(position, Float64(data=1e-6))
+        ros.wait_until(lambda: twin._waiting, "the reading, before the clock goes on")
     ros.wait_until(
         lambda: 50 * 10**9 in map(stamp, heard), "the time of the reading, not that before any time"
     )
