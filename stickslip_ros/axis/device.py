@@ -139,7 +139,7 @@ class Device:
         if self._stalled:
             return
         actuation.asked = t
-        try:
+        try:  # not `_solving`, which takes a tenth of a block at rest
             if self._task or not (actuation.stands and self.supervisor.pass_by(actuation, t)):
                 self._run(t)
             actuation.advance(t)

@@ -60,6 +60,7 @@ class JointReport:
         v, rate = self._velocities
         self._said.append(reading)
         force = said_force(sim.force)
+        # Taken from 0.0, so that none is not -0.0.
         return (SLIDER, reading, v, 0.0 - force), (PIEZO, deflection, rate, force)
 
     def echoes(self, axis: Axis, x: float) -> bool:

@@ -58,24 +58,22 @@ def test_everything_comes_at_its_time(clock: SteadyClock, rate: float) -> None:
     assert timetable.moved == 0.0
 
 
-def test_a_little_late_is_made_up_for(clock: SteadyClock) -> None:
+@pytest.mark.parametrize(
+    ("late", "due", "moved", "then", "comes"),
+    [(0.1, 0.05, 0.0, 1.0, 101.0), (3.0, 1.0, 2.0, 1.5, 103.5)],
+    ids=["a little", "a stop"],
+)
+def test_a_little_late_is_made_up_for_and_a_stop_moves_what_is_left(
+    clock: SteadyClock, late: float, due: float, moved: float, then: float, comes: float
+) -> None:
     timetable = Timetable(1.0, lambda: clock.now)
     timetable.wait(0.0, lambda: False)
-    clock.now += 0.1
-    assert timetable.wait(0.05, lambda: False)
-    assert clock.now == pytest.approx(100.1)
-    timetable.wait(1.0, lambda: False)
-    assert clock.now == pytest.approx(101.0)
-
-
-def test_a_stop_of_the_process_moves_what_is_left(clock: SteadyClock) -> None:
-    timetable = Timetable(1.0, lambda: clock.now)
-    timetable.wait(0.0, lambda: False)
-    clock.now += 3.0
-    assert timetable.wait(1.0, lambda: False)
-    assert timetable.moved == pytest.approx(2.0)
-    timetable.wait(1.5, lambda: False)
-    assert clock.now == pytest.approx(103.5)
+    clock.now += late
+    assert timetable.wait(due, lambda: False)
+    assert clock.now == pytest.approx(100.0 + late)
+    assert timetable.moved == pytest.approx(moved)
+    timetable.wait(then, lambda: False)
+    assert clock.now == pytest.approx(comes)
 
 
 def test_it_ends_in_the_middle_of_a_wait(clock: SteadyClock) -> None:

@@ -168,7 +168,8 @@ class Simulation:
         return self._s["hits"]
 
     def _anchor(self) -> None:
-        s, self.stands = self._s, False
+        s = self._s
+        self.stands = False
         now = s["now_x"], s["now_v"], s["now_z"]
         s["cut"] = 1
         try:
@@ -202,7 +203,8 @@ class Simulation:
         self._set_clear_range()
 
     def _begin(self, cycle: DriveCycle, count: int) -> None:
-        numbers, self.stands = (cycle.shift, cycle.slip, cycle.slip_end, cycle.sign), False
+        self.stands = False
+        numbers = cycle.shift, cycle.slip, cycle.slip_end, cycle.sign
         begin_cycles(self._axis, self._each, self._t, count, numbers)
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
