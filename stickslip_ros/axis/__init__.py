@@ -12,15 +12,15 @@ _PLACES = {
     "axis": "Axis",
     "command": "AxisStatus",
     "events": "CommandRefused Event",
-    "pace": "Pace Pacer",
+    "pace": "Pace",
 }
 
 if TYPE_CHECKING:
     from stickslip_ros.axis.axis import Axis
     from stickslip_ros.axis.command import AxisStatus
     from stickslip_ros.axis.events import CommandRefused, Event
-    from stickslip_ros.axis.pace import Pace, Pacer
+    from stickslip_ros.axis.pace import Pace
 else:
     __getattr__ = lazy_names(__name__, _PLACES)
 
-__all__ = ["Axis", "AxisStatus", "CommandRefused", "Event", "Pace", "Pacer"]
+__all__ = ["Axis", "AxisStatus", "CommandRefused", "Event", "Pace"]

@@ -187,10 +187,9 @@ class Actuation:
         if self.kind != CYCLES:
             self.apply_parameters()
         elif not self._change:
-            done = self.sim.cycles_done
-            self._change = (
-                (done + 1, self.sim.end_of_cycle) if self.sim.cycles_left else self._last_cycle()
-            )
+            more = bool(self.sim.cycles_left)
+            ends = self.sim.end_of_cycle if more else self.sim.end_of_move
+            self._change = self.sim.cycles_done + more, ends
 
     @property
     def stands(self) -> bool:
@@ -208,14 +207,11 @@ class Actuation:
         return self.sim.end_of_cycle if self.kind == CYCLES and self.sim.cycles_left else self.t
 
     def break_off(self) -> None:
-        """End the running cycle where it is; the actuator stays at its level."""
-        volts = self._cycle_volts()
-        x = self.sim.position_of_cycle if self.sim.cycles_done else self._x_start
-        self._account_for_cycles()
-        self._x_end = x
+        """Stop at once, in the middle of a cycle as well; the actuator stays at its level."""
+        volts = self._cycle_volts() if self.kind == CYCLES else []
+        self._end_run()
         self.halt()
         self._dc_offset.moved(volts)
-        self._change, self._shortened = None, False
         self.apply_parameters()
 
     def shorten(self) -> None:
@@ -303,21 +299,10 @@ class Actuation:
     def end_cycles(self) -> None:
         """Rest from the end of a cycle on; waiting changes take effect."""
         left = self.sim.cycles_left
-        self._account_for_cycles()
-        self._x_end = self.sim.position_of_cycle
-        self.kind = REST
-        self.hertz = self._change = None
-        self._shortened = False
+        self._end_run()
+        self.kind, self.hertz = REST, None
         if left:
             self.sim.start(self.sim.drive_cycle, 0)
-
-    def abort(self) -> None:
-        """Stop where the solver failed, even in the middle of a cycle."""
-        self._account_for_cycles()
-        self._change = None
-        self._x_end = self.x
-        self.halt()
-        self.apply_parameters()
 
     # -- soft limits
 
@@ -394,7 +379,13 @@ class Actuation:
         self._last = self.last_cycle
         self._done_before += self.sim.cycles_done
         if self.sim.cycles_done:
-            self._dc_offset.cycled(self._peak)
+            self._dc_offset.moved([self._peak, 0.0])
+
+    def _end_run(self) -> None:
+        if self.kind == CYCLES:
+            self._account_for_cycles()
+            self._x_end = self.sim.position_of_cycle
+        self._change, self._shortened = None, False
 
     def _drive_cycle(self) -> DriveCycle:
         return self.config.drive_cycle(
@@ -427,14 +418,11 @@ class Actuation:
             self.travel.confine(self.config.faults, self.config.offset, self.cycles_run)
         self._check = self.sim.cycles_done + int(min(max(fit, 0.0), _MOST_CYCLES, left or ENDLESS))
 
-    def _last_cycle(self) -> tuple[int, float]:
-        """Return the number of the last cycle and the time (s) of its end."""
-        return self.sim.cycles_done + self.sim.cycles_left, self.sim.end_of_move
-
     def _stretch(self) -> tuple[int, float]:
         """Return the next cycle whose end needs a check, and that time (s)."""
         if self._change:
             return self._change
-        if self.kind == RAMP or self.sim.cycles_done + self.sim.cycles_left <= self._check:
-            return self._last_cycle()
+        last = self.sim.cycles_done + self.sim.cycles_left
+        if self.kind == RAMP or last <= self._check:
+            return last, self.sim.end_of_move
         return self._check, self._cycles_start + self._check * self.sim.drive_cycle.period

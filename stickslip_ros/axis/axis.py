@@ -22,7 +22,6 @@ from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.events import TRIP, CommandRefused, Event
 from stickslip_ros.axis.faults import REFUSE
 from stickslip_ros.axis.tasks import StepTask
-from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver import Simulation, State
 
@@ -45,11 +44,6 @@ class Axis(Device):
     def state(self) -> State:
         """Runner, actuator and contact at the present time."""
         return self.actuation.sim.state
-
-    @property
-    def plant(self) -> Plant:
-        """Contact, mass and loads in force."""
-        return self.actuation.sim.plant
 
     @property
     def simulation(self) -> Simulation:
@@ -107,13 +101,12 @@ class Axis(Device):
             p = p.replace(frequency=max(p.drive.frequency, 1.0))
         spare = Axis(p)
         cycle = 1.0 / spare.status.frequency
+        # the load: another plant in the middle of a cycle
+        motion = (0.0, "steps", 3), (1.5, "load", 0.0), (1.5, "stop"), (3.0, "steps", 1)
         with suppress(CommandRefused):  # one that cannot move has nothing more to compile
-            spare.command("steps", 3)
-            spare.advance(1.5 * cycle)
-            spare.command("load", 0.0)  # another plant in the middle of a cycle
-            spare.command("stop")
-            spare.advance(3.0 * cycle)
-            spare.command("steps", 1)
+            for cycles, *command in motion:
+                spare.advance(cycles * cycle)
+                spare.command(*command)
             spare.advance(3.5 * cycle)
             spare.actuation.halt()  # the chain in the middle of a window
             spare.command("parameters", {"sensor_bandwidth": 1e3})

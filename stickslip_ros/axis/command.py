@@ -11,10 +11,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
-from stickslip_ros.axis.events import is_digest
+from stickslip_ros.axis.events import shorten
 from stickslip_ros.physics.parameters import ParameterError
+from stickslip_ros.physics.parameters.named_files import is_digest
 
 STOPPED, STEPPING, JOGGING, SCANNING = "stopped", "stepping", "jogging", "scanning"
 TARGETING, HOLDING, HOMING = "targeting", "holding", "homing"
@@ -165,21 +167,21 @@ class Command:
         return self.off[1] if self.off and self.turns_off(arguments) else self.states
 
     def completed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Return the arguments with the defaults of those that were left out; lists, as in events.
+        """Return the arguments as plain numbers and lists, with defaults of those left out.
 
-        ParameterError if there are too few or too many.
+        ParameterError if there are too few or too many, or if one is of another type.
         """
         wanted = ("a mapping",) if self.arguments is None else self.arguments
         missing = len(wanted) - len(arguments)
-        if not 0 <= missing <= len(self.defaults):
-            given = ", ".join(map(repr, arguments)) or "nothing"
-            raise ParameterError(
-                f"{self.name} takes {', '.join(wanted) or 'no value'}, not {given}"
-            )
-        if self.type == TRAJECTORY:
-            joints, points, *begin = arguments
-            arguments = (list(joints), [list(point) for point in points], *begin)
-        return arguments + self.defaults[len(self.defaults) - missing :] if missing else arguments
+        what = ", ".join(wanted) or "no value"
+        if 0 <= missing <= len(self.defaults):
+            left_out = self.defaults[len(self.defaults) - missing :] if missing else ()
+            plain = tuple(map(_plain, arguments)) + left_out
+            what, suits = _SUITS.get(self.type, ("", lambda *_: True))
+            if suits(*plain):
+                return plain
+        given = ", ".join(repr(shorten(one)) for one in arguments) or "nothing"
+        raise ParameterError(f"{self.name} takes {what}, not {given}")
 
     def details(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
         """Return its arguments as the details of an event."""
@@ -196,30 +198,50 @@ class Command:
         if lacking := [name for name in self.arguments if name not in details]:
             raise ValueError(f"it lacks {lacking[0]!r}")
         found = tuple(details[name] for name in self.arguments)
-        if not _SUITS.get(self.type, lambda *_: True)(*found):
-            raise ValueError(f"its arguments are not those of a {self.type}")
+        what, suits = _SUITS.get(self.type, ("", lambda *_: True))
+        if not suits(*found):
+            raise ValueError(f"it does not hold {what}")
         return found
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers and arrays of NumPy as those of Python, and sequences as lists."""
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _is_number(value: Any) -> bool:
     # A whole number in a bag may be larger than any float.
-    return type(value) in (int, float) and abs(value) <= sys.float_info.max
+    return type(value) is float or (type(value) is int and abs(value) <= sys.float_info.max)
 
 
-#: Type of a command's message -> whether arguments can be of it
-_SUITS: dict[str, Callable[..., bool]] = {
-    INT32: lambda value: type(value) is int and -INT32_RANGE <= value < INT32_RANGE,
-    FLOAT64: _is_number,
-    WRENCH: _is_number,
-    SET_BOOL: lambda value: isinstance(value, bool),
-    TRAJECTORY: lambda joints, points, begin: (
+def _are_points(joints: Any, points: Any, begin: Any) -> bool:
+    return (
         isinstance(joints, list)
         and all(isinstance(joint, str) for joint in joints)
         and isinstance(points, list)
-        and all(isinstance(point, list) and all(map(_is_number, point)) for point in points)
+        and all(isinstance(point, list) and len(point) == 2 for point in points)
+        and all(map(_is_number, chain(*points)))
         and _is_number(begin)
+    )
+
+
+#: Type of a command's message -> what its arguments are, and whether some can be that
+_SUITS: dict[str, tuple[str, Callable[..., bool]]] = {
+    INT32: (
+        f"a whole number from {-INT32_RANGE} to {INT32_RANGE - 1}",
+        lambda value: type(value) is int and -INT32_RANGE <= value < INT32_RANGE,
     ),
-    JOINT_STATE: lambda joint, interface, value: (
-        isinstance(joint, str) and interface in ("position", "velocity") and _is_number(value)
+    FLOAT64: ("a number", _is_number),
+    WRENCH: ("a number", _is_number),
+    SET_BOOL: ("True or False", lambda value: isinstance(value, bool)),
+    TRAJECTORY: ("a list of joints and one of points, each a time and a position", _are_points),
+    JOINT_STATE: (
+        'a joint, "position" or "velocity", and a number',
+        lambda joint, interface, value: (
+            isinstance(joint, str) and interface in ("position", "velocity") and _is_number(value)
+        ),
     ),
+    SET_PARAMETERS: ("a mapping", lambda changes: isinstance(changes, Mapping)),
 }

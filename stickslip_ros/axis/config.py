@@ -103,10 +103,6 @@ class Config:
         except ParameterError as error:
             raise ParameterError(f"scan level: {error}") from None
 
-    def check_load(self, newtons: float) -> None:
-        """Raise ParameterError for a load (N) that would not do as the parameter force."""
-        replace(parameter("force"), name="load").check(newtons)
-
     def check_target(self, x: float) -> None:
         """Raise ParameterError for a target (m, as measured) that must not or cannot be reached."""
         limits, (low, high) = self.parameters.limits, self.reach

@@ -58,10 +58,6 @@ class DcOffset:
         """End the ramp, if there is one, at time t (s)."""
         self._stand(self._volts(t))
 
-    def cycled(self, volts: float) -> None:
-        """Remember cycles between 0 and volts (V), which end at 0."""
-        self.moved([volts, 0.0])
-
     def moved(self, volts: list[float]) -> None:
         """Remember voltages (V) that the actuator went between, and stay at the last."""
         for one in volts:

@@ -22,7 +22,6 @@ from stickslip_ros.axis.events import (
     START,
     CommandRefused,
     Event,
-    digests_of,
     is_set_point,
     shorten,
 )
@@ -31,6 +30,7 @@ from stickslip_ros.axis.tasks import AxisTask, JogTask, ScanTask, StepTask, Supe
 from stickslip_ros.physics.model.arithmetic import arithmetic
 from stickslip_ros.physics.model.versions import COMMANDS_CHANGED, MODEL_VERSION
 from stickslip_ros.physics.parameters import ParameterError, Parameters
+from stickslip_ros.physics.parameters.named_files import digests_of
 from stickslip_ros.physics.solver.driven import simulation_of
 from stickslip_ros.version import __version__
 
@@ -249,7 +249,7 @@ class Device:
         self.note("fault", "fault", reason=self.fault)
         task, self._task, self._next, self._leaving = self._task, None, None, False
         with suppress(ArithmeticError, ParameterError):
-            self.actuation.abort()
+            self.actuation.break_off()
         if task:
             self._end(task)
 

@@ -48,9 +48,12 @@ class JointReport:
         """
         sim, reading = axis.simulation, axis.arrived
         deflection = sim.commanded
-        if not math.isnan(reading):
-            # Without the zero, which moves nothing.
-            self._note(sim.t, reading + axis.config.offset, deflection)
+        if not math.isnan(reading) and (self._last is None or sim.t > self._last[0]):
+            now = sim.t, reading + axis.config.offset, deflection  # the zero moves nothing
+            if self._last:
+                dt, dx, du = (new - old for new, old in zip(now, self._last, strict=True))
+                self._velocities = dx / dt, du / dt
+            self._last = now
         if axis.parameters.node.joint_state_source == TRUTH:
             (end, x, v, force), piezo = joints_of(axis)
             self._said.append(x - axis.config.offset)
@@ -74,13 +77,6 @@ class JointReport:
         if x in self._said:
             self._echo = x
         return x == self._echo
-
-    def _note(self, t: float, reading: float, deflection: float) -> None:
-        if self._last and t > self._last[0]:
-            before, x, u = self._last
-            self._velocities = (reading - x) / (t - before), (deflection - u) / (t - before)
-        if self._last is None or t > self._last[0]:
-            self._last = t, reading, deflection
 
 
 def said_force(newtons: float) -> float:

@@ -10,18 +10,11 @@ how its time is divided: only the stamps of a recording show the pace.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.sensor import has_bandwidth
-
-#: Timers may fire early by this fraction of the period.
-_EARLY = 0.1
-#: Part of the deadlines, and of so many at least, that may be missed without a word: single blocks
-#: are late at times.
-_UNSAID, _AMONG = 0.01, 1000
 
 
 @dataclass(frozen=True)
@@ -241,55 +234,3 @@ def overload(axis: Axis, report: PaceReport) -> str:
         costly.append(f"{axis.actuation.hertz or p.drive.frequency:g} cycles a second")
     why = ", ".join(costly) or "the load of the machine"
     return f"{how}: a second of motion takes {report.cost:.2g} s of processor, by {why}"
-
-
-class Pacer:
-    """Deadlines at ``start + k period``, all in seconds of one steady clock.
-
-    So lateness never adds up. A deadline that was not used before the next one came is counted and
-    skipped: late work never comes in a burst.
-    """
-
-    def __init__(self, period: float, start: float, excused: float = 0.0) -> None:
-        """Set the period and the start (s): that of the timer, not of its first tick.
-
-        What is missed in the time excused (s) from then on is not counted.
-        """
-        self.period = period
-        self._start = start
-        self._counts_from = start + excused
-        self._done = 0
-        self._deadlines = 0  # since the start
-        self._told = 0  # of the missed ones, when `misses_more` was last True
-        self.missed = 0  #: deadlines skipped since the start
-        self.lag = 0.0  #: lateness of the last block behind the first deadline it serves, s
-        self.worst_lag = 0.0  #: largest lag since `forget_worst`, s
-
-    def tick(self, now: float) -> bool:
-        """Note that the task runs at ``now``; return False if no deadline has come since."""
-        due = math.floor((now - self._start) / self.period + _EARLY)
-        if due <= self._done:
-            return False
-        first = self._start + (self._done + 1) * self.period  # that nothing was done for
-        missed, self._done = due - self._done - 1, due
-        self.lag = max(0.0, now - first)
-        if now >= self._counts_from:
-            self._deadlines += missed + 1
-            self.missed += missed
-            self.worst_lag = max(self.worst_lag, self.lag)
-        return True
-
-    def misses_more(self) -> bool:
-        """Return True if more than 1 % was missed, and twice as many as when it last was True."""
-        many = self.missed > _UNSAID * max(self._deadlines, _AMONG)
-        news = many and self.missed >= 2 * self._told
-        self._told = self.missed if news else self._told
-        return news
-
-    def restart(self, now: float) -> None:
-        """Begin at ``now`` (s) again, after a while without deadlines."""
-        self._start, self._done = now, 0
-
-    def forget_worst(self) -> None:
-        """Start a new window for `worst_lag`."""
-        self.worst_lag = 0.0

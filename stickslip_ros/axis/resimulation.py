@@ -16,9 +16,10 @@ from typing import Any
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event, NotRepeatable, check_files
+from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event, NotRepeatable
 from stickslip_ros.physics.model.versions import ModelChange, changes_since
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters, parameter
+from stickslip_ros.physics.parameters.named_files import check_files
 
 #: Characters of a text from a recording that an error shows: names of events are shorter
 _SHOWN = 40

@@ -80,10 +80,6 @@ class Sensor:
             return k - 1
         return k + 1 if (k + 1) / self.rate <= t else k
 
-    def arrived_by(self, t: float) -> int:
-        """Return the number of the last reading that has arrived by time t (s)."""
-        return self.taken_by(t) - self.delay
-
     def reading(self, x: float, k: int) -> float:
         """Return reading number k (m) for a runner at x (m)."""
         if self._noise:
@@ -142,11 +138,6 @@ def _flicker_of(seed: int, block: int) -> Array:
     return noise
 
 
-def low_pass_of(p: SensorParameters, dt: float, x: float) -> LowPass:
-    """Return the low-pass of a sensor, settled at x (m), for samples every dt (s)."""
-    return LowPass(p.sensor_bandwidth or 0.0, p.sensor_order, p.sensor_damping, dt, x)
-
-
 def has_bandwidth(p: SensorParameters) -> bool:
     """Return whether a sensor has a low-pass."""
     return p.sensor_bandwidth is not None and p.sensor_bandwidth >= LOWEST
@@ -182,7 +173,7 @@ class Readings:
         asked: time (s) before which nobody asks what has arrived.
         """
         last = sensor.taken_by(t)
-        arrived = last - sensor.delay if asked <= t else sensor.arrived_by(asked)
+        arrived = (last if asked <= t else sensor.taken_by(asked)) - sensor.delay
         newest = next(reversed(self._positions))
         while (oldest := next(iter(self._positions))) < min(arrived, newest):
             del self._positions[oldest]
@@ -197,7 +188,7 @@ class Readings:
 
         After the start, and with a latency that has become longer, that is the oldest there is.
         """
-        k = sensor.arrived_by(t)
+        k = sensor.taken_by(t) - sensor.delay
         if k not in self._positions:
             k = min(self._positions)
         return k, self._positions[k]
@@ -217,7 +208,7 @@ class SensorDynamics:
         self._still = False  # runner and output, in the last group
         self._settled = True  # the filter has to start from `_x`
         self._range = (-math.inf, math.inf)  # of both in this group, m; not of the first
-        self._low_pass = low_pass_of(p, 1.0 / (self._rate * self._samples), x)
+        self._low_pass = LowPass(p, 1.0 / (self._rate * self._samples), x)
         self._x = x  # at the last sample, m
         self.sensed = x  #: filtered position at the last reading, m
 

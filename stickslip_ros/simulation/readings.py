@@ -15,11 +15,11 @@ from stickslip_ros.axis.sensor import (
     Sensor,
     SensorDynamics,
     has_bandwidth,
-    low_pass_of,
     samples_per_reading,
 )
 from stickslip_ros.base.files import whole_file
 from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.low_pass import LowPass
 from stickslip_ros.physics.model.waveforms import command_of
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.physics.solver.driven import simulation_of
@@ -79,8 +79,8 @@ def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
     looks = samples_per_reading(p.sensor, Plant.of(p).ringing_frequency)
     dt = 1.0 / (p.sensor.sensor_rate * looks)
     position, velocity = (
-        low_pass_of(p.sensor, dt, float(motion.x[0])),
-        low_pass_of(p.sensor, dt, 0.0),
+        LowPass(p.sensor, dt, float(motion.x[0])),
+        LowPass(p.sensor, dt, 0.0),
     )
     x, v = np.empty_like(motion.x), np.empty_like(motion.x)
     done, first, last = 0, 0, math.ceil(motion.duration / dt) + 1

@@ -18,6 +18,7 @@ from expected_motion import Cycles
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis.events import Event, event_texts
 from stickslip_ros.physics.model import Plant, drive_of
 from stickslip_ros.physics.parameters import ParameterError
 from stickslip_ros.physics.solver import State
@@ -124,14 +125,35 @@ def _part_of(cycles: Cycles, t: float) -> State:
 
 def test_what_is_no_command_is_said_and_programs_of_before_run_on() -> None:
     axis: Any = Axis(TABLE_1)
-    for words in (("stepz", 3), ("steps",), ("stop", 1), ("parameters",), ("trajectory", ["x"])):
-        with pytest.raises(ParameterError, match=r"no command 'stepz'; there are|takes .*, not "):
+    for words, said in {
+        ("stepz", 3): "no command 'stepz'; there are",
+        ("steps",): "steps takes value, not nothing",
+        ("steps", 1.5): "steps takes a whole number from -2147483648 to 2147483647, not 1.5",
+        ("steps", True): "from -2147483648 to 2147483647, not True",
+        ("jog", "x"): "jog takes a number, not 'x'",
+        ("load", "1mN"): "load takes a number, not '1mN'",
+        ("enable", "no"): "enable takes True or False, not 'no'",
+        ("stop", 1): "stop takes no value, not 1",
+        ("parameters", 3): "parameters takes a mapping, not 3",
+        ("trajectory", "x", 3): "trajectory takes a list of joints and one of points",
+        ("trajectory", ("axis_slider",), ((0.1, 1e-6, 5.0),)): "each a time and a position, not",
+        ("joint_command", "axis_slider", "effort", 1.0): 'takes a joint, "position" or "velocity"',
+    }.items():
+        with pytest.raises(ParameterError, match=said):
             axis.command(*words)
-    axis.command_steps(3)
+    axis.command_steps(np.int64(3))
+    axis.command("jog", np.float64(3.0))
+    axis.command("trajectory", ["axis_slider"], np.array([[0.1, 1e-6]]))
     axis.set_load(0.0)
     with pytest.raises(AttributeError, match="an axis has no 'comand_steps'"):
         axis.comand_steps(3)
-    assert [e.name for e in axis.take_events()] == ["start", "steps", "load"]
+    events = [Event.of(event_texts(event)) for event in axis.take_events()]  # as a bag has them
+    assert [e and (e.name, e.details) for e in events[1:]] == [
+        ("steps", {"value": 3}),
+        ("jog", {"value": 3.0}),
+        ("trajectory", {"joints": ["axis_slider"], "points": [[0.1, 1e-6]], "begin": 0.0}),
+        ("load", {"value": 0.0}),
+    ]
 
 
 def test_all_that_waits_for_a_cycle_begins_together() -> None:
@@ -153,7 +175,7 @@ def test_what_is_set_at_rest_holds_at_once() -> None:
     axis.command("amplitude", 200.0)
     axis.command("frequency", 1000.0)
     axis.command("parameters", {"preload": 2.0})
-    assert axis.plant == Plant.of(table_1(preload=2.0))
+    assert axis.simulation.plant == Plant.of(table_1(preload=2.0))
     assert names(axis) == [
         f"{what} applied" for what in ("steps", "amplitude", "frequency", "parameters")
     ]

@@ -56,7 +56,6 @@ CASES = {
     "jog too fast": Case(command("jog", 1e9), "lower it", [command("jog", 1000.0)]),
     "scan above": Case(command("scan", 301.0), "stay below it", [command("scan", 300.0)]),
     "scan below": Case(command("scan", -301.0), "stay above it", [command("scan", 0.0)]),
-    "steps of a half": Case(command("steps", 1.5), "round it", [command("steps", 2)]),
     "target beyond": Case(
         command("position", 1.0), "choose one in this range", [command("position", 0.0099)]
     ),

@@ -95,11 +95,11 @@ def test_what_the_runner_does() -> None:
     slack = with_fault("preload_loss 0.9")
     slack.advance(0.11)
     left = 0.1 * slack.parameters.friction.preload
-    assert slack.plant.contact.sigma_0 == pytest.approx(
-        Axis({**QUIET, "preload": left}).plant.contact.sigma_0
+    assert slack.simulation.plant.contact.sigma_0 == pytest.approx(
+        Axis({**QUIET, "preload": left}).simulation.plant.contact.sigma_0
     )
     slack.command("parameters", {"fault": ""})
-    assert slack.plant == free.plant
+    assert slack.simulation.plant == free.simulation.plant
 
 
 def test_refused_named_and_not_allowed() -> None:

@@ -13,8 +13,9 @@ from scipy.signal import welch
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.sensor import Sensor, low_pass_of
+from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.low_pass import LowPass
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver import Samples, Simulation
 from stickslip_ros.simulation.motion import Motion
@@ -138,7 +139,7 @@ def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:
 def test_the_response_to_a_cubic_is_that_of_the_textbook() -> None:
     p, dt = table_1(sensor_bandwidth=100.0).sensor, 1e-5
     t = np.linspace(dt, 1000 * dt, 1000)
-    y = low_pass_of(p, dt, 5e-9).filter(5e-9 + 1e-3 * t**3, 3e-3 * t**2)
+    y = LowPass(p, dt, 5e-9).filter(5e-9 + 1e-3 * t**3, 3e-3 * t**2)
     lag = 1.0 / (2.0 * math.pi * 100.0)
     cubic = t**3 - 3.0 * lag * t**2 + 6.0 * lag**2 * t - 6.0 * lag**3 * (1.0 - np.exp(-t / lag))
     assert y == pytest.approx(5e-9 + 1e-3 * cubic, abs=1e-20)
@@ -148,7 +149,7 @@ def test_a_slow_sensor_of_a_long_move_keeps_its_gain() -> None:
     """It was 0.06 nm off after a millimetre, and 2.8 nm at 1 Hz: rounding of the filter."""
     p = table_1(sensor_bandwidth=10.0, sensor_order=2, sensor_damping=0.7).sensor
     t = np.linspace(1e-6, 1.0, 10**6)
-    y = low_pass_of(p, 1e-6, 0.0).filter(1e-3 * t, np.full_like(t, 1e-3))
+    y = LowPass(p, 1e-6, 0.0).filter(1e-3 * t, np.full_like(t, 1e-3))
     behind = 2.0 * 0.7 / (2.0 * math.pi * 10.0)
     assert y[-1] == pytest.approx(1e-3 * (1.0 - behind), abs=1e-13)
 
@@ -247,7 +248,7 @@ def test_readings_at_rest_are_those_of_every_sample() -> None:
     """To 0.06 nm, with steps, a load and creep, and the same bits however time is divided."""
     lot = np.random.default_rng(1)
     whole, parts = Axis(CREEPING), Axis(CREEPING)
-    exact, low_pass = Axis({**CREEPING, "sensor_bandwidth": 0.0}), low_pass_of(
+    exact, low_pass = Axis({**CREEPING, "sensor_bandwidth": 0.0}), LowPass(
         table_1(**CREEPING).sensor, 1.0 / 250e3, 0.0
     )  # fmt: skip
     for axis in (whole, parts, exact):

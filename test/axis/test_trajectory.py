@@ -88,7 +88,6 @@ BAD: list[tuple[list[str], list[Any], str]] = [
     ([JOINT], [(0.1, float("inf"))], "point 1 is (0.1 s, inf m)"),
     ([JOINT], [(0.1, 1e-6), (0.2, 0.02)], "point 2: target is 0.02 m"),
     ([JOINT], [(0.1, 6e-5)], "point 1: target is 6e-05 m"),
-    ([JOINT], [(0.1, 1e-6, 5.0)], "give a time and a position"),
 ]
 
 

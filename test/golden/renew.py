@@ -23,9 +23,10 @@ import numpy as np
 # As the tests have it: threads of linear algebra would add up in another order.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from stickslip_ros.axis.sensor import Sensor, low_pass_of
+from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.cli.main import main
 from stickslip_ros.physics.model.arithmetic import arithmetic
+from stickslip_ros.physics.model.low_pass import LowPass
 from stickslip_ros.physics.parameters import Parameters
 
 HERE = Path(__file__).parent
@@ -151,7 +152,7 @@ def sensed(values: dict[str, Any]) -> list[str]:
     k = np.arange(2000)
     x = np.cumsum((k * 7919) % 101 - 50).astype(float) * 1e-11
     v = ((k * 104729) % 97 - 48).astype(float) * 1e-6
-    y = low_pass_of(p, 4e-6, 0.0).filter(x, v) if p.sensor_bandwidth else x
+    y = LowPass(p, 4e-6, 0.0).filter(x, v) if p.sensor_bandwidth else x
     sensor = Sensor(p)
     return [sensor.reading(float(y[at]), at).hex() for at in range(0, len(k), 100)]
 

@@ -116,7 +116,7 @@ def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float, float]]
 
 def ringing(axis: Axis, amplitude: float) -> float:
     """Return the time (s) in which the ringing of a runner falls from an amplitude (m) to STILL."""
-    decay = max(axis.plant.contact.sigma_1, 1e-9) / (2.0 * axis.plant.mass)
+    decay = max(axis.simulation.plant.contact.sigma_1, 1e-9) / (2.0 * axis.simulation.plant.mass)
     return math.log(max(amplitude / STILL, 1.0)) / decay
 
 

@@ -17,7 +17,6 @@ from itertools import combinations
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
-from stickslip_ros.axis.sensor import low_pass_of
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.errors import StickslipError
 from stickslip_ros.base.reporting import format_si
@@ -28,6 +27,7 @@ from stickslip_ros.measurement.steps.noise import noise_of
 from stickslip_ros.measurement.steps.ringing import Ringing
 from stickslip_ros.measurement.steps.run import Run
 from stickslip_ros.physics.model import Plant
+from stickslip_ros.physics.model.low_pass import LowPass
 from stickslip_ros.physics.model.waveforms import command_of
 from stickslip_ros.physics.parameters import PARAMETERS, Parameters
 from stickslip_ros.physics.solver.driven import simulation_of
@@ -235,8 +235,8 @@ def _bandwidth(p: Parameters) -> float:
 def _behind(p: Parameters, t: Array, x: Array, v: Array, wanted: Array) -> tuple[Array, Array]:
     """Return position (m) and velocity (m/s) behind the sensor at some of even times t (s)."""
     step = float(t[1] - t[0])
-    slow = low_pass_of(p.sensor, step, float(x[0])).filter(x, v)
-    rate = low_pass_of(p.sensor, step, 0.0).filter(v, np.gradient(v, step))
+    slow = LowPass(p.sensor, step, float(x[0])).filter(x, v)
+    rate = LowPass(p.sensor, step, 0.0).filter(v, np.gradient(v, step))
     found = scipy.interpolate.CubicHermiteSpline(t, slow, rate)(wanted)
     return np.asarray(found), np.interp(wanted, t, rate)
 

@@ -46,7 +46,8 @@ class OwnSensor:
         """Return when the reading in a joint state was taken, ns; None if it was the one before."""
         if self._sensor is None or joint != self._joint or stamp_ns < self._start:
             return stamp_ns
-        number = max(self._sensor.arrived_by(1e-9 * (stamp_ns - self._start)), 0)
+        taken = self._sensor.taken_by(1e-9 * (stamp_ns - self._start))
+        number = max(taken - self._sensor.delay, 0)
         before = self._last
         self._last = number
         if number == before:

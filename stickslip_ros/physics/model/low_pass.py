@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array, add_up
 from stickslip_ros.base.compiled import compiled
+from stickslip_ros.physics.parameters import SensorParameters
 
 Matrix = list[list[float]]
 #: Value and derivatives at the start of the cubic between two samples, by rate at its start, rise
@@ -30,13 +31,10 @@ _TERMS, _NORM = 18, 0.5
 class LowPass:
     """The low-pass filter of a sensor on even samples."""
 
-    def __init__(self, bandwidth: float, order: int, damping: float, dt: float, x: float) -> None:
-        """Start settled at x (m).
-
-        bandwidth is in Hz, order 1 or 2, damping the ratio of the second order; dt is the time (s)
-        between samples.
-        """
-        omega = 2.0 * math.pi * bandwidth * dt
+    def __init__(self, p: SensorParameters, dt: float, x: float) -> None:
+        """Start settled at x (m); dt is the time (s) between samples."""
+        order, damping = p.sensor_order, p.sensor_damping
+        omega = 2.0 * math.pi * (p.sensor_bandwidth or 0.0) * dt
         # Taylor coefficients of the input follow the states of the filter.
         taylor = [[0.0] * (order + 4) for _ in range(order + 4)]
         taylor[0][0] = -omega

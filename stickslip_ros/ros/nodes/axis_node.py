@@ -21,14 +21,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.command import JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import (
-    WARNED,
-    Event,
-    check_place,
-    is_set_point,
-    pack_set_points,
-    shorten,
-)
+from stickslip_ros.axis.events import WARNED, Event, is_set_point, pack_set_points, shorten
 from stickslip_ros.axis.faults import LATE, VANISH
 from stickslip_ros.axis.joints import JointReport, Joints
 from stickslip_ros.axis.pace import overload
@@ -37,6 +30,7 @@ from stickslip_ros.base.reporting import format_si
 from stickslip_ros.physics.model.idle import idle_settings
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.physics.parameters.groups import AXIS_NODE
+from stickslip_ros.physics.parameters.named_files import check_place
 from stickslip_ros.ros.nodes import node_parameters, topics
 from stickslip_ros.ros.nodes.diagnostics import Diagnostics, description
 from stickslip_ros.ros.nodes.guarded_node import NoAnswer, refused

@@ -141,7 +141,7 @@ class Diagnostics:
         return count - before
 
     def _friction(self, axis: Axis, status: AxisStatus) -> DiagnosticStatus:
-        state, plant = axis.state, axis.plant
+        state, plant = axis.state, axis.simulation.plant
         zero, why_none = self._zero_amplitude(axis)
         level, message = OK, "steps"
         if why_none == LOAD_MOVES:

@@ -31,9 +31,10 @@ from rclpy.clock import Clock
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from stickslip_ros.axis import Axis, Pacer
+from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import STEP_OF_TIME
 from stickslip_ros.axis.pace import Pace, PaceReport
+from stickslip_ros.base.clocks import Pacer
 from stickslip_ros.base.priority import request_priority
 from stickslip_ros.physics.parameters import NodeParameters, ParameterError
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
