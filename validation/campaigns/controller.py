@@ -67,6 +67,8 @@ class Machine:
             self.states, self.still = self.states | {"stopped"}, after
         elif name == "frequency" and t < self.still:  # the rest of the steps takes longer
             self.still = t + (self.still - t) * max(1.0, 1.0 / (value * cycle)) + 1.0 / value
+        elif name == "free" and "holding" in self.states:  # by steps that it took for short
+            self.still = max(self.still, t + SETTLES + 30.0 * cycle)
         elif name in ways:
             states, still = ways[name]
             self.states = states | (self.states if name != "scan" else set())
