@@ -16,7 +16,7 @@ from heard import values
 from live import MakeAxis, Ros, Start
 from rclpy.node import Node
 
-from stickslip_ros.physics.parameters import PARAMETERS
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 
@@ -100,17 +100,14 @@ def test_refusals_are_raised_with_their_reason(node: AxisNode, client: AxisClien
 
 def test_what_no_message_can_hold_is_not_sent(node: AxisNode, client: AxisClient) -> None:
     """A count that wraps around would be carried out as another one."""
-    for steps in (2**31, -(2**31) - 1):
-        with pytest.raises(CommandRefused, match=f"{steps} steps; a command takes"):
-            client.send("steps", steps)
-    for value in (1.5, "3", None):  # 1.5 and "3" were sent as 1 and 3
-        with pytest.raises(CommandRefused, match="a command takes a whole number up to"):
+    for value in (2**31, -(2**31) - 1, 1.5, "3", None):  # 1.5 and "3" were sent as 1 and 3
+        with pytest.raises(ParameterError, match=f"steps takes a whole number .*, not {value!r}"):
             client.send("steps", value)
     for seconds in (math.nan, math.inf, 1e12):
         with pytest.raises(CommandRefused, match=r"point 2 is at .* s; a message holds"):
             client.send("trajectory", [(0.1, 0.0), (seconds, 0.0)])
     assert node.axis.status.step_count == 0
-    assert client.send("steps", True).wait().steps_done == 1
+    assert client.send("steps", 1).wait().steps_done == 1
 
 
 def test_parameters_are_described_and_change(ros: Ros, node: AxisNode, client: AxisClient) -> None:

@@ -9,7 +9,6 @@ import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, reduce
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import Event
-from stickslip_ros.axis.command import INT32, INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
+from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.axis.joints import Joints
 from stickslip_ros.base.errors import StickslipError
@@ -125,12 +124,6 @@ def write_command(command: Command, *arguments: Any) -> Any:
         joint, interface, value = arguments
         message.name = [joint]
         setattr(message, interface, [float(value)])
-    elif command.type == INT32:
-        count = arguments[0]
-        if not (isinstance(count, Integral) and -INT32_RANGE <= int(count) < INT32_RANGE):
-            whole = f"a command takes a whole number up to {INT32_RANGE - 1}"
-            raise MalformedCommand(f"{count!r} {command.name}; {whole}")
-        message.data = int(count)
     elif command.arguments:
         *path, last = command.field.split(".")
         place = reduce(getattr, path, message)
