@@ -103,7 +103,7 @@ _PLACES = {
     "physics.parameters": "PARAMETERS ParameterError Parameters number read_yaml",
     "physics.parameters.extensions": "RegistrationError",
     "physics.waveforms": "WAVEFORMS Shape register_waveform with_rows",
-    "recordings.cdr": "decoder_for",
+    "recordings.messages": "decoder_for",
     "recordings.errors": "BagError",
     "recordings.metadata": "TopicDescription",
     "recordings.reader": "open_bag",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of a bag: its ``metadata.yaml``, and which storage files there are.
+"""What a bag says of itself: ``metadata.yaml``, the QoS of its topics, which storage files it has.
 
 Metadata are written in version 9 and read in every version.
 """
@@ -9,14 +9,15 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from stickslip_ros.base.opening import open_regular
 from stickslip_ros.physics.parameters.bounded_files import load_texts
 from stickslip_ros.recordings.errors import BagError, reading, short
-from stickslip_ros.recordings.qos import OfferedQos, YamlFields, qos_profiles
 
 METADATA_FILE = "metadata.yaml"
 METADATA_VERSION = 9
@@ -33,6 +34,64 @@ _METADATA_BYTES = 1024 * 1024
 #: Ends of the names of storage files, by the word of ``metadata.yaml`` for their kind
 _ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
 _STARTS = {b"\x89MCAP0": "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
+_INFINITE_NS = 2**63 - 1  # no limit; rosbag2 shows it as 9223372036 s 854775807 ns
+_NS_PER_S = 1_000_000_000
+# As Python, it took most of the time in which a recorder ends; that in C is not in every PyYAML.
+_DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+#: Words for the policies, which bags up to Iron hold as numbers of the enumerations of rmw.
+_WORDS = {
+    name: ("system_default", *words.split())
+    for name, words in {
+        "history": "keep_last keep_all unknown",
+        "reliability": "reliable best_effort unknown best_available",
+        "durability": "transient_local volatile unknown best_available",
+        "liveliness": "automatic manual_by_node manual_by_topic unknown best_available",
+    }.items()
+}
+#: The keys of rosbag2 in its order, and the fields of :class:`OfferedQos`
+_FIELDS = {
+    "history": "history",
+    "depth": "depth",
+    "reliability": "reliability",
+    "durability": "durability",
+    "deadline": "deadline_ns",
+    "lifespan": "lifespan_ns",
+    "liveliness": "liveliness",
+    "liveliness_lease_duration": "liveliness_lease_ns",
+    "avoid_ros_namespace_conventions": "avoid_ros_namespace_conventions",
+}
+
+
+@dataclass(frozen=True)
+class OfferedQos:
+    """The QoS of one publisher; policies by their rmw names, durations in nanoseconds.
+
+    History and depth are not part of DDS discovery, so a recorder usually sees ``unknown`` and 0,
+    and rosbag2 writes them that way too.
+    """
+
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    history: str = "unknown"
+    depth: int = 0
+    deadline_ns: int = _INFINITE_NS
+    lifespan_ns: int = _INFINITE_NS
+    liveliness: str = "automatic"
+    liveliness_lease_ns: int = _INFINITE_NS
+    avoid_ros_namespace_conventions: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the profile with the keys, and in the order, of rosbag2."""
+        found = {key: getattr(self, name) for key, name in _FIELDS.items()}
+        for key, name in _FIELDS.items():
+            if name.endswith("_ns"):
+                found[key] = dict(zip(("sec", "nsec"), divmod(found[key], _NS_PER_S), strict=True))
+        return found
+
+
+def is_kept(offers: Sequence[OfferedQos]) -> bool:
+    """Return whether late subscribers get the messages of a topic, which are older than they."""
+    return bool(offers) and all(offer.durability == "transient_local" for offer in offers)
 
 
 @dataclass(frozen=True)
@@ -58,6 +117,9 @@ class FileSummary:
     messages: int = 0
     start_ns: int = 0
     end_ns: int = 0
+
+
+# -- writing
 
 
 def bag_metadata(
@@ -112,6 +174,55 @@ def bag_metadata(
     }
 
 
+def qos_yaml(profiles: Sequence[OfferedQos]) -> str:
+    """Return the YAML list that goes into the metadata of an MCAP channel."""
+    return _qos_yaml(tuple(profiles))
+
+
+@lru_cache(maxsize=256)  # thousands of topics offer the same
+def _qos_yaml(profiles: tuple[OfferedQos, ...]) -> str:
+    return yaml_text([profile.as_json() for profile in profiles])
+
+
+def yaml_text(value: Any) -> str:
+    """Return plain values as YAML.
+
+    The entries of lists in a mapping are written one by one: the nodes of thousands of topics, all
+    at once, fill the memory.
+    """
+    if isinstance(value, dict):
+        parts = [
+            f"{key}:\n{''.join(yaml_text([one]) for one in inner)}"
+            if isinstance(inner, list) and inner
+            else str(yaml.dump({key: inner}, Dumper=_DUMPER, sort_keys=False))
+            for key, inner in value.items()
+        ]
+        return "".join(parts) or "{}\n"
+    return str(yaml.dump(value, Dumper=_DUMPER, sort_keys=False))
+
+
+# -- reading: every value is a text, and what a stranger wrote
+
+
+def _get(found: Any, name: str, kind: type, default: Any = None) -> Any:
+    """Return a field of a mapping: a str, int, list or dict; its default, or an empty one, if it
+    is missing or null, which rosbag2 writes. Raises ValueError: it is another kind."""
+    if not isinstance(found, dict):
+        raise ValueError(f"what holds {name} has to be a mapping")
+    value = found.get(name)
+    if value in (None, "", "~", "null"):
+        return kind() if default is None else default
+    if kind is int and isinstance(value, str):
+        # A text of thousands of digits takes long to be understood.
+        if not re.fullmatch(r"-?[0-9]{1,30}", value) or not -(2**63) <= int(value) < 2**64:
+            raise ValueError(f"{name} is {value[:30]!r}; it has to be a whole number of 64 bits")
+        return int(value)
+    if not isinstance(value, kind):
+        kinds = {str: "a single value", int: "a single value", list: "a list", dict: "a mapping"}
+        raise ValueError(f"{name} has to be {kinds[kind]}")
+    return value
+
+
 @dataclass(frozen=True)
 class StoredMetadata:
     """The part of the metadata that the files of the bag do not contain."""
@@ -146,38 +257,76 @@ def parse_metadata(text: str) -> StoredMetadata:
 
     Raises ValueError: the text names what is wrong with it.
     """
-    found = YamlFields(load_texts(text), "the file")
-    if OUTER_KEY in found.values:
-        found = found.inside(OUTER_KEY)
-    elif "version" not in found.values:
+    found = load_texts(text) or {}
+    if not isinstance(found, dict) or (OUTER_KEY not in found and "version" not in found):
         raise ValueError(f"it has no {OUTER_KEY}")
-    files = found.each("relative_file_paths")
-    if not all(isinstance(name, str) for name in files):
-        raise ValueError("an entry of relative_file_paths has to be a single value")
-    custom_data = found.inside("custom_data")
+    found = _get(found, OUTER_KEY, dict, found)
+    custom = _get(found, "custom_data", dict)
+    files = _get(found, "relative_file_paths", list)
     return StoredMetadata(
-        version=found.integer("version"),
-        storage=found.text("storage_identifier"),
-        files=tuple(files),
-        topics=tuple(_topic(one) for one in found.each("topics_with_message_count")),
-        compression_format=found.text("compression_format"),
-        compression_mode=found.text("compression_mode").lower(),
-        ros_distro=found.text("ros_distro"),
-        custom_data={key: custom_data.text(key) for key in custom_data.values},
-        message_count=found.integer("message_count") if "message_count" in found.values else None,
+        version=_get(found, "version", int),
+        storage=_get(found, "storage_identifier", str),
+        files=tuple(_get({"an entry of relative_file_paths": one}, *_ENTRY) for one in files),
+        topics=tuple(map(_topic, _get(found, "topics_with_message_count", list))),
+        compression_format=_get(found, "compression_format", str),
+        compression_mode=_get(found, "compression_mode", str).lower(),
+        ros_distro=_get(found, "ros_distro", str),
+        custom_data={key: _get(custom, key, str) for key in custom},
+        message_count=_get(found, "message_count", int) if "message_count" in found else None,
     )
+
+
+_ENTRY = "an entry of relative_file_paths", str
 
 
 def _topic(entry: Any) -> TopicDescription:
-    found = YamlFields(entry, "an entry of topics_with_message_count").inside("topic_metadata")
+    found = _get(entry, "topic_metadata", dict)
     return TopicDescription(
-        name=found.text("name"),
-        type=found.text("type"),
+        name=_get(found, "name", str),
+        type=_get(found, "type", str),
         schema="",
-        type_hash=found.text("type_description_hash"),
-        offered_qos=qos_profiles(found.values.get("offered_qos_profiles", "")),
-        encoding=found.text("serialization_format", CDR),
+        type_hash=_get(found, "type_description_hash", str),
+        offered_qos=qos_profiles(found.get("offered_qos_profiles") or ""),
+        encoding=_get(found, "serialization_format", str, CDR),
     )
+
+
+def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:
+    """Return the profiles in a list of mappings of texts, or in YAML text that holds one.
+
+    Text stands in the metadata of channels, and in ``metadata.yaml`` up to version 8.
+
+    Raises ValueError: it is no such list.
+    """
+    return _qos_in(value) if isinstance(value, str) else _qos_of(value)
+
+
+@lru_cache(maxsize=256)
+def _qos_in(text: str) -> tuple[OfferedQos, ...]:
+    return _qos_of(load_texts(text) if text.strip() else [])
+
+
+def _qos_of(value: Any) -> tuple[OfferedQos, ...]:
+    return tuple(map(_profile, _get({"QoS profiles": value}, "QoS profiles", list)))
+
+
+def _profile(found: Any) -> OfferedQos:
+    values: dict[str, Any] = {"depth": _get(found, "depth", int)}
+    for name, words in _WORDS.items():
+        values[name] = _get(found, name, str, getattr(OfferedQos, name))
+        if values[name].isdecimal():
+            number = _get(found, name, int)
+            values[name] = words[number] if number < len(words) else "unknown"
+    for key, name in _FIELDS.items():
+        if name.endswith("_ns") and key in found:
+            parts = _get(found, key, dict)
+            ns = _get(parts, "sec", int) * _NS_PER_S + _get(parts, "nsec", int)
+            values[name] = min(ns, _INFINITE_NS)
+    avoids = _get(found, "avoid_ros_namespace_conventions", str).lower() == "true"
+    return OfferedQos(**values, avoid_ros_namespace_conventions=avoids)
+
+
+# -- the folder
 
 
 def stored_metadata(path: Path) -> StoredMetadata | None:

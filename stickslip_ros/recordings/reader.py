@@ -7,25 +7,26 @@ import logging
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.base.errors import printable
 from stickslip_ros.base.opening import Allowance, open_regular
+from stickslip_ros.recordings.clocks import HOUR, Bulk, Moments
 from stickslip_ros.recordings.errors import BagError, damaged, reading, short
-from stickslip_ros.recordings.mcap_reader import McapFiles, Wanted
-from stickslip_ros.recordings.mcap_records import BagMessage, Block, unpack_message
+from stickslip_ros.recordings.mcap_files import BagMessage, McapFiles, Wanted, unpack_message
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
     METADATA_VERSION,
     FileSummary,
+    OfferedQos,
     StoredMetadata,
     TopicDescription,
     storage_files,
     storage_of,
     stored_metadata,
 )
-from stickslip_ros.recordings.qos import OfferedQos
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -129,15 +130,34 @@ class BagReader:
         """Messages in the bag."""
         return sum(self.counts.values())
 
+    @cached_property
+    def bulk(self) -> Bulk:
+        """When it was recorded, but for messages that are hours from all others.
+
+        Raises BagError: a file is damaged.
+        """
+        filled = [file for file in self.files if file.messages]
+        start = min((file.start_ns for file in filled), default=0)
+        end = max((file.end_ns for file in filled), default=0)
+        if end - start <= HOUR:
+            return Bulk(start, end)
+        times = Moments()
+        for ns, count in self._storage.log_times():
+            times.add(ns, count)
+        return times.bulk()
+
     @property
     def start_ns(self) -> int:
-        """Log time of the first message, ns since the Unix epoch; 0 if there is none."""
-        return min((file.start_ns for file in self.files if file.messages), default=0)
+        """Log time of the first message of the bulk, ns since the Unix epoch; 0 if there is none.
+
+        Raises BagError: a file is damaged.
+        """
+        return self.bulk.start_ns
 
     @property
     def end_ns(self) -> int:
-        """Log time of the last message, ns since the Unix epoch; 0 if there is none."""
-        return max((file.end_ns for file in self.files if file.messages), default=0)
+        """Log time of the last message of the bulk, likewise."""
+        return self.bulk.end_ns
 
     @property
     def custom_data(self) -> dict[str, str]:
@@ -157,16 +177,6 @@ class BagReader:
         end: ns since the Unix epoch, the first time not to take.
         Raises BagError: a topic is not in the bag; while reading: a file is damaged.
         """
-        blocks = self.blocks(topics, start, end)
-        return (message for block in blocks for message in block.messages())
-
-    def blocks(
-        self,
-        topics: Iterable[str] | None = None,
-        start: int | None = None,
-        end: int | None = None,
-    ) -> Iterator[Block]:
-        """Yield the same messages, many at a time."""
         wanted = Wanted(
             None if topics is None else frozenset(topics),
             0 if start is None else start,
@@ -178,20 +188,17 @@ class BagReader:
                 raise BagError(f"{self.path} has no topic {name}; it has {known}")
         return self._read(wanted)
 
-    def _read(self, wanted: Wanted) -> Iterator[Block]:
+    def _read(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages; a whole topic with fewer or more than are counted is an error."""
         packed = self.metadata.compression_mode == "message"
         allowance = Allowance(self.path, sum(file.size for file in self.files))
         found = 0
-        for block in self._storage.blocks(wanted):
-            found += len(block.data)
-            if not packed:
-                yield block
-                continue
-            for topic, log_ns, publish_ns, number, data in block.messages():
+        for message in self._storage.messages(wanted):
+            found += 1
+            if packed:
                 with reading(self.path):
-                    data = unpack_message(data, allowance)
-                yield Block([topic], [log_ns], [publish_ns], [number], [data])
+                    message = message._replace(data=unpack_message(message.data, allowance))
+            yield message
         topics = self.counts if wanted.topics is None else wanted.topics
         counted = sum(self.counts[name] for name in topics)
         if wanted == Wanted(wanted.topics) and found != counted:
@@ -297,7 +304,11 @@ class RosbagsFiles:
             offered_qos=() if self._reader.is2 else (OfferedQos(),),
         )
 
-    def blocks(self, wanted: Wanted) -> Iterator[Block]:
+    def log_times(self) -> Iterator[tuple[int, int]]:
+        """Yield the times (ns) of all messages, and 1 for each; BagError: a file is damaged."""
+        return ((message.log_ns, 1) for message in self.messages(Wanted()))
+
+    def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages in order of time.
 
         Raises BagError: a file is damaged.
@@ -316,7 +327,7 @@ class RosbagsFiles:
                 if not reader.is2:
                     message = reader.deserialize(data, connection.msgtype)
                     data = reader.typestore.serialize_cdr(message, connection.msgtype)
-                yield Block([connection.topic], [ns], [ns], [0], [bytes(data)])
+                yield BagMessage(connection.topic, ns, ns, 0, bytes(data))
         except Exception as error:  # as when opening
             raise self._unreadable(error) from error
 

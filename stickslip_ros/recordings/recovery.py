@@ -1,32 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
 """A good bag out of one whose writer was killed, or that was damaged since.
 
-Everything that is whole is kept, nothing else: chunks with a right checksum, and records outside of
-chunks that fit between their neighbours.
+Everything that is whole is kept, nothing else: chunks with a right checksum, which are the only
+records that have one, and records outside of chunks that parse and fit between their neighbours.
+After damage the scan goes on with the next whole chunk.
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-from mcap.records import Statistics
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Statistics
 
 from stickslip_ros.base.errors import printable
 from stickslip_ros.base.files import whole_folder
+from stickslip_ros.base.opening import Allowance
 from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
-from stickslip_ros.recordings.mcap_file import McapFile, Piece
-from stickslip_ros.recordings.mcap_records import (
-    MESSAGE_BYTES,
-    Block,
-    merged,
-    messages_in,
+from stickslip_ros.recordings.mcap_files import (
+    HEAD,
+    LARGEST_PACKED,
+    MAGIC,
+    BagMessage,
+    Channels,
+    index_of,
+    open_storage,
+    parse,
+    records_from,
     unpack_message,
+    unpacked,
 )
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
@@ -38,6 +48,19 @@ from stickslip_ros.recordings.metadata import (
     stored_metadata,
 )
 from stickslip_ros.recordings.writer import BagWriter
+
+#: Records outside of chunks that hold what a bag is made of
+_USED = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA})
+_OPCODES = frozenset(int(opcode) for opcode in Opcode)
+_FIRST_PRIVATE = 0x80  # opcodes from here on are anybody's
+_LARGEST_OTHER = 1024 * 1024  # bytes of a record outside of chunks that is used
+_PIECE = 1024 * 1024  # bytes of the file that are read and searched together
+# A chunk record: its opcode and a length of less than 128 MiB; and its least bytes.
+_CHUNK_START = re.compile(rb"\x06.{3}[\x00-\x07]\x00{4}", re.DOTALL)
+_SMALLEST_CHUNK = 49
+# What looks like a chunk and is none may be read again and again, one inside the other: so many
+# times the size of the file, and so many bytes besides. One costs as much as some bytes at least.
+_FALSE_FACTOR, _FALSE_BYTES, _FALSE_LEAST = 4, 256 * 1024 * 1024, 4096
 
 
 @dataclass(frozen=True)
@@ -113,17 +136,20 @@ def _rewrite(
     with contextlib.ExitStack() as opened:
         sources = [_DamagedFile(file, findings, packed) for file in files]
         for source in sources:
-            opened.callback(source.close)
-        writer = opened.enter_context(BagWriter(new, compression=sources[0].compression()))
+            opened.callback(source.stream.close)
         topics: dict[str, TopicDescription] = {}
-        for source in sources:
-            writer.split()
-            for block in source.blocks(topics, on_bytes):
-                for name, log_ns, publish_ns, number, data in block.messages():
-                    if not writer.has_topic(name):
-                        topic = topics[name]
-                        writer.add_topic(stored.completed(topic) if stored else topic)
-                    writer.write(name, data, log_ns=log_ns, publish_ns=publish_ns, sequence=number)
+        found = ((one, source) for source in sources for one in source.messages(topics, on_bytes))
+        first = next(found, None)  # the chunks are packed as the first one was
+        writer = opened.enter_context(BagWriter(new, compression=sources[0].compression or "none"))
+        latest = sources[0]
+        for message, source in chain([first] if first else [], found):
+            name, log_ns, publish_ns, number, data = message
+            if source is not latest:
+                writer.split()
+                latest = source
+            if not writer.has_topic(name):
+                writer.add_topic(stored.completed(topics[name]) if stored else topics[name])
+            writer.write(name, data, log_ns=log_ns, publish_ns=publish_ns, sequence=number)
         if not writer.message_count and not any(
             source.begins_right or not source.size for source in sources
         ):
@@ -146,108 +172,211 @@ def _rewrite(
     return Recovered(new, writer.message_count, dropped, unprotected, said)
 
 
-class _DamagedFile(McapFile):
+class _DamagedFile:
     """A file that may be cut or damaged."""
 
     def __init__(self, path: Path, findings: list[str], packed_messages: bool) -> None:
-        super().__init__(path, findings)
+        """Open it; findings takes what is wrong with it, a sentence each."""
+        self.dropped_bytes = 0  #: how much of it was of no use
         #: messages found that no checksum protects, or not the name of their topic
         self.unprotected = 0
-        self._packed_messages = packed_messages
+        self.compression = ""  #: of its first whole chunk
+        self.channels = Channels()  #: the topics and metadata read so far
+        self._path, self._findings, self._packed_messages = path, findings, packed_messages
         self._doubtful: set[int] = set()  # channels whose names no checksum protects
+        self._window, self._window_at = b"", 0
+        self.stream, whole = open_storage(path)
+        self.size = os.fstat(self.stream.fileno()).st_size  #: unpacked, bytes
+        self._false_left = _FALSE_FACTOR * self.size + _FALSE_BYTES
+        stored_size = path.stat().st_size
+        self._allowance = Allowance(path, stored_size)
+        self.begins_right = self._read(0, len(MAGIC)) == MAGIC
+        if not stored_size:
+            self._find("is empty: 0 bytes")
+        elif not whole:
+            self._find(f"is cut: its zstd data ends early, {self.size} bytes are left")
+        elif self.size and not self.begins_right:
+            self._find("does not begin as an MCAP file does")
 
-    def compression(self) -> str:
-        """Return the word for the compression of the first whole chunk."""
-        dropped = self.dropped_bytes
-        found = next((piece.chunk for piece in self.pieces() if piece.chunk), None)
-        self.dropped_bytes = dropped
-        return (found and found.compression) or "none"
+    def _find(self, what: str) -> None:
+        self._findings.append(f"{self._path.name} {what}")
 
-    def blocks(
+    def _read(self, at: int, length: int) -> bytes:
+        """Return a part of the file, shorter at its end."""
+        start = at - self._window_at
+        if start < 0 or start + length > len(self._window):
+            self.stream.seek(at)
+            self._window, self._window_at, start = self.stream.read(max(length, _PIECE)), at, 0
+        return self._window[start : start + length]
+
+    def messages(
         self, topics: dict[str, TopicDescription], on_bytes: Callable[[int], object]
-    ) -> Iterator[Block]:
+    ) -> Iterator[BagMessage]:
         """Yield every message that is whole, in the order of the file.
 
-        topics: by name; takes those that are found.
+        topics: by name; takes those that are found. on_bytes: of `recover`.
         """
         if not self.size:
             return
         # What stands in the index is known even if the chunk with its first description is lost.
         statistics = self._learn_from_index()
-        kept = at = 0
-        for piece in self.pieces():
-            on_bytes(piece.end - at)
-            at = piece.end
-            for block in self._blocks_of(piece, topics):
-                yield block
-                kept += len(block.data)
-        on_bytes(self.size - at)
-        if self.dropped_bytes:
-            self.find(f"is damaged: {self.dropped_bytes} bytes were left out")
-        if statistics and statistics.message_count != kept:
-            self.find(f"had {statistics.message_count} messages by its index, {kept} were found")
-        if self.unprotected and self.findings:
-            self.find(f"has no checksum for {self.unprotected} of these messages or their topics")
-
-    def _blocks_of(self, piece: Piece, topics: dict[str, TopicDescription]) -> Iterator[Block]:
-        """Yield the messages in a piece of the file whose topics are known."""
-        protected = bool(piece.chunk and piece.chunk.crc)
-        try:
-            found = messages_in(piece.records, partial(self._learn, protected))
-        except BROKEN:
-            self.dropped_bytes += len(piece.records)
-            return
-        channels = found.heads["channel"]
-        names = {one: self._name_of(one, topics) for one in np.unique(channels).tolist()}
-        known = np.isin(channels, [one for one, name in names.items() if name])
-        lost = found.heads["length"][~known].astype(np.int64)
-        self.dropped_bytes += int(lost.sum()) - MESSAGE_BYTES * len(lost)
-        found = found.chosen(known)
-        doubtful = np.isin(found.heads["channel"], list(self._doubtful))
-        self.unprotected += int(doubtful.sum()) if protected else len(doubtful)
-        for block in merged([(found, names)], in_time=False):
-            if not self._packed_messages:
-                yield block
-                continue
-            for name, log_ns, publish_ns, number, data in block.messages():
-                try:
-                    data = unpack_message(data, self.allowance)
-                except ValueError:
-                    self.dropped_bytes += len(data)
-                    self.unprotected -= not protected
+        kept = done = 0
+        for record, end in self._records():
+            on_bytes(end - done)
+            done = end
+            protected = isinstance(record, Chunk) and bool(record.uncompressed_crc)
+            for one in self._unpacked(record):
+                if not isinstance(one, Message):
+                    self._learn(one, protected)
+                elif message := self._message(one, topics):
+                    kept += 1
+                    self.unprotected += not protected or one.channel_id in self._doubtful
+                    yield message
                 else:
-                    yield Block([name], [log_ns], [publish_ns], [number], [data])
-
-    def _learn(self, protected: bool, opcode: int, body: bytes) -> None:
-        """Learn what a record says; one that is broken is passed over."""
-        known = len(self.channels.topics)
-        try:
-            self.channels.learn(opcode, body)
-        except BROKEN:
-            self.dropped_bytes += len(body)
-        if not protected and len(self.channels.topics) > known:
-            self._doubtful.add(next(reversed(self.channels.topics)))
-
-    def _name_of(self, channel: int, topics: dict[str, TopicDescription]) -> str:
-        """Return the topic of a channel; empty if it is not known, or of another type before."""
-        topic = self.channels.topics.get(channel)
-        known = topic and topics.setdefault(topic.name, topic)
-        return topic.name if topic and known and known.type == topic.type else ""
+                    self.dropped_bytes += len(one.data)
+        on_bytes(self.size - done)
+        if self.dropped_bytes:
+            self._find(f"is damaged: {self.dropped_bytes} bytes were left out")
+        if statistics and statistics.message_count != kept:
+            self._find(f"had {statistics.message_count} messages by its index, {kept} were found")
+        if self.unprotected and self._findings:
+            self._find(f"has no checksum for {self.unprotected} of these messages or their topics")
 
     def _learn_from_index(self) -> Statistics | None:
         """Learn topics; return the counts that the index holds, None without a checksum."""
         try:
-            footer = self.footer()
+            footer, index = index_of(self.stream, self.size)
         except BROKEN:
-            self.find("has no end: what its writer had not written yet is missing")
+            self._find("has no end: what its writer had not written yet is missing")
+            return None
+        statistics = None
+        try:
+            for record in index if footer.summary_crc else ():
+                if isinstance(record, Statistics):
+                    statistics = record
+                self.channels.learn(record)
+        except BROKEN as error:
+            self._find(f"has a damaged index, which is not believed: {short(error)}")
+            return None
+        return statistics
+
+    def _learn(self, record: Any, protected: bool) -> None:
+        """Learn what a record says; one that is broken is passed over."""
+        known = len(self.channels.topics)
+        try:
+            self.channels.learn(record)
+        except BROKEN:
+            self.dropped_bytes += HEAD.size
+        if len(self.channels.topics) > known and not protected and isinstance(record, Channel):
+            self._doubtful.add(record.id)
+
+    def _unpacked(self, record: Any) -> Iterator[Any]:
+        """Yield the records in a chunk up to the first that is broken, or the record itself."""
+        if not isinstance(record, Chunk):
+            yield record
+            return
+        at, size = 0, len(record.data)
+        try:
+            for one, after in records_from(BytesIO(record.data), 0, size):
+                yield one
+                at = after
+        except BROKEN:
+            self.dropped_bytes += size - at
+
+    def _message(self, found: Message, topics: dict[str, TopicDescription]) -> BagMessage | None:
+        """Return a message; None if its topic is not known, or was of another type before."""
+        topic, data = self.channels.topics.get(found.channel_id), found.data
+        if topic is None or topics.setdefault(topic.name, topic).type != topic.type:
             return None
         try:
-            if footer.summary_start and footer.summary_crc:
-                self.read_index(footer)
-            return self.statistics
-        except BROKEN as error:
-            self.find(f"has a damaged index, which is not believed: {short(error)}")
+            data = unpack_message(data, self._allowance) if self._packed_messages else data
+        except ValueError:
             return None
+        return BagMessage(topic.name, found.log_time, found.publish_time, found.sequence, data)
+
+    # -- finding records
+
+    def _records(self) -> Iterator[tuple[Any, int]]:
+        """Yield whole chunks, unpacked, and used records outside of them, and where each ends."""
+        at = len(MAGIC) if self.begins_right else 0
+        closed = self._read(max(0, self.size - len(MAGIC)), len(MAGIC)) == MAGIC
+        end = self.size - closed * len(MAGIC)
+        seen: set[tuple[int, int]] = set()  # size and CRC of chunks; damage copies some
+        while at < end:
+            try:
+                opcode, after = self._head_at(at, end)
+                record = None
+                if opcode == Opcode.CHUNK:
+                    record = self._chunk_at(at, after)
+                    mark = len(record.data), record.uncompressed_crc
+                    if mark in seen and mark[1]:
+                        raise ValueError("it holds a chunk twice")
+                    seen.add(mark)
+                elif not self._is_record(opcode, at, after):
+                    raise ValueError(f"there is no record at byte {at}")
+                elif opcode in _USED and after - at <= _LARGEST_OTHER:
+                    record = parse(opcode, self._read(at + HEAD.size, after - at - HEAD.size))
+            except BROKEN:
+                after = self._next_chunk(at + 1, end)
+                self.dropped_bytes += after - at
+            else:
+                if record is not None:
+                    yield record, after
+            at = after
+
+    def _head_at(self, at: int, end: int) -> tuple[int, int]:
+        """Return opcode and end of the record at a place; ``BROKEN`` if there is none."""
+        opcode, length = HEAD.unpack(self._read(at, HEAD.size))
+        if length > end - at - HEAD.size:
+            raise ValueError("a record is longer than what is left")
+        return opcode, at + HEAD.size + length
+
+    def _chunk_at(self, at: int, end: int) -> Chunk:
+        """Return a chunk with its records unpacked; ``BROKEN`` if it is not whole."""
+        if end - at > LARGEST_PACKED:
+            raise ValueError("a chunk is too large")
+        chunk = parse(Opcode.CHUNK, self._read(at + HEAD.size, end - at - HEAD.size))
+        if not self.compression and chunk.compression:
+            self.compression = chunk.compression
+        return replace(chunk, data=unpacked(chunk, self._allowance))
+
+    def _is_record(self, opcode: int, at: int, end: int) -> bool:
+        """Return whether a record without a checksum is at a place, and does not just look so.
+
+        Another record, or a part of one, or the end of the file has to follow; and there must not
+        be a chunk inside, as there is when its length is wrong, unless it is an attachment.
+        """
+        head = self._read(end, HEAD.size)
+        if len(head) == HEAD.size:
+            following, length = HEAD.unpack(head)
+            if not (_is_known(following) and length <= self.size + LARGEST_PACKED - end):
+                return False
+        if not _is_known(opcode):
+            return False
+        hides = opcode != Opcode.ATTACHMENT and end - at > _SMALLEST_CHUNK
+        return not hides or self._next_chunk(at + 1, end) == end
+
+    def _next_chunk(self, at: int, limit: int) -> int:
+        """Return where the first whole chunk from a place on begins, a limit if there is none."""
+        while at < limit and self._false_left > 0:
+            window = self._read(at, min(_PIECE, limit - at))
+            for match in _CHUNK_START.finditer(window):
+                start, after = at + match.start(), at
+                with contextlib.suppress(*BROKEN):
+                    _, after = self._head_at(start, self.size)
+                    if self._chunk_at(start, after).data:
+                        return start
+                self._false_left -= max(0, min(after - start, LARGEST_PACKED)) + _FALSE_LEAST
+                if self._false_left < 0:
+                    return limit
+            if len(window) < _PIECE:
+                break
+            at += _PIECE - HEAD.size
+        return limit
+
+
+def _is_known(opcode: int) -> bool:
+    return opcode in _OPCODES or opcode >= _FIRST_PRIVATE
 
 
 def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:

@@ -23,7 +23,7 @@ from stickslip_ros.axis.resimulation import Rerun, model_changes, start_of
 from stickslip_ros.base.files import whole_folder
 from stickslip_ros.physics.model.arithmetic import arithmetic
 from stickslip_ros.physics.model.versions import MODEL_VERSION, ModelChange
-from stickslip_ros.recordings.encoding import encoder_for
+from stickslip_ros.recordings.messages import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import (
     SET_POINT_TOPICS,

@@ -20,11 +20,16 @@ from stickslip_ros.axis.events import (
 )
 from stickslip_ros.axis.joints import SOURCE, Joints, contact_joints, joints_of
 from stickslip_ros.physics.parameters.groups import CONTACT_SUFFIX, SLIDER
-from stickslip_ros.recordings.cdr import decode_messages, decoder_for, not_of_type, statuses
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.message_types import STATUS_TYPE, nanoseconds
+from stickslip_ros.recordings.messages import (
+    decode_messages,
+    decoder_for,
+    not_of_type,
+    statuses,
+)
 from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.reader import BagReader
+from stickslip_ros.recordings.schemas import STATUS_TYPE, nanoseconds
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis

@@ -25,8 +25,9 @@ from stickslip_ros.recordings.metadata import (
     FileSummary,
     TopicDescription,
     bag_metadata,
+    qos_yaml,
+    yaml_text,
 )
-from stickslip_ros.recordings.qos import qos_yaml, yaml_text
 from stickslip_ros.version import __version__
 
 # The writer closes a chunk with the first message that passes this size, so it lies below the

@@ -345,6 +345,6 @@ def test_false_chunks_inside_each_other_are_not_read_without_end(
         read.append(len(part))
         return checksum(part, before)
 
-    monkeypatch.setattr("stickslip_ros.recordings.mcap_records.zlib.crc32", counted)
+    monkeypatch.setattr("stickslip_ros.recordings.mcap_files.zlib.crc32", counted)
     assert recover(tmp_path / "run.mcap").messages == 0
     assert sum(read) < 300_000_000

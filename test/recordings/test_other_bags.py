@@ -18,7 +18,7 @@ from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
 from stickslip_ros.recordings import BagError, OfferedQos, decoder_for, open_bag, recover, statuses
-from stickslip_ros.recordings.message_types import nanoseconds
+from stickslip_ros.recordings.schemas import nanoseconds
 
 
 def write_sqlite(folder: Path, version: Literal[8, 9], count: int = 500) -> list[Sample]:

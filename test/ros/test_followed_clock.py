@@ -21,7 +21,7 @@ from table_1 import TABLE_1
 from stickslip_ros.base.errors import StickslipError, UsageError
 from stickslip_ros.client import AxisClient
 from stickslip_ros.recordings import BagWriter, TopicDescription
-from stickslip_ros.recordings.message_types import schema_text
+from stickslip_ros.recordings.schemas import schema_text
 from stickslip_ros.ros.nodes.axis_host import axis_or_host
 from stickslip_ros.ros.nodes.axis_node import AxisNode
 from stickslip_ros.ros.nodes.guarded_node import follows

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
-from stickslip_ros.recordings.message_types import schema_text
+from stickslip_ros.recordings.schemas import schema_text
 from stickslip_ros.ros.nodes.messages import message_definition
 from stickslip_ros.ros.nodes.replay_node import main, offered_qos
 

@@ -12,7 +12,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from stickslip_ros.base.priority import request_priority
-from stickslip_ros.recordings.message_types import nanoseconds
+from stickslip_ros.recordings.schemas import nanoseconds
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.nodes.axis_host import axis_or_host
 from stickslip_ros.ros.nodes.messages import stamp as time_message

@@ -24,7 +24,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.twin import Twin, TwinCommand
 from stickslip_ros.measurement.twin.recording import read_log
 from stickslip_ros.physics.parameters import Parameters
-from stickslip_ros.recordings.message_types import nanoseconds
+from stickslip_ros.recordings.schemas import nanoseconds
 from stickslip_ros.ros.nodes.messages import diagnostic_array, event_status, stamp
 from stickslip_ros.ros.nodes.twin_listener import TwinListener
 from stickslip_ros.ros.nodes.twin_node import TwinNode

@@ -32,9 +32,9 @@ from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.physics.parameters import PARAMETERS, Value
 from stickslip_ros.physics.parameters.groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
-from stickslip_ros.recordings.cdr import decode_messages, fields_of
-from stickslip_ros.recordings.message_types import JOINT_STATE_TYPE, stamp_of
+from stickslip_ros.recordings.messages import decode_messages, fields_of
 from stickslip_ros.recordings.runs import recorded_runs
+from stickslip_ros.recordings.schemas import JOINT_STATE_TYPE, stamp_of
 from stickslip_ros.simulation.motion import Motion
 
 

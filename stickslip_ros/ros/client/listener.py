@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.base.reporting import format_si
 from stickslip_ros.physics.parameters.groups import SLIDER
-from stickslip_ros.recordings.message_types import nanoseconds
+from stickslip_ros.recordings.schemas import nanoseconds
 from stickslip_ros.ros.nodes import topics
 from stickslip_ros.ros.nodes.messages import message_class
 

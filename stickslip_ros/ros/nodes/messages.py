@@ -27,7 +27,7 @@ from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Com
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.axis.joints import Joints
 from stickslip_ros.base.errors import StickslipError
-from stickslip_ros.recordings.message_types import definition_from_fields, nanoseconds
+from stickslip_ros.recordings.schemas import definition_from_fields, nanoseconds
 from stickslip_ros.ros.nodes.topics import OutputTopic
 
 MOST_BYTES = 1_000_000  #: of a command: room for the longest trajectory that an axis takes

@@ -19,7 +19,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.base.clocks import UnsetClock
 from stickslip_ros.base.files import reason_and_cure
 from stickslip_ros.recordings import BagError, BagWriter, OfferedQos, TopicDescription
-from stickslip_ros.recordings.message_types import schema_text
+from stickslip_ros.recordings.schemas import schema_text
 from stickslip_ros.ros.nodes.messages import UnknownTypeError, message_class, message_definition
 from stickslip_ros.ros.nodes.topics import OUTPUTS, axes_in
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.axis.command import FLOAT64, JOINT_STATE, TRAJECTORY
 from stickslip_ros.axis.joints import Joints, contact_joints, joints_of
-from stickslip_ros.recordings.message_types import STATUS_TYPE as STATUSES
+from stickslip_ros.recordings.schemas import STATUS_TYPE as STATUSES
 
 if TYPE_CHECKING:
     from rclpy.node import Node

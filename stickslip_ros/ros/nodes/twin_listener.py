@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.base.reporting import CONFIDENCE
 from stickslip_ros.measurement.twin import TrackedParameter
 from stickslip_ros.measurement.twin.story import TwinStory
-from stickslip_ros.recordings.message_types import nanoseconds
+from stickslip_ros.recordings.schemas import nanoseconds
 from stickslip_ros.ros.nodes.process import SpinThread
 
 _DEPTH = 1000  # messages that may wait

@@ -36,7 +36,7 @@ from stickslip_ros.measurement.twin.recording import KNOWN, UNKNOWN, commands_of
 from stickslip_ros.measurement.twin.settings import ASKED, TwinError
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.physics.parameters.groups import AXIS_NODE, SLIDER
-from stickslip_ros.recordings.message_types import nanoseconds
+from stickslip_ros.recordings.schemas import nanoseconds
 from stickslip_ros.ros.nodes.guarded_node import GuardedNode
 from stickslip_ros.ros.nodes.messages import (
     diagnostic_array,

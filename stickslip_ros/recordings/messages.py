@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages out of their serialized form (CDR) and into it, by the schema in the bag, without ROS.
+
+``mcap_ros2`` does both. It reads joint states in 50 us each, which is a minute for a million of
+them: those that name the same joints as the one before have every number at the same place, and
+are taken apart here. Also yields the fields of messages by name, and diagnostic statuses, the form
+of events.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import struct
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from mcap.records import Schema
+from mcap_ros2._dynamic import serialize_dynamic  # the way to its encoders without a file
+from mcap_ros2.decoder import DecoderFactory
+
+from stickslip_ros.recordings.errors import BagError, UndecodableError, short
+from stickslip_ros.recordings.mcap_files import BagMessage
+from stickslip_ros.recordings.metadata import CDR, TopicDescription
+from stickslip_ros.recordings.schemas import JOINT_STATE_TYPE, STATUS_TYPE, nanoseconds
+
+if TYPE_CHECKING:
+    from stickslip_ros.recordings.reader import BagReader
+
+# Characters; the parser takes seconds for more. The largest of ROS itself have a third of it.
+_LARGEST_SCHEMA = 64 * 1024
+# A field behind the last one of a message, and what stands there: it shows where the library ends.
+_END, _MARK = "stickslip_end", b"\x89end\r\n\x1a\n".ljust(256, b"\xff")
+
+
+class _Bounded(bytes):
+    """Bytes that raise an error when a slice goes beyond their end.
+
+    A slice of ``bytes`` that goes on behind the end is just shorter; the decoder would fill memory
+    for a sequence of nothing.
+    """
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice) and key.stop > len(self):
+            raise ValueError("it ends too early")
+        return super().__getitem__(key)
+
+
+def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
+    """Return a function that makes a message object of the data of a message.
+
+    The object has the fields of the message as attributes, lists for arrays. The function raises
+    BagError for data that is not such a message, or is longer.
+
+    Raises BagError: the format of the topic is not known, or its schema is broken.
+    """
+    where = f"topic {topic.name} ({topic.type})"
+    # The last field of the first definition, which lines of = divide from the others.
+    lines = "\n".join(topic.schema.splitlines())
+    others = re.search("^={3,}$", lines, flags=re.MULTILINE)
+    at = others.start() if others else len(lines)
+    schema = f"{lines[:at]}\nuint8[{len(_MARK)}] {_END}\n{lines[at:]}"
+    with _described(topic, where):
+        decode = DecoderFactory().decoder_for(
+            CDR, Schema(id=1, data=schema.encode(), encoding="ros2msg", name=topic.type)
+        )
+        if decode is None:
+            raise ValueError("it has no definition")
+
+    def decoded(data: bytes) -> Any:
+        try:
+            message: Any = decode(_Bounded(data + _MARK))
+            slots, end = message.__slots__, getattr(message, _END)
+            if slots[-1] == _END:
+                slots.pop()  # of the class that the library made for this decoder
+            if end != _MARK:
+                _check_end(message, end)
+        except Exception as error:  # the library has no error of its own for what is wrong
+            raise UndecodableError(
+                f"a message on {where} is not of that type: {short(error)}; "
+                "the recording is damaged or has the wrong schema"
+            ) from error
+        return message
+
+    return _JointStates(decoded) if topic.type == JOINT_STATE_TYPE else decoded
+
+
+@contextlib.contextmanager
+def _described(topic: TopicDescription, where: str) -> Iterator[None]:
+    """Check that the library knows the format of a topic; name what is wrong with its schema."""
+    if topic.encoding != CDR or topic.schema_encoding != "ros2msg" or not topic.schema:
+        schema_kind = topic.schema_encoding if topic.schema else "missing"
+        found = f"{topic.encoding or 'of no format'}, schema {schema_kind}"
+        raise UndecodableError(
+            f"{where} cannot be decoded: its messages are {found}; record it with "
+            "`stickslip bag record` or `ros2 bag record -s mcap`, which write cdr and ros2msg"
+        )
+    try:
+        if len(topic.schema) > _LARGEST_SCHEMA:
+            raise ValueError(
+                f"it has {len(topic.schema)} characters; {_LARGEST_SCHEMA} is the limit"
+            )
+        with contextlib.redirect_stderr(io.StringIO()):  # where the parser prints the bad line
+            yield
+    # The text is a stranger's and the parser has no error of its own for what is wrong with it.
+    except Exception as error:
+        raise UndecodableError(
+            f"{where} cannot be decoded, its schema is broken: {short(error)}; "
+            "record it anew or leave the topic out"
+        ) from error
+
+
+def _check_end(message: Any, end: bytes) -> None:
+    """Raise ValueError if the library left more of a message than ROS leaves behind it.
+
+    DDS fills messages up to a multiple of four, and Fast DDS counts four bytes more for each empty
+    list. end: what stands behind the part that was read.
+    """
+
+    def lists(one: Any) -> int:
+        if isinstance(one, list):
+            return sum(map(lists, one)) if one else 1
+        return sum(lists(getattr(one, name)) for name in getattr(one, "__slots__", ()))
+
+    left = end.find(_MARK[:8])
+    if left < 0 or left > 3 + 4 * lists(message):
+        raise ValueError("it is longer than its type")
+
+
+def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
+    """Return a function that makes the data of a message of an object like a decoded one.
+
+    Raises BagError: the schema of the topic is missing or broken.
+    """
+    with _described(topic, f"topic {topic.name} ({topic.type})"):
+        encode: Callable[[Any], bytes] = serialize_dynamic(topic.type, topic.schema)[topic.type]
+    return encode
+
+
+# Joint states as `struct` takes them, with joint and frame of one letter: what is read of it by a
+# schema, shows whether that is the schema of joint states, and whether its seconds have a sign.
+_PROBE = struct.pack(
+    "<4siII2s2xII2s2xIdI4xdI4xd",
+    *(b"\0\1\0\0", -5, 7, 2, b"f", 1, 2, b"j", 1, 1.5, 1, 2.5, 1, 3.5),
+)
+_MOST_KNOWN = 64  # sizes of messages of a topic
+
+
+class _JointStates:
+    """Decodes joint states; the first of each size and of other names by the library."""
+
+    def __init__(self, decode: Callable[[bytes], Any]) -> None:
+        """Take what the library decodes them with."""
+        self._decode = decode
+        self._known: dict[int, tuple[struct.Struct, tuple[Any, ...], Any]] = {}  # by size
+        self._seconds = ""
+        with contextlib.suppress(AttributeError, UndecodableError):
+            one = decode(_PROBE)
+            texts = one.header.stamp.nanosec, one.header.frame_id, one.name
+            if (*texts, one.position, one.velocity, one.effort) == (
+                7, "f", ["j"], [1.5], [2.5], [3.5]
+            ):  # fmt: skip
+                self._seconds = {-5: "i", 2**32 - 5: "I"}.get(one.header.stamp.sec, "")
+
+    def __call__(self, data: bytes) -> Any:
+        """Return a message; UndecodableError if it is none."""
+        known = self._known.get(len(data))
+        if known is None:
+            return self._learn(data)
+        form, expected, like = known
+        head, sec, nanosec, texts, *values = form.unpack(data)
+        p, v = len(like.position), len(like.velocity)
+        if (head, texts, values[0], values[p + 1], values[p + v + 2]) != expected:
+            return self._learn(data)
+        message, header, stamp = type(like)(), type(like.header)(), type(like.header.stamp)()
+        stamp.sec, stamp.nanosec = sec, nanosec
+        header.stamp, header.frame_id = stamp, like.header.frame_id
+        message.header, message.name = header, [*like.name]
+        message.position = values[1 : p + 1]
+        message.velocity = values[p + 2 : p + v + 2]
+        message.effort = values[p + v + 3 :]
+        return message
+
+    def _learn(self, data: bytes) -> Any:
+        """Decode a message by the library, and note where its numbers lie."""
+        message = self._decode(data)
+        if self._seconds and data[1] & 1:
+            at = 12
+            for number in range(1 + len(message.name)):  # the frame, and behind it the joints
+                at += -at % 4
+                at += 4 + int(struct.unpack_from("<I", data, at)[0])
+                at += 0 if number else -at % 4 + 4
+            form, texts_end, counts = f"<4s{self._seconds}I{at - 12}s", at, list[int]()
+            for values in (message.position, message.velocity, message.effort):
+                form += f"{-at % 4}xI"
+                at += -at % 4 + 4
+                if values:
+                    form += f"{(4 - at) % 8}x{len(values)}d"
+                    at += (4 - at) % 8 + 8 * len(values)
+                counts.append(len(values))
+            if len(self._known) >= _MOST_KNOWN:
+                self._known.clear()
+            expected = data[:4], data[12:texts_end], *counts
+            self._known[len(data)] = struct.Struct(f"{form}{len(data) - at}x"), expected, message
+        return message
+
+
+def not_of_type(bag: BagReader, topic: str, error: Exception) -> UndecodableError:
+    """Return the error for a topic whose messages lack fields of its type."""
+    return UndecodableError(
+        f"the messages on {topic} of {bag.path} are not of the type {bag.topics[topic].type} that "
+        f"they are said to be ({error}); record the topic anew or leave it out"
+    )
+
+
+def decode_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[BagMessage, Any]]:
+    """Yield the messages on some topics in order of time, each as recorded and as an object.
+
+    Raises BagError: a topic is not in the bag or cannot be decoded, or a message is damaged.
+    """
+    decoders = {topic: decoder_for(bag.topics[topic]) for topic in topics}
+    for found in bag.messages(decoders):
+        yield found, decoders[found.topic](found.data)
+
+
+def fields_of(
+    message: Any, kind: str, longest_array: int, prefix: str = ""
+) -> Iterator[tuple[str, Any]]:
+    """Yield names and values of the fields of a message, without its header.
+
+    kind: its type; the fields of joint states are named after their joints; longest_array: longer
+    ones, images say, are passed over.
+    """
+    if kind == JOINT_STATE_TYPE:
+        for name in ("position", "velocity", "effort"):
+            values = getattr(message, name)
+            if len(values) == len(message.name):
+                yield from ((f"{j}/{name}", v) for j, v in zip(message.name, values, strict=True))
+        return
+    for name in message.__slots__:
+        value = getattr(message, name)
+        if name == "header" and not prefix:
+            continue
+        each = {f"{prefix}{name}": value}
+        if isinstance(value, list):
+            short = value if len(value) <= longest_array else []
+            each = {f"{prefix}{name}[{k}]": one for k, one in enumerate(short)}
+        for label, one in each.items():
+            if isinstance(one, bool | int | float | str):
+                yield label, one
+            elif hasattr(one, "__slots__"):
+                yield from fields_of(one, "", longest_array, f"{label}.")
+
+
+class Status(NamedTuple):
+    """One status of a DiagnosticArray; times in ns since the Unix epoch."""
+
+    log_ns: int  #: when the message with it was recorded
+    stamp_ns: int  #: the time in its header
+    name: str
+    level: int  #: 0 OK, 1 WARN, 2 ERROR, 3 STALE
+    message: str
+    values: dict[str, str]  #: its values by key
+
+
+def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
+    """Yield every diagnostic status on a topic in order of time, reading as it goes.
+
+    Raises BagError: the topic is not in the bag or not one of diagnostics; while reading: a message
+    is damaged.
+    """
+    topic = bag.topics.get(topic_name)
+    if topic is None or topic.type != STATUS_TYPE:
+        have = topic.type if topic else "not there"
+        raise BagError(f"topic {topic_name} of {bag.path} is {have}; it has to be {STATUS_TYPE}")
+    if not bag.counts[topic_name]:
+        return
+    for found, message in decode_messages(bag, [topic_name]):
+        try:
+            stamp_ns = nanoseconds(message.header.stamp)
+            read = [
+                (one.name, one.level, one.message, {pair.key: pair.value for pair in one.values})
+                for one in message.status
+            ]
+        except (AttributeError, TypeError) as error:  # the schema in a bag can be anybody's
+            raise not_of_type(bag, topic_name, error) from None
+        for status in read:
+            yield Status(found.log_ns, stamp_ns, *status)
