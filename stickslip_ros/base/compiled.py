@@ -78,14 +78,24 @@ def _unsafe_cache() -> str:
     if str(best) == folder:
         return ""
     used = f"{folder} is used" if folder else "every process compiles for itself"
-    return f"others can write to {best.parent}, so {used}: chmod go-w, or set NUMBA_CACHE_DIR"
+    open_place = _open_to_others(best)
+    return f"others can write to {open_place}, so {used}: chmod go-w, or set NUMBA_CACHE_DIR"
 
 
 def _is_safe(folder: Path) -> bool:
     """Return whether only this user and root can put files into a folder or replace it."""
+    return _open_to_others(folder) is None
+
+
+def _open_to_others(folder: Path) -> Path | None:
+    """Return the folder through which others can put files into one; None if they cannot.
+
+    Where a link leads is looked at as its name is: both can be replaced.
+    """
     if not hasattr(os, "getuid"):
-        return True
-    for place in (folder, *folder.parents):
+        return None
+    real = Path(os.path.realpath(folder))
+    for place in dict.fromkeys((folder, *folder.parents, real, *real.parents)):
         try:
             found = place.stat()
         except OSError:  # it is not there yet, and this user will make it
@@ -94,11 +104,11 @@ def _is_safe(folder: Path) -> bool:
         others = found.st_mode & stat.S_IWOTH or (
             found.st_mode & stat.S_IWGRP and _has_others(found.st_gid)
         )
-        if others and (place == folder or not found.st_mode & stat.S_ISVTX):
-            return False
+        if others and (place in (folder, real) or not found.st_mode & stat.S_ISVTX):
+            return place
         if found.st_uid not in (os.getuid(), 0):
-            return False
-    return True
+            return place
+    return None
 
 
 def _has_others(group: int) -> bool:

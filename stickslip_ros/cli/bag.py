@@ -79,7 +79,11 @@ def run_info(args: argparse.Namespace) -> int:
 
 
 def _description(found: dict[str, Any]) -> list[str]:
+    from stickslip_ros.axis.events import value_text
+    from stickslip_ros.recordings.clocks import LEFT_OUT
+
     found = _printable(found)
+    apart = "".join(f"; {text}" for text in found["warnings"] if text.endswith(LEFT_OUT))
     chunks = ", ".join(name or "none" for name in found["compression"]) or "none"
     packed = f", each {found['packed']} packed as a whole" if found["packed"] else ""
     files = f"{len(found['files'])} file{'s' * (len(found['files']) > 1)}"
@@ -90,7 +94,7 @@ def _description(found: dict[str, Any]) -> list[str]:
         f"start        {_date(found['start_ns'])}",
         f"end          {_date(found['end_ns'])}",
         f"duration     {found['duration']:.3f} s",
-        f"messages     {found['messages']}",
+        f"messages     {found['messages']}{apart}",
         f"recorded by  {', '.join(found['written_by'])}"
         f"{', ROS ' + found['ros_distro'] if found['ros_distro'] else ''}",
     ]
@@ -104,7 +108,8 @@ def _description(found: dict[str, Any]) -> list[str]:
         if topic["undecodable"]:
             lines.append(f"    {topic['undecodable']}")
     for name, parameters in found["axes"].items():
-        own = {key: text for key, text in parameters.items() if not _is_default(key, text)}
+        texts = {key: value_text(value) for key, value in parameters.items()}
+        own = {key: text for key, text in texts.items() if not _is_default(key, text)}
         rest = len(parameters) - len(own)
         lines += ["", f"axis of {name}; {rest} more parameters at their defaults, see --json"]
         lines += [f"  {key:<24} {text}".rstrip() for key, text in own.items()]
@@ -352,8 +357,9 @@ def export_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.description = (
         "A folder takes a CSV file for each topic, a file one table of all topics, a row for each "
-        "moment, in order of time. Times are in s since the start of the bag by the clock of the "
-        "stamps; what has none stands where the joint states show that clock to be."
+        "moment, in order of time. Times are in s by the clock of the stamps, since the start of "
+        "the bag or, by another clock than the recorder's, the first stamp; what has none stands "
+        "where the joint states show that clock to be."
     )
     _add_bag(parser)
     text = "new folder, or a file FILE.csv or FILE.parquet (default: BAG_tables)"
@@ -370,6 +376,8 @@ def run_export(args: argparse.Namespace) -> int:
     with open_bag(args.bag) as bag, progress_bar(bag.message_count, "exporting messages") as bar:
         done = export(bag, out, bar.update)
     print(done.path)
+    for note in done.notes:
+        print(f"stickslip bag export: {printable(note)}", file=sys.stderr)
     for reason in done.left_out.values():
         print(f"stickslip bag export: left out: {reason}", file=sys.stderr)
     return 1 if done.left_out else 0

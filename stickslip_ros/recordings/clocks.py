@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 HOUR = 3_600_000_000_000
@@ -11,6 +12,10 @@ HOUR = 3_600_000_000_000
 _DECADE = 10 * 365 * 24 * HOUR
 #: So many messages are few: one of 20, up to a hundred of more than 10 000
 _OF, _SHARE, _FEW = 20, 100, 100
+
+
+LEFT_OUT = "s from the others: left out"
+"""How a sentence ends that tells of messages apart from the bulk."""
 
 
 class Bulk(NamedTuple):
@@ -28,7 +33,7 @@ class Bulk(NamedTuple):
             return ""
         messages = "1 message is" if self.apart == 1 else f"{self.apart} messages are up to"
         seconds = f"{round(self.by_ns / 1e9):,}".replace(",", " ")
-        return f"{messages} {seconds} s from the others: left out"
+        return f"{messages} {seconds} {LEFT_OUT}"
 
 
 class Moments:
@@ -64,7 +69,17 @@ class Moments:
         few = min(_FEW, max(left // _SHARE, left >= _OF))
         if left - largest[0] <= few:
             kept = [largest]
+        if not kept:
+            return Bulk(0, 0)
         start, end = kept[0][1], kept[-1][2]
         ends = [one for one in groups if not start <= one[1] <= end]
         by = max((max(start - first, last - end) for _, first, last in ends), default=0)
         return Bulk(start, end, sum(count for count, *_ in ends), by)
+
+
+def bulk_of(times: Iterable[int]) -> Bulk:
+    """Return the bulk of some times, ns."""
+    moments = Moments()
+    for ns in times:
+        moments.add(ns)
+    return moments.bulk()

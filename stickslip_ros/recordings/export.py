@@ -25,7 +25,7 @@ from stickslip_ros.recordings.clocks import HOUR, Bulk, Moments
 from stickslip_ros.recordings.errors import BagError, UndecodableError, short
 from stickslip_ros.recordings.messages import decoder_for, fields_of, not_of_type
 from stickslip_ros.recordings.reader import BagReader
-from stickslip_ros.recordings.schemas import JOINT_STATE_TYPE, STATUS_TYPE, nanoseconds
+from stickslip_ros.recordings.schemas import JOINT_STATE_TYPE, STATUS_TYPE, stamp_of
 
 TIME, RECORDED, CLOCK = "time (s)", "recorded (ns)", "clock"
 """The first columns of every table; the third only where two clocks meet in one."""
@@ -123,10 +123,9 @@ class _Topic:
 
         log_ns: when it was recorded; start_ns: start of the bag.
         """
-        time = getattr(getattr(message, "header", None), "stamp", None)
-        if time is None:
+        stamp, since = stamp_of(message), log_ns - start_ns
+        if stamp is None:
             return None
-        stamp, since = nanoseconds(time), log_ns - start_ns
         if not -_SIGNED <= stamp < _SIGNED:
             raise ValueError(f"its stamp is {stamp} ns")
         self.stamps.add(stamp)
@@ -195,9 +194,7 @@ class _Rows:
 
     def _read(self, note: Note) -> Iterator[tuple[int, int | None, int, int, bytes]]:
         """Yield the rows of all messages that can be decoded, as they stand in the database."""
-        bulk, topics = self._bag.bulk, frozenset(self._topics)
-        window = (bulk.start_ns, bulk.end_ns + 1) if bulk.apart else ()
-        for message in self._bag.messages(topics, *window) if topics else ():
+        for message in self._bag.bulk_messages([*self._topics]):
             note(1)
             topic = self._topics.get(message.topic)
             if topic is None:  # a message of it was not of its type

@@ -214,13 +214,16 @@ def not_of_type(bag: BagReader, topic: str, error: Exception) -> UndecodableErro
     )
 
 
-def decode_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[BagMessage, Any]]:
+def decode_messages(
+    bag: BagReader, topics: Iterable[str], bulk: bool = False
+) -> Iterator[tuple[BagMessage, Any]]:
     """Yield the messages on some topics in order of time, each as recorded and as an object.
 
-    Raises BagError: a topic is not in the bag or cannot be decoded, or a message is damaged.
+    bulk: leave out those that are hours from all others. Raises BagError: a topic is not in the bag
+    or cannot be decoded, or a message is damaged.
     """
     decoders = {topic: decoder_for(bag.topics[topic]) for topic in topics}
-    for found in bag.messages(decoders):
+    for found in bag.bulk_messages(decoders) if bulk else bag.messages(decoders):
         yield found, decoders[found.topic](found.data)
 
 

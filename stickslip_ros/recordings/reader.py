@@ -188,6 +188,11 @@ class BagReader:
                 raise BagError(f"{self.path} has no topic {name}; it has {known}")
         return self._read(wanted)
 
+    def bulk_messages(self, topics: Iterable[str] | None = None) -> Iterator[BagMessage]:
+        """Yield the messages of the bulk, as :meth:`messages` does."""
+        window = (self.bulk.start_ns, self.bulk.end_ns + 1) if self.bulk.apart else ()
+        return self.messages(topics, *window)
+
     def _read(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages; a whole topic with fewer or more than are counted is an error."""
         packed = self.metadata.compression_mode == "message"

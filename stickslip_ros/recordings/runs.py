@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
@@ -19,6 +20,7 @@ from stickslip_ros.axis.events import (
     unpack_set_points,
 )
 from stickslip_ros.axis.joints import SOURCE, Joints, contact_joints, joints_of
+from stickslip_ros.physics.parameters import PARAMETERS, ParameterError
 from stickslip_ros.physics.parameters.groups import CONTACT_SUFFIX, SLIDER
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.messages import (
@@ -258,9 +260,23 @@ def describe(bag: BagReader) -> dict[str, Any]:
         "metadata_version": bag.metadata.version,
         "written_by": bag.libraries,
         "custom_data": bag.custom_data,
-        "warnings": bag.warnings,
-        "axes": recorded_axes(bag),
+        "warnings": [*bag.warnings, *([bag.bulk.told] if bag.bulk.apart else [])],
+        "axes": {
+            topic: {name: _value(name, text) for name, text in texts.items()}
+            for topic, texts in recorded_axes(bag).items()
+        },
     }
+
+
+def _value(name: str, text: str) -> Any:
+    """Return the value of a parameter; the text as it is of what is none."""
+    if name.endswith("_version") and text.isdecimal():
+        return int(text[:20])
+    try:
+        value = PARAMETERS[name].parse(text)
+    except (KeyError, ParameterError):
+        return text
+    return text if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _why_undecodable(topic: TopicDescription) -> str | None:

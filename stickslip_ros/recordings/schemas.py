@@ -33,10 +33,10 @@ def nanoseconds(stamp: Any) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def stamp_of(message: Any, recorded_ns: int) -> int:
-    """Return the time (ns) in the header of a message; when it was recorded if there is none."""
+def stamp_of(message: Any) -> int | None:
+    """Return the time (ns) in the header of a message; None if it has no header."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return (nanoseconds(stamp) if stamp else 0) or recorded_ns
+    return None if stamp is None else nanoseconds(stamp)
 
 
 def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:

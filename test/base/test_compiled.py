@@ -76,6 +76,22 @@ def test_a_folder_of_a_group_with_others_is_none_of_its_user(
     assert Path(module.cache_folder()).parent == cache / "x"
 
 
+def test_where_a_link_leads_is_looked_at_as_its_name_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Others could put a folder of theirs where the link of this user leads."""
+    shared, cache = tmp_path / "shared", tmp_path / "cache"
+    (shared / "mine").mkdir(parents=True, mode=0o755)
+    cache.symlink_to(shared / "mine")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    assert Path(module.cache_folder()).parent == cache
+    shared.chmod(0o777)
+    assert Path(module.cache_folder()).parent == tmp_path / "home" / "stickslip_ros"
+    module._Reporter()._say()
+    assert f"others can write to {shared}, so " in capsys.readouterr().err
+
+
 def test_an_edit_in_any_file_of_the_kernel_has_a_folder_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

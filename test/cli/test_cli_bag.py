@@ -75,7 +75,7 @@ def test_info_is_one_object_with_json(bag: Path, capsys: pytest.CaptureFixture[s
     )
     assert found["custom_data"] == {"lost_messages": "0"}
     assert found["axes"] == {
-        EVENTS.name: {"model": "ceim", "preload": "0.30000000000000004", "version": "0.1.0"}
+        EVENTS.name: {"model": "ceim", "preload": 0.30000000000000004, "version": "0.1.0"}
     }
 
 

@@ -23,7 +23,6 @@ from stickslip_ros.base.reporting import format_si
 from stickslip_ros.base.reporting.terminal import announce_if_slow
 from stickslip_ros.measurement.bags.load_motion import LoadedMotion
 from stickslip_ros.physics.model import Plant
-from stickslip_ros.physics.parameters.groups import SLIDER
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.recordings.runs import RecordedRun, recorded_runs
 from stickslip_ros.simulation.motion import Motion
@@ -47,17 +46,17 @@ def finest_motion(path: Path, loaded: LoadedMotion) -> Motion:
     if loaded.parameters is None or loaded.origin_ns is None:  # no bag, or that of a stranger
         return loaded.motion
     with report_compilation(), announce_if_slow("simulating again"), suppress(NotRepeatable):
-        return _simulated_again(path, loaded.motion, loaded.origin_ns, loaded.joint)
+        return _simulated_again(path, loaded.motion, loaded.origin_ns, loaded.node)
     return loaded.motion
 
 
-def _simulated_again(path: Path, motion: Motion, origin_ns: int, joint: str | None) -> Motion:
-    """Return the motion of a joint at a finer rate; itself where that is of no use.
+def _simulated_again(path: Path, motion: Motion, origin_ns: int, node: str | None) -> Motion:
+    """Return the motion of the axis of a node at a finer rate; itself where that is of no use.
 
     Its times count from an origin (ns). Raises NotRepeatable.
     """
     with open_bag(path) as bag:
-        runs = [one for one in recorded_runs(bag) if f"{one.axis_name}{SLIDER}" == joint]
+        runs = [one for one in recorded_runs(bag) if one.node == node]
     swings = [Plant.of(p).ringing_frequency for one in runs for _, p in parameters_of(one.events)]
     if not max(swings, default=0.0) * motion.spacing > 1.0 / ENOUGH:
         return motion

@@ -14,7 +14,7 @@ import contextlib
 import io
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -32,6 +32,7 @@ from stickslip_ros.measurement.steps.drive import Drive
 from stickslip_ros.physics.parameters import PARAMETERS, Value
 from stickslip_ros.physics.parameters.groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
+from stickslip_ros.recordings.clocks import bulk_of
 from stickslip_ros.recordings.messages import decode_messages, fields_of
 from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.recordings.schemas import JOINT_STATE_TYPE, stamp_of
@@ -49,6 +50,7 @@ class LoadedMotion(NamedTuple):
     version: str | None = None  #: of this package that the axis ran with, likewise
     joint: str | None = None  #: whose motion it is, of a bag
     drive: Drive | None = None  #: how its axis was driven, where the events of a bag tell all of it
+    node: str | None = None  #: of that axis
 
 
 def is_parameter_file(path: Path) -> bool:
@@ -83,18 +85,27 @@ def load_motion(
     stamps = origins[position.number - 1] + np.rint(1e9 * motion.t).astype(np.int64)
     origin = int(stamps[0]) if origin_ns is None else origin_ns
     motion = replace(motion, t=np.asarray(1e-9 * (stamps - origin), np.float64))
-    joint = position.name.split("/")[-2]
-    if len(all_of := _sliders(table)) > 1:
+    topic, name, _ = position.name.rsplit("/", 2)
+    near = topic.rpartition("/")[0]
+    if len(all_of := _sliders(joints := joints_in(table))) > 1:
+        label = f"{near}/{name}".lstrip("/")
         note = f"the motion is that of {position.name}; the sliders are: {', '.join(all_of)}"
-        motion = replace(motion, source=f"{path.name} ({joint})", notes=(*motion.notes, note))
+        source = f"{path.name} ({label if label in joints else name})"
+        motion = replace(motion, source=source, notes=(*motion.notes, note))
     with open_bag(path) as bag:
-        for texts in recorded_axes(bag).values():  # of the event that an axis starts with
-            if f"{texts.get('axis_name')}{SLIDER}" == joint:
-                known = {name: text for name, text in texts.items() if name in PARAMETERS}
-                parameters = {name: PARAMETERS[name].parse(text) for name, text in known.items()}
-                version, drive = texts.get("version"), _drive_in(bag, joint, origin)
-                return LoadedMotion(motion, origin, parameters, version, joint, drive)
-    return LoadedMotion(motion, origin, joint=joint)
+        axes = {
+            events: texts  # of the event that an axis starts with
+            for events, texts in recorded_axes(bag).items()
+            if f"{texts.get('axis_name')}{SLIDER}" == name
+        }
+        for events in sorted(axes, key=lambda events: not events.startswith(f"{near}/"))[:1]:
+            texts = axes[events]
+            known = {name: text for name, text in texts.items() if name in PARAMETERS}
+            parameters = {name: PARAMETERS[name].parse(text) for name, text in known.items()}
+            version, node = texts.get("version"), events.removesuffix("/events")
+            drive = _drive_in(bag, node, origin)
+            return LoadedMotion(motion, origin, parameters, version, name, drive, node)
+    return LoadedMotion(motion, origin, joint=name)
 
 
 #: Applied events that make no steps; those of them that change the drive as well.
@@ -102,7 +113,7 @@ _WITHOUT_STEPS = ("amplitude", "load", "zero", "pause")
 _OF_THE_DRIVE = (START, "frequency", "parameters")
 
 
-def _drive_in(bag: BagReader, joint: str, origin_ns: int) -> Drive | None:
+def _drive_in(bag: BagReader, node: str, origin_ns: int) -> Drive | None:
     """Return frequencies, numbers and begins of the steps that an axis was sent, by its events.
 
     The begins count from a time (ns). None where the events do not tell: some are missing, a
@@ -111,7 +122,7 @@ def _drive_in(bag: BagReader, joint: str, origin_ns: int) -> Drive | None:
     sent: list[tuple[float, int, float]] = []
     with contextlib.suppress(NotRepeatable, KeyError, TypeError, ValueError):
         for run in recorded_runs(bag):
-            if f"{run.axis_name}{SLIDER}" != joint:
+            if run.node != node:
                 continue
             if run.missing_events or run.events[0].name != START:
                 return None
@@ -129,7 +140,7 @@ def _drive_in(bag: BagReader, joint: str, origin_ns: int) -> Drive | None:
                     moves = False
                 elif event.outcome != "refused" and event.name not in _WITHOUT_STEPS:
                     return None
-        sent = [one for one in sent if one[1]]
+        sent = [one for one in sent if one[2]]
         if sent:
             frequencies, steps, begins = zip(*sent, strict=True)
             return Drive(frequencies, steps, begins)
@@ -166,17 +177,18 @@ def read_bag(path: Path) -> tuple[Table, list[int]]:
     sources: list[tuple[str, str, int]] = []  # topic, field and origin of each column
     with open_bag(path) as bag:
         for topic, about in bag.topics.items():
-            looked: list[tuple[int, dict[str, float]]] = []
+            looked: list[tuple[int, int, dict[str, float]]] = []
             # The parser of types prints types that it refuses; one that nobody knows is left out.
             with contextlib.suppress(BagError), contextlib.redirect_stderr(io.StringIO()):
                 messages = _messages(bag, topic) if bag.counts[topic] else iter(())
-                looked += [one for one in islice(messages, _LOOKED_AT) if one[1]]
-            names = [name for _, numbers in looked for name in (_TIME, *numbers)]
+                looked += [one for one in islice(messages, _LOOKED_AT) if one[2]]
+            names = [name for one in looked for name in (_TIME, *one[2])]
+            origin = bulk_of(_stamps([one[:2] for one in looked])).start_ns
             for field in dict.fromkeys(names):
                 unit = "s" if field == _TIME else _UNITS.get((about.type, field))
                 if about.type == JOINT_STATE_TYPE and field.endswith("/position"):
                     unit = "m"
-                sources.append((topic, field, looked[0][0]))
+                sources.append((topic, field, origin))
                 length, number = bag.counts[topic], len(sources)
                 columns.append(Column(f"{topic}/{field}", unit, number=number, length=length))
     if not columns:
@@ -186,32 +198,46 @@ def read_bag(path: Path) -> tuple[Table, list[int]]:
         topics, fields, origins = zip(*(sources[one.number - 1] for one in wanted), strict=True)
         if len(set(topics)) > 1:
             raise MeasurementError("the columns have to be of one topic")
-        with open_bag(path) as bag:  # joints may come one by one: rows have one of them
-            rows = [
-                [(numbers | {_TIME: 1e-9 * (stamp - origins[0])}).get(f, math.nan) for f in fields]
-                for stamp, numbers in _messages(bag, topics[0])
-                if not numbers.keys().isdisjoint({*fields} - {_TIME})
-            ]
+        with open_bag(path) as bag:
+            notes = [bag.bulk.told] if bag.bulk.apart else []
+            times, rows = [], []
+            for stamp, log_ns, numbers in _messages(bag, topics[0]):
+                if not numbers.keys().isdisjoint({*fields} - {_TIME}):  # joints may come one by one
+                    times.append((stamp, log_ns))
+                    rows.append([numbers.get(field, math.nan) for field in fields])
+        stamps = _stamps(times)
+        bulk = bulk_of(stamps)
+        notes += [f"{topics[0]}: {bulk.told}"] if bulk.apart else []
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(fields))
+        for k in [k for k, field in enumerate(fields) if field == _TIME]:
+            table[:, k] = [1e-9 * (stamp - origins[0]) for stamp in stamps]
+        table = table[[bulk.start_ns <= stamp <= bulk.end_ns for stamp in stamps]]
         if _TIME in fields:  # a message may come late, or twice
             table = table[np.unique(table[:, fields.index(_TIME)], return_index=True)[1]]
-        return Loaded([np.ascontiguousarray(column) for column in table.T])
+        return Loaded([np.ascontiguousarray(one) for one in table.T], notes=tuple(notes))
 
     return Table(columns, load), [origin for _, _, origin in sources]
 
 
-def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, dict[str, float]]]:
-    """Yield stamp (ns) and numbers by name of each message, without those of headers and lists."""
+def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, int, dict[str, float]]]:
+    """Yield stamp, 0 if it has none, when it was recorded (ns), and numbers of each message.
+
+    The numbers, by name, are without those of headers and lists.
+    """
     kind = bag.topics[topic].type
-    for recorded, message in decode_messages(bag, [topic]):
-        yield (
-            stamp_of(message, recorded.log_ns),
-            {
-                name: float(value)
-                for name, value in fields_of(message, kind, _LONGEST_ARRAY)
-                if isinstance(value, bool | int | float) and not _NO_COLUMN.search(name)
-            },
-        )
+    for recorded, message in decode_messages(bag, [topic], bulk=True):
+        numbers = {
+            name: float(value)
+            for name, value in fields_of(message, kind, _LONGEST_ARRAY)
+            if isinstance(value, bool | int | float) and not _NO_COLUMN.search(name)
+        }
+        yield stamp_of(message) or 0, recorded.log_ns, numbers
+
+
+def _stamps(times: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the stamps of messages, or when they were recorded if none has a stamp, ns."""
+    stamped = any(stamp for stamp, _ in times)
+    return [stamp if stamped else log_ns for stamp, log_ns in times]
 
 
 def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
@@ -220,30 +246,58 @@ def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
     Empty where the bag has no joints to choose from. Raises MeasurementError if the joint is not
     there, or several sliders are and none is named.
     """
+    joints = joints_in(table)
+    sliders = _sliders(joints)
+    listed = ", ".join(sorted(joints)) or "none"
+    several = [one for one in joints if joint and one.endswith(f"/{joint}")]
+    if joint is not None and joint not in joints and not several:
+        raise MeasurementError(f"there is no joint {joint!r}; there are: {listed}")
+    if (joint is None and len(sliders) > 1) or (joint not in joints and several):
+        named = several or sliders
+        raise MeasurementError(
+            f"which joint? it has {', '.join(named)}; name one: --joint {named[0]} "
+            f"(or its column: --columns x={joints[named[0]]})"
+        )
+    chosen = joint or next(iter(sliders or (joints if len(joints) == 1 else ())), None)
+    if chosen is None:
+        return {}
+    topic, name, field = joints[chosen].rsplit("/", 2)
+    actuator = f"{topic}/{name.removesuffix(SLIDER)}{PIEZO}/{field}"
+    there = any(column.name == actuator for column in table.columns)
+    return {"x": joints[chosen], **({"u": actuator} if there else {})}
+
+
+def joints_in(table: Table) -> dict[str, str]:
+    """Return the column with the position of each joint in a bag.
+
+    A joint that topics of one name, in namespaces beside each other, tell of is several, named
+    l1/p_slider, say.
+    """
     # Commands may name the same joints: the topic that has most messages shows the motion. What no
     # sensor reads is no measurement.
     positions = sorted(
         (one for one in table.columns if one.unit == "m" and one.name.endswith("/position")),
         key=lambda one: ("/truth/" not in one.name, one.length or 0, -one.number),
     )
-    joints = {column.name.split("/")[-2]: column.name for column in positions}
-    if joint is not None and joint not in joints:
-        listed = ", ".join(sorted(joints)) or "none"
-        raise MeasurementError(f"there is no joint {joint!r}; there are: {listed}")
-    sliders = _sliders(table)
-    if joint is None and len(sliders) > 1:
-        raise MeasurementError(
-            f"which joint? it has {', '.join(sliders)}; name one: --joint {sliders[0]} "
-            f"(or its column: --columns x={joints[sliders[0]]})"
-        )
-    chosen = joint or next(iter(sliders or (joints if len(joints) == 1 else ())), None)
-    if chosen is None:
-        return {}
-    actuator = joints.get(chosen.removesuffix(SLIDER) + PIEZO)
-    return {"x": joints[chosen], **({"u": actuator} if actuator else {})}
+    of_joint: dict[str, list[str]] = {}
+    for column in positions:
+        of_joint.setdefault(column.name.split("/")[-2], []).append(column.name)
+    joints: dict[str, str] = {}
+    for joint, names in of_joint.items():
+        topics = [name.rsplit("/", 2)[0] for name in names if "/truth/" not in name]
+        ends = [topic.rpartition("/")[2] for topic in topics]
+        alike = [topic for topic in topics if ends.count(topic.rpartition("/")[2]) > 1]
+        places = {topic.rpartition("/")[0] for topic in alike}
+        places = {p for p in places if not any(p.startswith(f"{q}/") for q in places - {p})}
+        if len(places) < 2:
+            joints[joint] = names[-1]
+            continue
+        for place in sorted(places):
+            label = f"{place}/{joint}".lstrip("/")
+            joints[label] = [name for name in names if name.startswith(f"{place}/")][-1]
+    return joints
 
 
-def _sliders(table: Table) -> list[str]:
-    """Return the joints of a bag whose names end as those of sliders do, in order of the names."""
-    ends = f"{SLIDER}/position"
-    return sorted({one.name.split("/")[-2] for one in table.columns if one.name.endswith(ends)})
+def _sliders(joints: Iterable[str]) -> list[str]:
+    """Return the joints whose names end as those of sliders do, in order of the names."""
+    return sorted(joint for joint in joints if joint.endswith(SLIDER))

@@ -25,7 +25,6 @@ from stickslip_ros.measurement.reading.formats import naming, open_table
 from stickslip_ros.measurement.twin.own_sensor import OwnSensor
 from stickslip_ros.measurement.twin.settings import TwinError
 from stickslip_ros.measurement.twin.timeline import TwinCommand
-from stickslip_ros.physics.parameters.groups import SLIDER
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.recordings.runs import recorded_runs
 
@@ -80,8 +79,7 @@ def read_log(
         return _merged(_of_file(drive), motion.t, motion.x)
     with open_bag(path) as bag:
         runs = recorded_runs(bag)
-    of_joint = [run for run in runs if f"{run.axis_name}{SLIDER}" == joint] or runs[:1]
-    of_axis = [run for run in runs if run.node == of_joint[0].node]
+    of_axis = [run for run in runs if run.node == (found.node or runs[0].node)]
     # Times count from what is oldest, as they do in the node: so they have the same bits.
     origin = min(first, *(run.start_ns for run in of_axis))
     events = [(event_ns(run.start_ns, event), event) for run in of_axis for event in run.events]

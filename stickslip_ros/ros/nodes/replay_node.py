@@ -70,9 +70,7 @@ class ReplayNode(GuardedNode):
         self._bag = open_bag(path)
         if not self._bag.message_count:
             raise UsageError(f"{path} has no messages; name another bag")
-        # A time of 0 stands for none.
-        timed = (one.log_ns for one in self._bag.messages() if one.log_ns)
-        begin = self._bag.start_ns or next(timed, 0)
+        begin = self._bag.start_ns
         length = (self._bag.end_ns - begin) * 1e-9
         if given["start"] > length:
             raise UsageError(
@@ -131,7 +129,9 @@ class ReplayNode(GuardedNode):
             self._wait_for_listeners()
             while self.followed and self.followed.missing() and not self._ended.wait(0.05):
                 pass
-            if self._given["start"]:
+            if self._bag.bulk.apart:
+                self.get_logger().warning(self._bag.bulk.told)
+            if self._given["start"] or self._bag.bulk.apart:
                 self._send_kept()
             while self._play_once() and self._given["loop"] and not self._ended.is_set():
                 pass
@@ -183,9 +183,8 @@ class ReplayNode(GuardedNode):
         played = self.played
         clock = self._given["clock"]
         period = max(1, round(1e9 * self._given["rate"] / clock)) if clock else 0
-        begin = self._first if self._given["start"] else 0  # what has no time comes first
-        messages = self._bag.messages(set(self._outlets), begin, self._past)
-        timed = ((max(one.log_ns, self._first), one) for one in messages)
+        messages = self._bag.messages(set(self._outlets), self._first, self._past)
+        timed = ((one.log_ns, one) for one in messages)
         for time_ns, message in with_ticks(timed, period):
             if not timetable.wait((time_ns - self._first) * 1e-9, self._ended.is_set):
                 break
