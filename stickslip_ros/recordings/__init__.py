@@ -16,37 +16,25 @@ from stickslip_ros.base.lazy_names import lazy_names
 
 _PLACES = {
     "errors": "BagError",
-    "mcap_files": "BagMessage",
-    "messages": "Status decoder_for encoder_for statuses",
+    "messages": "decoder_for encoder_for statuses",
     "metadata": "OfferedQos TopicDescription qos_yaml",
     "reader": "BagReader open_bag",
     "recovery": "Recovered bytes_of recover",
     "writer": "COMPRESSIONS BagWriter",
-    "resimulation": "Resimulated resimulate",
-    "schemas": "STATUS_TYPE definition_from_fields nanoseconds schema_text",
-    "runs": "describe recorded_axes recorded_runs recorded_states",
+    "resimulation": "resimulate",
+    "schemas": "STATUS_TYPE schema_text",
+    "runs": "describe recorded_axes recorded_runs",
 }
 
 if TYPE_CHECKING:
     from stickslip_ros.recordings.errors import BagError
-    from stickslip_ros.recordings.mcap_files import BagMessage
-    from stickslip_ros.recordings.messages import Status, decoder_for, encoder_for, statuses
+    from stickslip_ros.recordings.messages import decoder_for, encoder_for, statuses
     from stickslip_ros.recordings.metadata import OfferedQos, TopicDescription, qos_yaml
     from stickslip_ros.recordings.reader import BagReader, open_bag
     from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover
-    from stickslip_ros.recordings.resimulation import Resimulated, resimulate
-    from stickslip_ros.recordings.runs import (
-        describe,
-        recorded_axes,
-        recorded_runs,
-        recorded_states,
-    )
-    from stickslip_ros.recordings.schemas import (
-        STATUS_TYPE,
-        definition_from_fields,
-        nanoseconds,
-        schema_text,
-    )
+    from stickslip_ros.recordings.resimulation import resimulate
+    from stickslip_ros.recordings.runs import describe, recorded_axes, recorded_runs
+    from stickslip_ros.recordings.schemas import STATUS_TYPE, schema_text
     from stickslip_ros.recordings.writer import COMPRESSIONS, BagWriter
 else:
     __getattr__ = lazy_names(__name__, _PLACES)
@@ -55,25 +43,19 @@ __all__ = [
     "COMPRESSIONS",
     "STATUS_TYPE",
     "BagError",
-    "BagMessage",
     "BagReader",
     "BagWriter",
     "OfferedQos",
     "Recovered",
-    "Resimulated",
-    "Status",
     "TopicDescription",
     "bytes_of",
     "decoder_for",
-    "definition_from_fields",
     "describe",
     "encoder_for",
-    "nanoseconds",
     "open_bag",
     "qos_yaml",
     "recorded_axes",
     "recorded_runs",
-    "recorded_states",
     "recover",
     "resimulate",
     "schema_text",

@@ -10,8 +10,10 @@ HOUR = 3_600_000_000_000
 """ns; times that are further from all others are of another clock, or of none."""
 
 _DECADE = 10 * 365 * 24 * HOUR
-#: So many messages are few: one of 20, up to a hundred of more than 10 000
-_OF, _SHARE, _FEW = 20, 100, 100
+FEW = 100
+"""Messages that are few at most; of fewer than 10 000 a hundredth, but one of 20 already."""
+
+_OF, _SHARE = 20, 100
 
 
 LEFT_OUT = "s from the others: left out"
@@ -26,13 +28,17 @@ class Bulk(NamedTuple):
     apart: int = 0  #: how many
     by_ns: int = 0  #: the longest that one is from the bulk, ns
 
+    def holds(self, ns: int) -> bool:
+        """Return whether a time (ns) is inside."""
+        return self.start_ns <= ns <= self.end_ns
+
     @property
     def told(self) -> str:
         """What is said of those apart; "" if there are none."""
         if not self.apart:
             return ""
         messages = "1 message is" if self.apart == 1 else f"{self.apart} messages are up to"
-        seconds = f"{round(self.by_ns / 1e9):,}".replace(",", " ")
+        seconds = f"{float(f'{self.by_ns / 1e9:.3g}'):,.0f}".replace(",", " ")
         return f"{messages} {seconds} {LEFT_OUT}"
 
 
@@ -66,7 +72,7 @@ class Moments:
         kept = later if 2 * sum(count for count, *_ in later) >= total else groups
         left = sum(count for count, *_ in kept)
         largest = max(kept, default=[0, 0, 0])
-        few = min(_FEW, max(left // _SHARE, left >= _OF))
+        few = min(FEW, max(left // _SHARE, left >= _OF))
         if left - largest[0] <= few:
             kept = [largest]
         if not kept:

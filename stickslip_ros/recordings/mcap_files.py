@@ -16,7 +16,10 @@ import tempfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from io import BytesIO
+from itertools import islice
+from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -75,6 +78,7 @@ _LARGEST_BODY = {Opcode.MESSAGE: LARGEST_CHUNK, Opcode.CHUNK: LARGEST_PACKED}
 _LARGEST_SUM = {Schema: 8 * 1024 * 1024, Channel: 64 * 1024 * 1024}
 _SMALLEST_MESSAGE = HEAD.size + 22  # bytes of a message without data
 _FOOTER_BYTES = HEAD.size + 20
+_NONE = None, 0  # where there is no record
 # A frame may ask its reader to keep that much of the past; rosbag2 asks for 8 MiB at most.
 _ZSTD = zstandard.ZstdDecompressor(max_window_size=64 * 1024 * 1024)
 _PIECE = 1024 * 1024  # bytes that are unpacked, or enter a checksum, at a time
@@ -171,30 +175,23 @@ def unpacked(chunk: Chunk, allowance: Allowance | None) -> bytes:
 
 
 def _unpack(data: bytes, compression: str, limit: int, allowance: Allowance | None) -> bytes:
-    """Unpack data; return limit + 1 bytes at most.
+    """Unpack data; more than a limit is cut, so that at most a megabyte is too much.
 
     Raises ValueError: broken data. Raises ReadError: the file has unpacked to more than it may.
     """
     if not compression:
-        return data[: limit + 1]
-    pieces, most = [], limit + 1
+        return data
     try:
         if compression == "lz4":
-            press = lz4.frame.LZ4FrameDecompressor()
-            pieces = [bytes(press.decompress(data, max_length=most))]
-            if allowance:
-                allowance.spend(len(pieces[0]))
-            return pieces[0]
-        # As a stream: asked for it all, the library takes the memory that the frame says.
-        reader = _ZSTD.stream_reader(data)
-        while most and (piece := reader.read(min(most, _PIECE))):
-            if allowance:
-                allowance.spend(len(piece))
-            pieces.append(piece)
-            most -= len(piece)
+            found = bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=limit + 1))
+        else:  # as a stream: asked for it all, the library takes the memory that the frame says
+            read = partial(_ZSTD.stream_reader(data).read, min(limit + 1, _PIECE))
+            found = b"".join(islice(iter(read, b""), limit // _PIECE + 2))
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise ValueError(f"its {compression} data is broken ({error})") from error
-    return b"".join(pieces)
+    if allowance:
+        allowance.spend(len(found))
+    return found
 
 
 def unpack_message(data: bytes, allowance: Allowance) -> bytes:
@@ -209,23 +206,40 @@ def unpack_message(data: bytes, allowance: Allowance) -> bytes:
     return found
 
 
-def open_storage(path: Path) -> tuple[IO[bytes], bool]:
-    """Return an open storage file, and whether all of it could be unpacked.
+class Storage:
+    """An open storage file."""
 
-    A file packed with zstd as a whole is unpacked to a temporary one, gone when closed.
+    def __init__(self, path: Path) -> None:
+        """Open it; a file packed with zstd as a whole is unpacked to a temporary one.
 
-    Raises BagError: its zstd data is broken. Raises ReadError: it is no file, or unpacks to more
-    than it may. Raises OSError: it cannot be read, or the temporary folder has no room.
-    """
-    stream = open_regular(path)
-    if path.suffix != ".zstd":
-        return stream, True
-    with contextlib.ExitStack() as closing, stream:
+        Raises BagError: its zstd data is broken. Raises ReadError: it is no file, or unpacks to
+        more than it may. Raises OSError: it cannot be read, or the temporary folder has no room.
+        """
+        self.stored_size = path.stat().st_size  #: as it lies on the disk, bytes
+        self.allowance = Allowance(path, self.stored_size)  #: what its chunks may unpack to
+        self.stream: IO[bytes] = open_regular(path)
+        whole = True
+        if path.suffix == ".zstd":
+            with self.stream as packed:
+                self.stream, whole = _unpacked_file(path, packed)
+        self.size = os.fstat(self.stream.fileno()).st_size  #: unpacked, bytes
+        self.begins_right = self.stream.read(len(MAGIC)) == MAGIC
+        self.fault = ""  #: what is wrong with it as a whole
+        if not self.stored_size:
+            self.fault = "is empty: 0 bytes"
+        elif not whole:
+            self.fault = f"is cut: its zstd data ends early, {self.size} bytes are left"
+        elif not self.begins_right:
+            self.fault = "does not begin as an MCAP file does"
+
+
+def _unpacked_file(path: Path, packed: IO[bytes]) -> tuple[IO[bytes], bool]:
+    """Return a file without a name that holds what could be unpacked, and whether that is all."""
+    with contextlib.ExitStack() as closing:
         whole = closing.enter_context(tempfile.TemporaryFile())
-        allowance = Allowance(path)
-        press = _ZSTD.decompressobj()
+        allowance, press = Allowance(path), _ZSTD.decompressobj()
         try:
-            while not press.eof and (piece := stream.read(_PACKED_PIECE)):
+            while not press.eof and (piece := packed.read(_PACKED_PIECE)):
                 data = press.decompress(piece)
                 allowance.spend(len(data))
                 whole.write(data)
@@ -301,27 +315,24 @@ def index_of(stream: IO[bytes], size: int) -> tuple[Footer, Iterator[Any]]:
     if end >= len(MAGIC):
         stream.seek(size - len(MAGIC))
         whole = stream.read() == MAGIC
-        ((footer, _),) = records_from(stream, end, size - len(MAGIC)) if whole else ((None, 0),)
+        footer, _ = next(records_from(stream, end, size - len(MAGIC)), _NONE) if whole else _NONE
         if isinstance(footer, Footer):
-            return footer, _index(stream, footer, end)
+            return footer, _index(stream, footer, end) if footer.summary_start else iter(())
     raise ValueError("it has no end; whoever wrote it was stopped")
 
 
 def _index(stream: IO[bytes], footer: Footer, end: int) -> Iterator[Any]:
-    at, checked = footer.summary_start, end + _FOOTER_BYTES - 4  # the checksum itself stands last
-    if not at:
-        return
+    at, crc = footer.summary_start, 0
     if not len(MAGIC) <= at <= end:
         raise ValueError("its footer points outside of the file")
-    crc = 0
     stream.seek(at)
-    while footer.summary_crc and at < checked:
-        crc = zlib.crc32(stream.read(min(checked - at, _PIECE)), crc)
-        at += _PIECE
+    left = footer.summary_crc and end + _FOOTER_BYTES - 4 - at  # the checksum itself stands last
+    while left > 0:
+        crc = zlib.crc32(stream.read(min(left, _PIECE)), crc)
+        left -= _PIECE
     if crc != footer.summary_crc:
         raise ValueError("the checksum of its index is wrong")
-    for record, _ in records_from(stream, footer.summary_start, end):
-        yield record
+    yield from (record for record, _ in records_from(stream, at, end))
 
 
 class Span(NamedTuple):
@@ -354,24 +365,19 @@ class _File:
         self.compressions: set[str] = set()  #: of its chunks, in words
         self._times: tuple[int, int] | None = None
         with reading(path), contextlib.ExitStack() as closing:
-            self.stream, whole = open_storage(path)
+            storage = Storage(path)
+            self.stream, self._end = storage.stream, storage.size
             closing.callback(self.stream.close)
-            self._end = os.fstat(self.stream.fileno()).st_size
-            self._stored_size = path.stat().st_size
-            self._allowance = Allowance(path, self._stored_size)
-            if not self._stored_size:
-                raise ValueError("it is empty: 0 bytes")
-            if not whole:
-                raise ValueError(f"it is cut: its zstd data ends early, {self._end} bytes are left")
-            if self.stream.read(len(MAGIC)) != MAGIC:
-                raise ValueError("it does not begin as an MCAP file does")
+            self._stored_size, self._allowance = storage.stored_size, storage.allowance
+            if storage.fault:
+                raise ValueError(f"it {storage.fault}")
             footer, index = index_of(self.stream, self._end)
             self._end = footer.summary_start or self._end - len(MAGIC) - _FOOTER_BYTES
-            header, _ = next(records_from(self.stream, len(MAGIC), self._end), (None, 0))
+            header, _ = next(records_from(self.stream, len(MAGIC), self._end), _NONE)
             if not isinstance(header, Header):
                 raise ValueError("its first record is not a header")
             self.library: str = header.library
-            if not self._is_complete(self._take(index)):
+            if not self._take(index):
                 self._read_everything()
             closing.pop_all()
 
@@ -387,9 +393,9 @@ class _File:
         )
         return FileSummary(self.path.name, self._stored_size, count, start, end)
 
-    def _take(self, index: Iterator[Any]) -> Statistics | None:
-        """Learn topics, metadata and chunks from the index; return its counts, if it has any."""
-        statistics = None
+    def _take(self, index: Iterator[Any]) -> bool:
+        """Learn from the index; return False if it lacks needed information."""
+        statistics: Statistics | None = None
         for record in index:
             if isinstance(record, ChunkIndex):
                 self.compressions.add(record.compression)
@@ -401,16 +407,12 @@ class _File:
             elif isinstance(record, Statistics):
                 statistics = record
             elif isinstance(record, MetadataIndex) and record.name == "rosbag2":
-                found, _ = next(records_from(self.stream, record.offset, self._end), (None, 0))
+                found, _ = next(records_from(self.stream, record.offset, self._end), _NONE)
                 if not isinstance(found, Metadata):
                     raise ValueError("its index points to metadata that is not there")
                 self.channels.learn(found)
             else:
                 self.channels.learn(record)
-        return statistics
-
-    def _is_complete(self, statistics: Statistics | None) -> bool:
-        """Use the counts of the index; return False if it lacks needed information."""
         if statistics is None:
             return False
         topics, counts = self.channels.topics, statistics.channel_message_counts
@@ -498,13 +500,9 @@ class _File:
                         room -= len(one.data) + _PER_MESSAGE
                         if room < 0:
                             raise _too_much(self.path)
-        found.sort(key=_time_of)  # at one time, in the order of the file
+        found.sort(key=attrgetter("log_ns"))  # at one time, in the order of the file
         found.reverse()
         return found
-
-
-def _time_of(message: BagMessage) -> int:
-    return message.log_ns
 
 
 def _too_much(path: Path) -> BagError:

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages out of their serialized form (CDR) and into it, by the schema in the bag, without ROS.
 
-``mcap_ros2`` does both. It reads joint states in 50 us each, which is a minute for a million of
-them: those that name the same joints as the one before have every number at the same place, and
-are taken apart here. Also yields the fields of messages by name, and diagnostic statuses, the form
-of events.
+``mcap_ros2`` does both. Also yields the fields of messages by name, and diagnostic statuses, the
+form of events.
 """
 
 from __future__ import annotations
@@ -12,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-import struct
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -83,7 +80,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             ) from error
         return message
 
-    return _JointStates(decoded) if topic.type == JOINT_STATE_TYPE else decoded
+    return decoded
 
 
 @contextlib.contextmanager
@@ -136,74 +133,6 @@ def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
     with _described(topic, f"topic {topic.name} ({topic.type})"):
         encode: Callable[[Any], bytes] = serialize_dynamic(topic.type, topic.schema)[topic.type]
     return encode
-
-
-# Joint states as `struct` takes them, with joint and frame of one letter: what is read of it by a
-# schema, shows whether that is the schema of joint states, and whether its seconds have a sign.
-_PROBE = struct.pack(
-    "<4siII2s2xII2s2xIdI4xdI4xd",
-    *(b"\0\1\0\0", -5, 7, 2, b"f", 1, 2, b"j", 1, 1.5, 1, 2.5, 1, 3.5),
-)
-_MOST_KNOWN = 64  # sizes of messages of a topic
-
-
-class _JointStates:
-    """Decodes joint states; the first of each size and of other names by the library."""
-
-    def __init__(self, decode: Callable[[bytes], Any]) -> None:
-        """Take what the library decodes them with."""
-        self._decode = decode
-        self._known: dict[int, tuple[struct.Struct, tuple[Any, ...], Any]] = {}  # by size
-        self._seconds = ""
-        with contextlib.suppress(AttributeError, UndecodableError):
-            one = decode(_PROBE)
-            texts = one.header.stamp.nanosec, one.header.frame_id, one.name
-            if (*texts, one.position, one.velocity, one.effort) == (
-                7, "f", ["j"], [1.5], [2.5], [3.5]
-            ):  # fmt: skip
-                self._seconds = {-5: "i", 2**32 - 5: "I"}.get(one.header.stamp.sec, "")
-
-    def __call__(self, data: bytes) -> Any:
-        """Return a message; UndecodableError if it is none."""
-        known = self._known.get(len(data))
-        if known is None:
-            return self._learn(data)
-        form, expected, like = known
-        head, sec, nanosec, texts, *values = form.unpack(data)
-        p, v = len(like.position), len(like.velocity)
-        if (head, texts, values[0], values[p + 1], values[p + v + 2]) != expected:
-            return self._learn(data)
-        message, header, stamp = type(like)(), type(like.header)(), type(like.header.stamp)()
-        stamp.sec, stamp.nanosec = sec, nanosec
-        header.stamp, header.frame_id = stamp, like.header.frame_id
-        message.header, message.name = header, [*like.name]
-        message.position = values[1 : p + 1]
-        message.velocity = values[p + 2 : p + v + 2]
-        message.effort = values[p + v + 3 :]
-        return message
-
-    def _learn(self, data: bytes) -> Any:
-        """Decode a message by the library, and note where its numbers lie."""
-        message = self._decode(data)
-        if self._seconds and data[1] & 1:
-            at = 12
-            for number in range(1 + len(message.name)):  # the frame, and behind it the joints
-                at += -at % 4
-                at += 4 + int(struct.unpack_from("<I", data, at)[0])
-                at += 0 if number else -at % 4 + 4
-            form, texts_end, counts = f"<4s{self._seconds}I{at - 12}s", at, list[int]()
-            for values in (message.position, message.velocity, message.effort):
-                form += f"{-at % 4}xI"
-                at += -at % 4 + 4
-                if values:
-                    form += f"{(4 - at) % 8}x{len(values)}d"
-                    at += (4 - at) % 8 + 8 * len(values)
-                counts.append(len(values))
-            if len(self._known) >= _MOST_KNOWN:
-                self._known.clear()
-            expected = data[:4], data[12:texts_end], *counts
-            self._known[len(data)] = struct.Struct(f"{form}{len(data) - at}x"), expected, message
-        return message
 
 
 def not_of_type(bag: BagReader, topic: str, error: Exception) -> UndecodableError:

@@ -35,7 +35,6 @@ _METADATA_BYTES = 1024 * 1024
 _ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
 _STARTS = {b"\x89MCAP0": "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
 _INFINITE_NS = 2**63 - 1  # no limit; rosbag2 shows it as 9223372036 s 854775807 ns
-_NS_PER_S = 1_000_000_000
 # As Python, it took most of the time in which a recorder ends; that in C is not in every PyYAML.
 _DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 #: Words for the policies, which bags up to Iron hold as numbers of the enumerations of rmw.
@@ -48,18 +47,6 @@ _WORDS = {
         "liveliness": "automatic manual_by_node manual_by_topic unknown best_available",
     }.items()
 }
-#: The keys of rosbag2 in its order, and the fields of :class:`OfferedQos`
-_FIELDS = {
-    "history": "history",
-    "depth": "depth",
-    "reliability": "reliability",
-    "durability": "durability",
-    "deadline": "deadline_ns",
-    "lifespan": "lifespan_ns",
-    "liveliness": "liveliness",
-    "liveliness_lease_duration": "liveliness_lease_ns",
-    "avoid_ros_namespace_conventions": "avoid_ros_namespace_conventions",
-}
 
 
 @dataclass(frozen=True)
@@ -67,26 +54,27 @@ class OfferedQos:
     """The QoS of one publisher; policies by their rmw names, durations in nanoseconds.
 
     History and depth are not part of DDS discovery, so a recorder usually sees ``unknown`` and 0,
-    and rosbag2 writes them that way too.
+    and rosbag2 writes them that way too. The fields are in the order of rosbag2.
     """
 
-    reliability: str = "reliable"
-    durability: str = "volatile"
     history: str = "unknown"
     depth: int = 0
+    reliability: str = "reliable"
+    durability: str = "volatile"
     deadline_ns: int = _INFINITE_NS
     lifespan_ns: int = _INFINITE_NS
     liveliness: str = "automatic"
-    liveliness_lease_ns: int = _INFINITE_NS
+    liveliness_lease_duration_ns: int = _INFINITE_NS
     avoid_ros_namespace_conventions: bool = False
 
     def as_json(self) -> dict[str, Any]:
-        """Return the profile with the keys, and in the order, of rosbag2."""
-        found = {key: getattr(self, name) for key, name in _FIELDS.items()}
-        for key, name in _FIELDS.items():
-            if name.endswith("_ns"):
-                found[key] = dict(zip(("sec", "nsec"), divmod(found[key], _NS_PER_S), strict=True))
-        return found
+        """Return the profile with the keys of rosbag2."""
+        return {
+            name.removesuffix("_ns"): dict(zip(("sec", "nsec"), divmod(value, 10**9), strict=True))
+            if name.endswith("_ns")
+            else value
+            for name, value in vars(self).items()
+        }
 
 
 def is_kept(offers: Sequence[OfferedQos]) -> bool:
@@ -174,13 +162,9 @@ def bag_metadata(
     }
 
 
-def qos_yaml(profiles: Sequence[OfferedQos]) -> str:
-    """Return the YAML list that goes into the metadata of an MCAP channel."""
-    return _qos_yaml(tuple(profiles))
-
-
 @lru_cache(maxsize=256)  # thousands of topics offer the same
-def _qos_yaml(profiles: tuple[OfferedQos, ...]) -> str:
+def qos_yaml(profiles: tuple[OfferedQos, ...]) -> str:
+    """Return the YAML list that goes into the metadata of an MCAP channel."""
     return yaml_text([profile.as_json() for profile in profiles])
 
 
@@ -262,11 +246,11 @@ def parse_metadata(text: str) -> StoredMetadata:
         raise ValueError(f"it has no {OUTER_KEY}")
     found = _get(found, OUTER_KEY, dict, found)
     custom = _get(found, "custom_data", dict)
-    files = _get(found, "relative_file_paths", list)
+    files, entry = _get(found, "relative_file_paths", list), "an entry of relative_file_paths"
     return StoredMetadata(
         version=_get(found, "version", int),
         storage=_get(found, "storage_identifier", str),
-        files=tuple(_get({"an entry of relative_file_paths": one}, *_ENTRY) for one in files),
+        files=tuple(_get({entry: one}, entry, str) for one in files),
         topics=tuple(map(_topic, _get(found, "topics_with_message_count", list))),
         compression_format=_get(found, "compression_format", str),
         compression_mode=_get(found, "compression_mode", str).lower(),
@@ -276,37 +260,29 @@ def parse_metadata(text: str) -> StoredMetadata:
     )
 
 
-_ENTRY = "an entry of relative_file_paths", str
-
-
 def _topic(entry: Any) -> TopicDescription:
     found = _get(entry, "topic_metadata", dict)
+    offered = found.get("offered_qos_profiles") or ""
     return TopicDescription(
         name=_get(found, "name", str),
         type=_get(found, "type", str),
         schema="",
         type_hash=_get(found, "type_description_hash", str),
-        offered_qos=qos_profiles(found.get("offered_qos_profiles") or ""),
+        offered_qos=qos_profiles(offered) if isinstance(offered, str) else _profiles(offered),
         encoding=_get(found, "serialization_format", str, CDR),
     )
 
 
-def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:
-    """Return the profiles in a list of mappings of texts, or in YAML text that holds one.
-
-    Text stands in the metadata of channels, and in ``metadata.yaml`` up to version 8.
+@lru_cache(maxsize=256)
+def qos_profiles(text: str) -> tuple[OfferedQos, ...]:
+    """Return the profiles in a YAML list, as channels have it, and ``metadata.yaml`` up to 8.
 
     Raises ValueError: it is no such list.
     """
-    return _qos_in(value) if isinstance(value, str) else _qos_of(value)
+    return _profiles(load_texts(text) if text.strip() else [])
 
 
-@lru_cache(maxsize=256)
-def _qos_in(text: str) -> tuple[OfferedQos, ...]:
-    return _qos_of(load_texts(text) if text.strip() else [])
-
-
-def _qos_of(value: Any) -> tuple[OfferedQos, ...]:
+def _profiles(value: Any) -> tuple[OfferedQos, ...]:
     return tuple(map(_profile, _get({"QoS profiles": value}, "QoS profiles", list)))
 
 
@@ -317,11 +293,11 @@ def _profile(found: Any) -> OfferedQos:
         if values[name].isdecimal():
             number = _get(found, name, int)
             values[name] = words[number] if number < len(words) else "unknown"
-    for key, name in _FIELDS.items():
-        if name.endswith("_ns") and key in found:
-            parts = _get(found, key, dict)
-            ns = _get(parts, "sec", int) * _NS_PER_S + _get(parts, "nsec", int)
-            values[name] = min(ns, _INFINITE_NS)
+    for name in ("deadline", "lifespan", "liveliness_lease_duration"):
+        if name in found:
+            parts = _get(found, name, dict)
+            ns = _get(parts, "sec", int) * 10**9 + _get(parts, "nsec", int)
+            values[f"{name}_ns"] = min(ns, _INFINITE_NS)
     avoids = _get(found, "avoid_ros_namespace_conventions", str).lower() == "true"
     return OfferedQos(**values, avoid_ros_namespace_conventions=avoids)
 

@@ -8,12 +8,13 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.base.errors import printable
 from stickslip_ros.base.opening import Allowance, open_regular
-from stickslip_ros.recordings.clocks import HOUR, Bulk, Moments
+from stickslip_ros.recordings.clocks import FEW, HOUR, Bulk, Moments
 from stickslip_ros.recordings.errors import BagError, damaged, reading, short
 from stickslip_ros.recordings.mcap_files import BagMessage, McapFiles, Wanted, unpack_message
 from stickslip_ros.recordings.metadata import (
@@ -73,10 +74,12 @@ class BagReader:
         except BaseException:
             self.close()
             raise
-        found = {name: self.metadata.completed(one) for name, one in self._storage.topics.items()}
-        described = {topic.name: topic for topic in self.metadata.topics}
+        #: text by key that the recorder left in the metadata
+        self.custom_data: dict[str, str] = self.metadata.custom_data
+        topics = {topic.name: topic for topic in self.metadata.topics}
+        topics |= {name: self.metadata.completed(one) for name, one in self._storage.topics.items()}
         #: every topic by its name, those without messages too
-        self.topics: dict[str, TopicDescription] = dict(sorted({**described, **found}.items()))
+        self.topics: dict[str, TopicDescription] = dict(sorted(topics.items()))
         #: messages by topic
         self.counts: dict[str, int] = {name: self._storage.counts[name] for name in self.topics}
         self.files: list[FileSummary] = self._storage.files  #: the storage files
@@ -159,16 +162,11 @@ class BagReader:
         """Log time of the last message of the bulk, likewise."""
         return self.bulk.end_ns
 
-    @property
-    def custom_data(self) -> dict[str, str]:
-        """Text by key that the recorder left in the metadata."""
-        return self.metadata.custom_data
-
     def messages(
         self,
         topics: Iterable[str] | None = None,
-        start: int | None = None,
-        end: int | None = None,
+        start: int = 0,
+        end: int = Wanted().end_ns,
     ) -> Iterator[BagMessage]:
         """Yield messages in order of log time, over all files, reading as it goes.
 
@@ -177,11 +175,7 @@ class BagReader:
         end: ns since the Unix epoch, the first time not to take.
         Raises BagError: a topic is not in the bag; while reading: a file is damaged.
         """
-        wanted = Wanted(
-            None if topics is None else frozenset(topics),
-            0 if start is None else start,
-            Wanted().end_ns if end is None else end,
-        )
+        wanted = Wanted(None if topics is None else frozenset(topics), start, end)
         for name in sorted(wanted.topics or ()):
             if name not in self.topics:
                 known = ", ".join(sorted(self.topics)) or "none at all"
@@ -249,6 +243,7 @@ class RosbagsFiles:
         self.topics: dict[str, TopicDescription] = {}
         self.counts: Counter[str] = Counter()
         self.compressions: list[str] = []
+        self.files: list[FileSummary] = []
         for file in files:
             open_regular(file).close()
         self._links = tempfile.TemporaryDirectory(prefix="stickslip-")
@@ -281,20 +276,14 @@ class RosbagsFiles:
         return link
 
     def _describe(self, files: list[Path]) -> None:
-        reader = self._reader
-        for connection in reader.connections:
+        for connection in self._reader.connections:
             self.topics.setdefault(connection.topic, self._topic(connection))
             self.counts[connection.topic] += connection.msgcount
-        self.files = [
-            FileSummary(
-                file.name,
-                file.stat().st_size,
-                one.message_count,
-                *((one.start_time, one.end_time - 1) if one.message_count else ()),
-            )
-            for file, one in zip(files, reader.readers, strict=True)
-        ]
-        self.libraries = ["rosbag2 sqlite3" if reader.is2 else "rosbag of ROS 1"]
+        for file, one in zip(files, self._reader.readers, strict=True):
+            times = (one.start_time, one.end_time - 1) if one.message_count else (0, 0)
+            size = file.stat().st_size
+            self.files.append(FileSummary(file.name, size, one.message_count, *times))
+        self.libraries = ["rosbag2 sqlite3" if self._reader.is2 else "rosbag of ROS 1"]
 
     def _topic(self, connection: Connection) -> TopicDescription:
         store = self._reader.typestore
@@ -310,7 +299,16 @@ class RosbagsFiles:
         )
 
     def log_times(self) -> Iterator[tuple[int, int]]:
-        """Yield the times (ns) of all messages, and 1 for each; BagError: a file is damaged."""
+        """Yield times (ns) of messages, and of how many each is; BagError: a file is damaged.
+
+        Where many were recorded in the first and in the last hour, none are apart from the others,
+        and the files need not be read as a whole.
+        """
+        filled = [file for file in self.files if file.messages]
+        first, last = min(f.start_ns for f in filled), max(f.end_ns for f in filled)
+        hours = Wanted(None, first, first + HOUR), Wanted(None, last - HOUR, last + 1)
+        if all(sum(1 for _ in islice(self.messages(one), FEW + 1)) > FEW for one in hours):
+            return iter(((first, FEW + 1), (last, FEW + 1)))
         return ((message.log_ns, 1) for message in self.messages(Wanted()))
 
     def messages(self, wanted: Wanted) -> Iterator[BagMessage]:

@@ -9,7 +9,6 @@ After damage the scan goes on with the next whole chunk.
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -23,7 +22,6 @@ from mcap.records import Channel, Chunk, Message, Statistics
 
 from stickslip_ros.base.errors import printable
 from stickslip_ros.base.files import whole_folder
-from stickslip_ros.base.opening import Allowance
 from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
 from stickslip_ros.recordings.mcap_files import (
     HEAD,
@@ -31,8 +29,8 @@ from stickslip_ros.recordings.mcap_files import (
     MAGIC,
     BagMessage,
     Channels,
+    Storage,
     index_of,
-    open_storage,
     parse,
     records_from,
     unpack_message,
@@ -134,9 +132,10 @@ def _rewrite(
         findings.append(f"{METADATA_FILE} is broken: {error}")
     packed = stored is not None and stored.compression_mode == "message"
     with contextlib.ExitStack() as opened:
-        sources = [_DamagedFile(file, findings, packed) for file in files]
-        for source in sources:
-            opened.callback(source.stream.close)
+        sources: list[_DamagedFile] = []
+        for file in files:
+            sources.append(_DamagedFile(file, findings, packed))
+            opened.callback(sources[-1].stream.close)
         topics: dict[str, TopicDescription] = {}
         found = ((one, source) for source in sources for one in source.messages(topics, on_bytes))
         first = next(found, None)  # the chunks are packed as the first one was
@@ -182,24 +181,18 @@ class _DamagedFile:
         self.unprotected = 0
         self.compression = ""  #: of its first whole chunk
         self.channels = Channels()  #: the topics and metadata read so far
-        self._path, self._findings, self._packed_messages = path, findings, packed_messages
+        self._name, self._findings, self._packed_messages = path.name, findings, packed_messages
         self._doubtful: set[int] = set()  # channels whose names no checksum protects
         self._window, self._window_at = b"", 0
-        self.stream, whole = open_storage(path)
-        self.size = os.fstat(self.stream.fileno()).st_size  #: unpacked, bytes
+        storage = Storage(path)
+        self.stream, self.size, self._allowance = storage.stream, storage.size, storage.allowance
+        self.begins_right = storage.begins_right
         self._false_left = _FALSE_FACTOR * self.size + _FALSE_BYTES
-        stored_size = path.stat().st_size
-        self._allowance = Allowance(path, stored_size)
-        self.begins_right = self._read(0, len(MAGIC)) == MAGIC
-        if not stored_size:
-            self._find("is empty: 0 bytes")
-        elif not whole:
-            self._find(f"is cut: its zstd data ends early, {self.size} bytes are left")
-        elif self.size and not self.begins_right:
-            self._find("does not begin as an MCAP file does")
+        if storage.fault:
+            self._find(storage.fault)
 
     def _find(self, what: str) -> None:
-        self._findings.append(f"{self._path.name} {what}")
+        self._findings.append(f"{self._name} {what}")
 
     def _read(self, at: int, length: int) -> bytes:
         """Return a part of the file, shorter at its end."""
@@ -336,9 +329,9 @@ class _DamagedFile:
         if end - at > LARGEST_PACKED:
             raise ValueError("a chunk is too large")
         chunk = parse(Opcode.CHUNK, self._read(at + HEAD.size, end - at - HEAD.size))
-        if not self.compression and chunk.compression:
-            self.compression = chunk.compression
-        return replace(chunk, data=unpacked(chunk, self._allowance))
+        data = unpacked(chunk, self._allowance)
+        self.compression = self.compression or chunk.compression
+        return replace(chunk, data=data)
 
     def _is_record(self, opcode: int, at: int, end: int) -> bool:
         """Return whether a record without a checksum is at a place, and does not just look so.

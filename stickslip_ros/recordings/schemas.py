@@ -2,14 +2,13 @@
 """Types of messages: names, times, and schemas (``ros2msg``) made of definitions.
 
 A schema holds the definitions of a type and of all types inside. Where these come from is the
-caller's affair: a callable gives the ``.msg`` text of a type, either the installed file or what
-:func:`definition_from_fields` makes of its fields.
+caller's affair: a callable gives the ``.msg`` text of a type.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
 STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
@@ -18,14 +17,6 @@ _NUMBERS = {f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 
 _PRIMITIVES = _NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 
 _SEPARATOR = "=" * 80
-_IDL_NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
-#: What IDL calls a sequence, an array and a string with a limit, and the words of ``.msg`` for it
-_IDL_FORMS = (
-    (re.compile(r"sequence<(.+), *(\d+)>"), "[<={}]"),
-    (re.compile(r"sequence<(.+)()>"), "[{}]"),
-    (re.compile(r"(.+)\[(\d+)\]"), "[{}]"),
-    (re.compile(r"(w?string)<(\d+)>"), "<={}"),
-)
 
 
 def nanoseconds(stamp: Any) -> int:
@@ -72,20 +63,3 @@ def _referenced_types(definition: str, package: str) -> Iterator[str]:
         if item not in _PRIMITIVES:
             *given_package, kind = item.split("/")
             yield f"{given_package[0] if given_package else package}/msg/{kind}"
-
-
-def definition_from_fields(fields: Mapping[str, str]) -> str:
-    """Return a ``.msg`` text for the fields of a message: names to types in IDL words.
-
-    The names and types are those of ``get_fields_and_field_types()`` of a generated message class.
-    Constants, defaults and comments are not in there and so not in the text; they do not change
-    how a message is read.
-    """
-    return "".join(f"{_field_type(idl)} {name}\n" for name, idl in fields.items())
-
-
-def _field_type(idl: str) -> str:
-    for form, end in _IDL_FORMS:
-        if match := form.fullmatch(idl):
-            return _field_type(match[1]) + end.format(match[2])
-    return _IDL_NAMES.get(idl, idl)

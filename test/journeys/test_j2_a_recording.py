@@ -80,7 +80,7 @@ def test_a_recording(ros: Ros, start_node: Start, start_module: Start, tmp_path:
     with AnyReader([bag]) as reader:
         counts = {one.topic: one.msgcount for one in reader.connections}
     assert {one["name"]: one["messages"] for one in told["topics"]} == counts
-    assert {parameters["frequency"] for parameters in told["axes"].values()} == {"100.0"}
+    assert {parameters["frequency"] for parameters in told["axes"].values()} == {100.0}
 
     # Run again: both axes, every state, bit for bit; and what if the runner were heavier.
     said = stickslip("bag", "resimulate", str(bag), cwd=tmp_path)

@@ -131,7 +131,7 @@ def test_every_policy_comes_back(tmp_path: Path) -> None:
         deadline_ns=1_500_000_000,
         lifespan_ns=3,
         liveliness="manual_by_topic",
-        liveliness_lease_ns=2 * SECOND,
+        liveliness_lease_duration_ns=2 * SECOND,
         avoid_ros_namespace_conventions=True,
     )
     topic = TopicDescription(

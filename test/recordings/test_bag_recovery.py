@@ -196,6 +196,17 @@ def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: 
     assert any("no checksum for 400 of these" in finding for finding in done.findings)
 
 
+def test_a_compression_that_nobody_knows_costs_its_chunk_alone(tmp_path: Path) -> None:
+    """The new bag is packed as the first chunk that is whole."""
+    written, file, data = four_chunks(tmp_path, compression="zstd")
+    at = data.index(b"zstd", records_of(data, Opcode.CHUNK)[0])
+    data[at : at + 4] = b"bzip"
+    done = recover_from(file, data)
+    assert contents(done.folder) == expected(written)[100:]
+    with open_bag(done.folder) as bag:
+        assert bag.compressions == ["zstd"]
+
+
 def test_a_cut_file_packed_as_a_whole_is_told(tmp_path: Path) -> None:
     """So small that it is a single block: nothing of it can be unpacked."""
     import zstandard

@@ -157,11 +157,15 @@ def test_topics_that_cannot_be_decoded_are_left_out_and_named(
         ),
         "/bare": TopicDescription("/bare", "lab/msg/Words", ""),
         "/part": TopicDescription("/part", "lab/msg/Words", "lab/Inner inner"),
+        "/json": TopicDescription("/json", STEPS.type, STEPS.schema, encoding="json"),
+        "/long": TopicDescription("/long", "lab/msg/Words", "int16 data"),
+        "/short": TopicDescription("/short", "lab/msg/Words", "int64 data"),
     }
     with BagWriter(tmp_path / "run") as bag:
         for one in (STEPS, *words.values()):
             bag.add_topic(one)
-            bag.write(one.name, int32(7), log_ns=START, publish_ns=START)
+            data = int32(7) + bytes(4) * (one.name == "/long")
+            bag.write(one.name, data, log_ns=START, publish_ns=START)
     assert main(["bag", "export", str(tmp_path / "run"), "--out", str(tmp_path / out)]) == 1
     told = capsys.readouterr().err
     assert told.count("left out: ") == len(words) and all(one in told for one in words)

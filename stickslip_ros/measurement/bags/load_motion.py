@@ -14,6 +14,7 @@ import contextlib
 import io
 import math
 import re
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -200,18 +201,18 @@ def read_bag(path: Path) -> tuple[Table, list[int]]:
             raise MeasurementError("the columns have to be of one topic")
         with open_bag(path) as bag:
             notes = [bag.bulk.told] if bag.bulk.apart else []
-            times, rows = [], []
+            times, values = list[tuple[int, int]](), array("d")
             for stamp, log_ns, numbers in _messages(bag, topics[0]):
                 if not numbers.keys().isdisjoint({*fields} - {_TIME}):  # joints may come one by one
                     times.append((stamp, log_ns))
-                    rows.append([numbers.get(field, math.nan) for field in fields])
+                    values.extend(numbers.get(field, math.nan) for field in fields)
         stamps = _stamps(times)
         bulk = bulk_of(stamps)
         notes += [f"{topics[0]}: {bulk.told}"] if bulk.apart else []
-        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(fields))
+        table = np.array(values, dtype=np.float64).reshape(len(times), len(fields))
         for k in [k for k, field in enumerate(fields) if field == _TIME]:
             table[:, k] = [1e-9 * (stamp - origins[0]) for stamp in stamps]
-        table = table[[bulk.start_ns <= stamp <= bulk.end_ns for stamp in stamps]]
+        table = table[[bulk.holds(stamp) for stamp in stamps]]
         if _TIME in fields:  # a message may come late, or twice
             table = table[np.unique(table[:, fields.index(_TIME)], return_index=True)[1]]
         return Loaded([np.ascontiguousarray(one) for one in table.T], notes=tuple(notes))

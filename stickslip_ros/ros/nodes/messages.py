@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, reduce
@@ -27,7 +28,7 @@ from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Com
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.axis.joints import Joints
 from stickslip_ros.base.errors import StickslipError
-from stickslip_ros.recordings.schemas import definition_from_fields, nanoseconds
+from stickslip_ros.recordings.schemas import nanoseconds
 from stickslip_ros.ros.nodes.topics import OutputTopic
 
 MOST_BYTES = 1_000_000  #: of a command: room for the longest trajectory that an axis takes
@@ -261,3 +262,30 @@ def message_definition(type_name: str) -> str:
         if path.is_file():
             return path.read_text(encoding="utf-8")
     return definition_from_fields(message_class(type_name).get_fields_and_field_types())
+
+
+_IDL_NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
+#: What IDL calls a sequence, an array and a string with a limit, and the words of ``.msg`` for it
+_IDL_FORMS = (
+    (re.compile(r"sequence<(.+), *(\d+)>"), "[<={}]"),
+    (re.compile(r"sequence<(.+)()>"), "[{}]"),
+    (re.compile(r"(.+)\[(\d+)\]"), "[{}]"),
+    (re.compile(r"(w?string)<(\d+)>"), "<={}"),
+)
+
+
+def definition_from_fields(fields: Mapping[str, str]) -> str:
+    """Return a ``.msg`` text for the fields of a message: names to types in IDL words.
+
+    The names and types are those of ``get_fields_and_field_types()`` of a generated message class.
+    Constants, defaults and comments are not in there and so not in the text; they do not change
+    how a message is read.
+    """
+    return "".join(f"{_field_type(idl)} {name}\n" for name, idl in fields.items())
+
+
+def _field_type(idl: str) -> str:
+    for form, end in _IDL_FORMS:
+        if match := form.fullmatch(idl):
+            return _field_type(match[1]) + end.format(match[2])
+    return _IDL_NAMES.get(idl, idl)

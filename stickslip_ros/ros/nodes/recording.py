@@ -253,7 +253,7 @@ def _as_offered(qos: QoSProfile) -> OfferedQos:
         depth=qos.depth,
         deadline_ns=qos.deadline.nanoseconds,
         lifespan_ns=qos.lifespan.nanoseconds,
-        liveliness_lease_ns=qos.liveliness_lease_duration.nanoseconds,
+        liveliness_lease_duration_ns=qos.liveliness_lease_duration.nanoseconds,
         avoid_ros_namespace_conventions=qos.avoid_ros_namespace_conventions,
     )
 

@@ -29,6 +29,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from stickslip_ros.base.clocks import Timetable, with_ticks
 from stickslip_ros.base.errors import UsageError, printable
 from stickslip_ros.recordings import OfferedQos, open_bag
+from stickslip_ros.recordings.metadata import is_kept
 from stickslip_ros.ros.nodes.guarded_node import CLOCK_TOPIC, GuardedNode
 from stickslip_ros.ros.nodes.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.nodes.node_parameters import OwnParameter, full_name, read_own, run_node
@@ -199,11 +200,6 @@ class ReplayNode(GuardedNode):
                 f"was suspended for {timetable.moved:.3f} s; playback continues from there"
             )
         return self.played > played
-
-
-def is_kept(offers: Sequence[OfferedQos]) -> bool:
-    """Return whether late subscribers get the messages of a topic."""
-    return bool(offers) and all(offer.durability == "transient_local" for offer in offers)
 
 
 def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
