@@ -24,6 +24,7 @@ from stickslip_ros.measurement.twin.changes import (
     ReadingsSince,
 )
 from stickslip_ros.measurement.twin.settings import TwinError, TwinSettings
+from stickslip_ros.measurement.twin.step_regression import StepRegression
 from stickslip_ros.measurement.twin.timeline import (
     RESTED,
     OperatingPoint,
@@ -55,6 +56,10 @@ _PACE = 0.01
 _REOPENED = 0.3
 #: s between the entries of the history, and their number, from which every second is dropped
 _PERIOD, _MOST = 1.0, 4000
+#: Deviation of a step, as a fraction of it, from which on the readings show it
+_SHOWN = 0.01
+#: Standard deviations by which the step of the model differs from it
+_DIFFERS = 4.0
 #: Fraction of its deviation beforehand below which a parameter counts as seen
 _SEEN = 0.5
 
@@ -92,6 +97,7 @@ class Change:
     at_start: bool  #: whether the first steps already were other ones than the file says
     verdict: Attribution | None = None  #: None until there are readings enough
     goes_on: bool = False  #: whether it still went on then, so that no cause is judged
+    modelled: float | None = None  #: m, step of the model then, where it is another one
 
     @property
     def text(self) -> str:
@@ -101,6 +107,8 @@ class Change:
         text = f"step {sizes}, {when if self.at_start else f'since {self.onset:.6g} s'}"
         waits = "not judged, as it goes on" if self.goes_on else "not judged yet"
         cause = self.verdict.text if self.verdict else waits
+        if self.modelled is not None:
+            cause += f"; the model steps {format_si(self.modelled, 'm', 5)} then"
         return f"{text} (reported at {self.told:.6g} s); cause: {cause}"
 
 
@@ -154,6 +162,9 @@ class Twin:
         self._excess = 0.0  # of the squares of deviations after it over what they should be
         self._before = self.tracker  # the last change
         self._drive: OperatingPoint | None = None  # of the last cycles
+        self._regression = StepRegression(
+            self.tracker.model, self.settings
+        )  # since the last change
 
     # -- taking
 
@@ -179,6 +190,7 @@ class Twin:
             if t >= self._anchored:  # else it is of an axis that ran before the twin
                 self.troubles["late commands"] += 1
                 self.detector.reset()
+                self._regression = StepRegression(self.tracker.model, self.settings)
                 if self.changes and self.changes[-1].told >= t and not self.changes[-1].verdict:
                     del self.changes[-1]
                 known = (one for seen, one in self._seen if seen.t > max(t, self._steady))
@@ -253,6 +265,7 @@ class Twin:
         seen = ProcessedReading(t, reading, parts, motion)
         expected, deviation, z = tracker.update(seen, duration)
         self._seen.append((seen, before))
+        self._regression.take(seen)
         self._since += bool(self.changes or motion.direction)
         judged = self._since == self.settings.judged_from and not self._drifts
         if (judged or tracker.jumped or t <= self._doubtful) and not self.changes:
@@ -285,7 +298,13 @@ class Twin:
             self._change(seen)
         self._continue_judging()
         if self.changes and self._judge_at:
-            self.changes[-1].step_after = self.tracker.step_size(self.changes[-1].drive)[0]
+            change = self.changes[-1]
+            (step, error), model = (
+                self.step_size(change.drive),
+                self.tracker.step_size(change.drive),
+            )
+            far = abs(step - model[0]) > _DIFFERS * math.hypot(error, model[1])
+            change.step_after, change.modelled = step, model[0] if far else None
         due = not self.history or not 0.0 <= t - self.history[-1][0] < _PERIOD
         if due and self._drive is not None:
             self.history.append((t, self.estimates(), self._drive[:3]))
@@ -305,7 +324,13 @@ class Twin:
         # It was never seen to fit for longer than it was seen not to.
         at_start = not self.changes and onset - self._begun <= self.t - onset
         self.changes.append(Change(self.t, onset, step, step, self._drive, at_start))
-        self._since = sum(one.t > onset for one, _ in self._seen)
+        since = [one for one, _ in self._seen if one.t > onset]
+        self._since, self._regression = (
+            len(since),
+            StepRegression(self._before.model, self.settings),
+        )
+        for one in since[_UNSURE:]:
+            self._regression.take(one)
         self._judge_at, self._judging, self._excess = self.settings.judged_from, None, 0.0
         tracker.reopen(_REOPENED)
         tracker.anchor(seen.reading, seen.motion.blur)
@@ -420,6 +445,16 @@ class Twin:
         width = math.hypot(new.high - new.low, old.high - old.low)
         return (new.value - old.value) / scale, 0.5 * width / (CONFIDENCE * scale)
 
+    def step_size(self, drive: OperatingPoint) -> tuple[float, float]:
+        """Return the step of a drive and its standard deviation, m.
+
+        After a change that does not go on, it is what the readings since then show.
+        """
+        step, deviation = self._regression.step(drive)
+        if self.changes and not self._drifts and deviation < _SHOWN * abs(step):
+            return step, deviation
+        return self.tracker.step_size(drive)
+
     def estimates(self) -> list[TrackedParameter]:
         """Return the parameters, the breakaway distance and the step size with their intervals."""
         tracker, found = self.tracker, []
@@ -442,7 +477,7 @@ class Twin:
             TrackedParameter("breakaway distance", "m", z_ba[0], z_ba[1], z_ba[2], preload.seen)
         )
         if self._drive is not None:
-            step, deviation = tracker.step_size(self._drive)
+            step, deviation = self.step_size(self._drive)
             half = CONFIDENCE * deviation
             found.append(TrackedParameter("step size", "m", step, step - half, step + half, True))
         return found
@@ -467,10 +502,17 @@ class Twin:
         piece = self.timeline.piece(begin, 1 if steps >= 0 else -1, float(abs(steps)))
         if steps:
             parts.append((piece, begin, piece.end + RESTED))
-        then = copy.copy(self.tracker)
+        assert piece.drive
+        then, model = copy.copy(self.tracker), self.tracker.step_size(piece.drive)
+        step, deviation = self.step_size(piece.drive)
+        shown = (step, deviation) != model  # by the readings since a change
+        if shown:
+            then.forget(RATE, -1)
         then.advance(self.tracker.motion(parts), piece.end + RESTED - self.t)
-        half = CONFIDENCE * math.sqrt(then.covariance[0, 0])
-        return Forecast(steps, begin, piece.end, then.x, then.x - half, then.x + half)
+        x = then.x + abs(steps) * (step - model[0])
+        variance = float(then.covariance[0, 0]) + (shown * steps * deviation) ** 2
+        half = CONFIDENCE * math.sqrt(variance)
+        return Forecast(steps, begin, piece.end, x, x - half, x + half)
 
     def predict_position(self, target: float) -> Forecast:
         """Return the steps that end nearest to a target (m), and where they end.
@@ -481,7 +523,7 @@ class Twin:
         direction = 1 if distance >= 0.0 else -1
         drive = self.timeline.piece(self.t, direction, 1.0).drive
         assert drive
-        step, _ = self.tracker.step_size(drive)
+        step, _ = self.step_size(drive)
         if not step * direction > 0.0:
             raise TwinError("the axis makes no steps in that direction; raise the amplitude")
         near = round(distance / step)
