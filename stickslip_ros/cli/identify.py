@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.cli.pages.fitted import fit_page
     from stickslip_ros.measurement.bags.load_motion import is_parameter_file
     from stickslip_ros.measurement.identification import Prior, identify, read_curve
-    from stickslip_ros.measurement.identification.inputs import Known, deviation_of, read_motion
+    from stickslip_ros.measurement.identification.known import Known, deviation_of
 
     if bool(args.measurements) != bool(args.config):
         raise UsageError("--config FILE.yaml and its MEASUREMENT go together")
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     pairs = (one.partition("=") for one in args.uncertain)
     uncertain = {parameter(name.strip()).name: deviation_of(name.strip(), text)
                  for name, _, text in pairs}  # fmt: skip
-    runs = [(drive, measurement_of(args, path, read=read_motion)[0]) for drive, path in args.runs]
+    runs = [(drive, measurement_of(args, path)[0]) for drive, path in args.runs]
     curves = [(drive, read_curve(path, args.decimal)) for drive, path in args.curves]
     if not runs and not curves:
         raise UsageError("nothing is measured; give --run or --curve")

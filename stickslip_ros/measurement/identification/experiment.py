@@ -39,9 +39,9 @@ _SEARCHED, _FINE = 60_000, 30.0
 #: Chance that a record of fresh samples repeats a value as often; noise (m) that any sensor has:
 #: simulated records have less, and rest at 0.
 _REPEATED, _LEAST_NOISE = 1e-4, 1e-12
-#: Part that clocks of a drive and a recorder may differ by; ratio of ringing to drive frequency at
-#: least; part of a harmonic of the mains within which ringing may be hum.
-_SAME_FREQUENCY, _RINGING_OVER_DRIVE, _NEAR_HUM = 0.01, 2.0, 0.05
+#: Ratio of ringing to drive frequency at least; part of a harmonic of the mains within which it may
+#: be hum.
+_RINGING_OVER_DRIVE, _NEAR_HUM = 2.0, 0.05
 #: Periods of rest without which the axis may have stepped before; periods after a run within which
 #: the record may end with another cycle; cycles that are simulated before the start then.
 _REST_BEFORE, _BEYOND, _LEAD_IN = 0.05, 1.1, 10
@@ -72,6 +72,11 @@ class Stepping:
     start: float  #: by the clock of the measurement, s
     steps: int  #: sign: direction
     frequency: float  #: Hz
+
+    @property
+    def end(self) -> float:
+        """When the last cycle ends, s."""
+        return self.start + abs(self.steps) / self.frequency
 
 
 @dataclass(frozen=True)
@@ -112,8 +117,7 @@ class Experiment:
                 "actuator's (--columns), or measure anew: at a larger amplitude if steps may be "
                 "below the noise, with rests of two periods around fewer than three steps"
             )
-        real = [one for one in found if not _is_phantom(one, frequency)] or found
-        motion, kept = determined_part(motion, real)
+        motion, kept = determined_part(motion, found)
         motion = _without_far_side(motion, kept, _SEEN / frequency)
         left_out = [
             f"{motion.source}: the {one.steps} steps from {one.span} are left out: {why}"
@@ -127,12 +131,12 @@ class Experiment:
             if one.doubts
         ]
         _refuse_changes(motion, kept)
-        doubtful = not all(_clear(one, frequency) for one in kept)
+        doubtful = any(one.doubts or _is_hum(one.ringing_frequency, frequency) for one in kept)
         main = max(kept, key=lambda one: one.steps)
         ringing = main.ringing
-        if not main.decay > 0.0 or _is_no_ringing(main.ringing_frequency, frequency):
+        if not main.decay > 0.0 or _is_hum(main.ringing_frequency, frequency):
             ringing = None
-        runs = tuple(_stepping(one, frequency) for one in kept)
+        runs = tuple(Stepping(one.start, one.direction * one.steps, frequency) for one in kept)
         said = (*repeats, *left_out)
         return cls(
             parameters, motion, runs, ringing, doubtful=doubtful, left_out=said, samples=samples
@@ -153,8 +157,7 @@ class Experiment:
         first, last = self.runs[0], self.runs[-1]
         if first.start < self.motion.t[0] + _REST_BEFORE / first.frequency:
             found.append(replace(plain, before=True))
-        end = last.start + abs(last.steps) / last.frequency
-        if end < self.motion.t[-1] < end + _BEYOND / last.frequency:
+        if last.end < self.motion.t[-1] < last.end + _BEYOND / last.frequency:
             found += [replace(one, beyond=True) for one in found]
         return found
 
@@ -167,7 +170,7 @@ class Experiment:
         if any(one.before for one in variants):
             begin = first.start + min(3, abs(first.steps) // 2) / first.frequency
         if any(one.beyond for one in variants):
-            end = last.start + abs(last.steps) / last.frequency
+            end = last.end
         return begin, end
 
     def simulate(self, p: Parameters, starts: Array, times: Array) -> tuple[Array, Array]:
@@ -176,7 +179,6 @@ class Experiment:
         The axis has the parameters p, rests at x = 0 before its first run, and begins its runs at
         starts (s). ParameterError, SolverError.
         """
-        own = p.drive.frequency
         # The variation along the track is not known for a measured axis.
         even = p
         if p.friction.surface_spread or p.friction.slip_spread:
@@ -193,10 +195,7 @@ class Experiment:
         x, v = np.zeros(len(times)), np.zeros(len(times))
         at = int(np.searchsorted(times, starts[0])) if not self.before else 0
         for k, run in enumerate(self.runs):
-            drive_cycle = command_of(
-                p if run.frequency == own else p.replace(frequency=run.frequency),
-                1 if run.steps > 0 else -1,
-            )
+            drive_cycle = command_of(p, 1 if run.steps > 0 else -1)
             begin, count = float(starts[k]), abs(run.steps)
             last = k == len(self.runs) - 1
             if k == 0:
@@ -341,9 +340,7 @@ def without_repeats(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
     """Raise IdentificationError if equal runs have different steps: drive or axis changed."""
     for other, one in combinations(runs, 2):
-        alike = abs(one.frequency / other.frequency - 1.0) < _SAME_FREQUENCY
-        alike &= one.direction == other.direction
-        if not alike or min(one.steps, other.steps) < FEW_STEPS:
+        if one.direction != other.direction or min(one.steps, other.steps) < FEW_STEPS:
             continue
         difference = abs(one.step_size - other.step_size)
         error = math.hypot(one.step_size_error, other.step_size_error)
@@ -357,31 +354,12 @@ def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
             )
 
 
-def _clear(run: Run, frequency: float) -> bool:
-    """Return whether a run has the frequency of the drive (Hz), and its ringing is not hum."""
-    same = abs(run.frequency / frequency - 1.0) < _SAME_FREQUENCY
-    return same and not _is_no_ringing(run.ringing_frequency, frequency)
-
-
-def _is_no_ringing(found: float, frequency: float) -> bool:
+def _is_hum(found: float, frequency: float) -> bool:
     """Return whether an oscillation (Hz) is the drive's or the mains'; False for nan."""
     hum = [harmonic * mains for mains in MAINS for harmonic in range(1, HARMONICS + 1)]
     return found < _RINGING_OVER_DRIVE * frequency or any(
         abs(found / one - 1.0) < _NEAR_HUM for one in hum
     )
-
-
-def _is_phantom(run: Run, frequency: float) -> bool:
-    """Return whether a run is taken for hum or wander: a few cycles, not those of the drive."""
-    return run.steps < FEW_STEPS and _stepping(run, frequency).frequency != frequency
-
-
-def _stepping(run: Run, frequency: float) -> Stepping:
-    """Return a run as the drive made it: a found step may have been two."""
-    parts = round(frequency / run.frequency)
-    if abs(parts * run.frequency / frequency - 1.0) < _SAME_FREQUENCY:
-        return Stepping(run.start, run.direction * run.steps * parts, frequency)
-    return Stepping(run.start, run.direction * run.steps, run.frequency)
 
 
 def check_record(experiment: Experiment) -> Iterator[str]:
@@ -397,18 +375,12 @@ def check_record(experiment: Experiment) -> Iterator[str]:
             "the contact cannot be told from another one"
         )
     for run in experiment.runs:
-        if run.frequency != p.drive.frequency:
-            yield (
-                f"{motion.source}: the steps at {run.start:.4g} s come at {run.frequency:.5g} Hz, "
-                f"the parameters say {p.drive.frequency:.5g} Hz; correct frequency there"
-            )
         if abs(run.steps) < FEW_STEPS:
             yield (
                 f"{motion.source}: the run at {run.start:.4g} s has {abs(run.steps)} steps; "
                 f"measure {FEW_STEPS} or more"
             )
-        ends = run.start + np.array([0.0, abs(run.steps)]) / run.frequency
-        begin, end = np.interp(ends, motion.t, motion.x)
+        begin, end = np.interp((run.start, run.end), motion.t, motion.x)
         step = abs(float(end - begin)) / abs(run.steps)
         if step < _SHORTEST_STEP * stroke:
             yield (

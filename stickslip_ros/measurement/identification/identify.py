@@ -5,22 +5,22 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.reporting import CONFIDENCE
 from stickslip_ros.measurement.identification.curve import Curve, CurveFit
-from stickslip_ros.measurement.identification.effects import effects_of
 from stickslip_ros.measurement.identification.experiment import (
     Experiment,
     IdentificationError,
     check_record,
     is_too_coarse,
 )
-from stickslip_ros.measurement.identification.fit import Estimate, Fit, FittedRun, Profile
+from stickslip_ros.measurement.identification.fit import Estimate, Fit, FittedRun
 from stickslip_ros.measurement.identification.free import (
     LAG,
     WIDTH,
@@ -32,12 +32,12 @@ from stickslip_ros.measurement.identification.free import (
     uncertain_input,
     width_of_sensor,
 )
-from stickslip_ros.measurement.identification.inputs import Known, known_runs
 from stickslip_ros.measurement.identification.intervals import BetterOptimum, Span, Surroundings
-from stickslip_ros.measurement.identification.misfit import misfit_of
+from stickslip_ros.measurement.identification.known import Known, known_runs
+from stickslip_ros.measurement.identification.misfit import effects_of, misfit_of
 from stickslip_ros.measurement.identification.problem import Point, Problem
 from stickslip_ros.measurement.identification.search import clock_of, search
-from stickslip_ros.measurement.identification.trace import CLOCK, RATE, Trace
+from stickslip_ros.measurement.identification.trace import CLOCK, RATE, Seen, Trace
 from stickslip_ros.physics.parameters import Parameters
 
 #: Called with the stage, its progress (0 to 1) and the best values so far.
@@ -126,8 +126,8 @@ def identify(
     notes = [note for one in experiments for note in check_record(one)]
     for note in notes:
         say(note)
-    work = _Estimation([Trace(one) for one in experiments], tables, free, nuisances, seed, progress)
-    found = replace(work.fit(), notes=tuple(notes))
+    problem = Problem([*map(Trace, experiments), *tables], free, nuisances)
+    found = replace(_fit(problem, seed, progress), notes=tuple(notes))
     if experiments and all(is_too_coarse(one, found.base) for one in experiments):
         found = found.without_intervals()
     return found
@@ -166,244 +166,211 @@ def _check_tables(tables: Sequence[CurveFit], free: FreeParameters, measured: bo
         )
 
 
-class _Estimation:
-    """One identification on its way; the best so far survives an interruption."""
-
-    def __init__(
-        self,
-        traces: Sequence[Trace],
-        tables: Sequence[CurveFit],
-        free: FreeParameters,
-        nuisances: Sequence[Nuisance],
-        seed: int,
-        progress: Progress,
-    ) -> None:
-        self.traces, self.tables = list(traces), list(tables)
-        self.free, self.seed, self.progress = free, seed, progress
-        self.problem = Problem([*traces, *tables], free, nuisances)
-        self.searched = free.start
-        self.best: Point | None = None
-
-    def fit(self) -> Fit:
-        """Return the result, or the best so far if interrupted."""
-        around: Surroundings | None = None
-        spans: list[Span] = []
-        with contextlib.suppress(KeyboardInterrupt):
-            self.find_optimum()
-            around, spans = self._spans(self._surroundings())
-        if self.best is None:
-            self.best = self.problem.point(self.problem.begin(self.searched))
-        if self.best is None:
-            raise IdentificationError(
-                "the starting values make no contact; change the free parameters' values"
-            )
-        return self._estimate_all(around, spans)
-
-    def _report(self, what: str, part: float, theta: Array) -> None:
-        self.progress(what, part, self.free.values(theta[: len(self.free.names)]))
-
-    # -- the optimum
-
-    def find_optimum(self) -> None:
-        """Search, descend and learn the noise. IdentificationError."""
-        for attempt in range(_SEARCHES):
-            self._search(attempt)
-            if self.best is None:
-                continue
-            self._choose_variants()
-            self._learn()
-            measured = sum(trace.known for trace in self.traces)
-            if self.best.deviance < _BAD * max(measured, 1):
-                return
-        if self.best is None:
-            raise IdentificationError(
-                "no values between the bounds make a contact; change the bounds, or what is free"
-            )
-
-    def _search(self, attempt: int) -> None:
-        """Descend from the results of a search; keep the best point."""
-
-        def searched(part: float, best: Array) -> None:
-            self.searched = best
-            self._report("search", part, best)
-
-        begins = search(self.traces, self.tables, self.free, self.seed + attempt, searched)
-        ends = [] if self.best is None else [self.best]
-        for k, theta in enumerate(begins):
-            begun = self.problem.point(self._begin(theta))
-            if begun is not None:
-                ends.append(self.problem.descend(begun, _FIRST))
-                self.best = min(ends, key=lambda one: one.deviance)
-                self._report("descent", (k + 1) / len(begins), self.best.unknowns)
-        if self.best is not None:
-            self.best = self.problem.descend(self.best, _THEN)
-
-    def _begin(self, theta: Array) -> Array:
-        """Return unknowns with the model laid over the measurements."""
-        unknowns = self.problem.begin(theta)
-        for k, trace in enumerate(self.traces):
-            p = self.free.applied_or_none(trace.parameters, theta)
-            if p is not None:
-                self.problem.clock(unknowns, k)[:] = clock_of(trace, p)
-        return unknowns
-
-    def _choose_variants(self) -> None:
-        """Choose the runs of the drive if the measurement does not show the rest about them."""
-        for trace in self.traces:
-            variants = trace.experiment.variants
-            if len(variants) == 1 or self.best is None:
-                continue
-            choices: list[tuple[float, Experiment, Point]] = []
-            for variant in variants:
-                trace.experiment = variant
-                begun = self.problem.point(self.best.unknowns)
-                if begun is not None:
-                    end = self.problem.descend(begun, _VARIANT)
-                    choices.append((end.deviance, variant, end))
-            if choices:
-                _, trace.experiment, self.best = min(choices, key=lambda one: one[0])
-
-    def _learn(self) -> None:
-        """Estimate the noise from the residuals, and descend with it."""
-        for k in range(_TIMES):
-            if self.best is None:
-                return
-            for one, seen in zip(self.problem.fits, self.best.seen, strict=True):
-                one.learn(seen)
-            begun = self.problem.point_of(self.best.unknowns, self.best.seen)
-            self.best = self.problem.descend(begun, _LEARNT)
-            self._report("noise", (k + 1) / _TIMES, self.best.unknowns)
-
-    # -- the intervals
-
-    def _surroundings(self) -> Surroundings:
-        """Return what is known about the optimum; a better one that is met takes its place."""
-        for attempt in range(_AGAIN + 1):
-            assert self.best is not None
-            self._report("intervals", attempt / (_AGAIN + 1), self.best.unknowns)
-            try:
-                return Surroundings(self.problem, self.best, stops=attempt < _AGAIN)
-            except BetterOptimum as better:
-                self.best = self.problem.descend(better.point, _THEN)
-                self._learn()
-        raise AssertionError("the last one does not stop")
-
-    def _spans(self, around: Surroundings) -> tuple[Surroundings, list[Span]]:
-        """Return the intervals, and the surroundings of the fit that the values are of.
-
-        A lag, or a width, is never below 0, so that a free one that is not there moves all values
-        one way. Where none shows, the values are those without, and the intervals hold both.
-        """
-        spans = [around.span(k) for k in range(self.problem.count)]
-        hidden = [one.name for one in self.problem.nuisances if one.name in (LAG, WIDTH)]
-        if not hidden or self.best is None:
-            return around, spans
-        self._report("intervals", 0.5, self.best.unknowns)
-        for names in ([], *([[one] for one in hidden] if len(hidden) > 1 else [])):
-            plain = self.problem.without([one for one in hidden if one not in names])
-            begun = plain.point(self._of(plain, self.best.unknowns))
-            if begun is None:
-                continue
-            end = plain.descend(begun, _LEARNT)
-            shows = (end.deviance - self.best.deviance) / around.scale
-            if shows < _SHOWS[len(hidden) - len(names)]:
-                other = Surroundings(plain, end, stops=False)
-                own = [other.span(k) for k in range(plain.count)]
-                joined = [one.joined(two) for one, two in zip(own, spans, strict=True)]
-                return other, joined
-        return around, spans
-
-    def _of(self, plain: Problem, unknowns: Array) -> Array:
-        """Return the unknowns of a problem that lacks some nuisances of this one."""
-        lacks = [k for k, one in enumerate(self.problem.nuisances, self.problem.count)
-                 if one not in plain.nuisances]  # fmt: skip
-        return np.delete(unknowns, lacks)
-
-    def _estimate_all(self, around: Surroundings | None, spans: Sequence[Span]) -> Fit:
-        best = around.best if around else self.best
-        problem = around.problem if around else self.problem
+def _fit(problem: Problem, seed: int, progress: Progress) -> Fit:
+    """Return the result, or the best so far if interrupted. IdentificationError."""
+    best: Point | None = None
+    whole: Surroundings | None = None
+    around: Surroundings | None = None
+    spans: list[Span] = []
+    with contextlib.suppress(KeyboardInterrupt):
+        for what, part, point in _optimum(problem, seed, progress):
+            best = point
+            progress(what, part, problem.free.values(best.unknowns))
         assert best is not None
-        allowed = [one.name for one in self.problem.nuisances]
-        effects = effects_of(around, allowed) if around else []
-        misfit = misfit_of(around, effects) if around else None
-        estimates = {}
-        for k, name in enumerate(self.free.names):
-            at = float(best.unknowns[k])
-            ends = (spans[k].low, spans[k].high) if spans else (None, None)
-            low, high = (None if end is None else math.exp(end) for end in ends)
-            doubt = "misfit" if misfit else ""
-            if min(at - problem.low[k], problem.high[k] - at) < _ON_BOUND:
-                doubt = "on a bound of the search"
-            estimates[name] = Estimate(name, math.exp(at), low, high, doubt)
-        estimates |= self._hidden(around, best, problem)
-        names = self.free.names
-        matrix = around.correlations() if around else None
-        correlations = {
-            a: {b: float(matrix[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)
-        } if matrix is not None else {}  # fmt: skip
-        base = self.free.applied(problem.fits[0].parameters, best.unknowns[: problem.count])
-        lag = estimates.get(LAG)
-        if lag is not None and lag.low:  # an interval that excludes 0
-            base = base.replace(amplifier_bandwidth=1.0 / (2.0 * math.pi * lag.value))
-        profiles: list[Profile] = []
-        if around is not None:
-            profiles = [around.profile(k) for k in range(problem.count)]
-        return Fit(
-            parameters=estimates,
-            base=base,
-            correlations=correlations,
-            deviance=best.deviance + sum(fit.loudness for fit in problem.fits),
-            unknown=tuple(around.unknown()) if around else (),
-            given=tuple(one.given for one in effects if one.given),
-            runs=tuple(self._run(problem, best, k) for k in range(len(self.traces))),
-            curves=tuple(one.fitted(best.seen[len(self.traces) + k])
-                         for k, one in enumerate(self.tables)),
-            profiles=tuple(profiles),
-            misfit=misfit,
-            complete=around is not None,
-        )  # fmt: skip
-
-    def _hidden(
-        self, around: Surroundings | None, best: Point, problem: Problem
-    ) -> dict[str, Estimate]:
-        """Return lag and width with their intervals, 0 where they do not show."""
-        found = {}
-        for one in self.problem.nuisances:
-            if one.name not in (LAG, WIDTH):
-                continue
-            scale, root = (1e-6, 1.0) if one.name == LAG else (1e-6, 0.5)
-            k = problem.number(one.name)
-            value = 0.0 if k is None else float(best.unknowns[k])
-            low = high = None
-            if around is not None:
-                whole, j = self.best, self.problem.number(one.name)
-                assert whole is not None and j is not None
-                spread = 1.96 * self._deviation(j)
-                high = scale * max(float(whole.unknowns[j]) + spread, 0.0) ** root
-                low = scale * max(value - spread, 0.0) ** root or None
-            found[one.name] = Estimate(one.name, scale * value**root, low, high)
-        return found
-
-    def _deviation(self, k: int) -> float:
-        """Return the standard deviation of a nuisance at the optimum with all of them."""
-        assert self.best is not None
-        jacobian = self.problem.jacobian(self.best)
-        return float(np.sqrt(self.problem.covariance(jacobian)[k, k]))
-
-    def _run(self, problem: Problem, best: Point, k: int) -> FittedRun:
-        trace, seen, clock = self.traces[k], best.seen[k], problem.clock(best.unknowns, k)
-        left, full = trace.left(seen), trace.blocks.full
-        residual = float(np.sqrt(np.mean(left[full] ** 2)))
-        return FittedRun(
-            source=trace.experiment.motion.source,
-            start=float(trace.starts[0] + CLOCK * clock[0]),
-            steps=trace.experiment.steps,
-            clock_drift=float(RATE * clock[-1]),
-            noise=residual * math.sqrt(trace.blocks.count),
-            residual=residual,
-            mains=trace.mains,
-            cycle=np.where(full, trace.cycles(clock), np.nan),
-            t=trace.blocks.t,
-            measured=trace.blocks.x,
-            left=left,
+        whole = _surroundings(problem, best, progress)
+        around, spans = _without_hidden(whole)
+    if best is None:
+        best = problem.point(problem.begin(problem.free.start))
+    if best is None:
+        raise IdentificationError(
+            "the starting values make no contact; change the free parameters' values"
         )
+    return _result(problem, best, whole, around, spans)
+
+
+# -- the optimum
+
+
+def _optimum(problem: Problem, seed: int, progress: Progress) -> Iterator[tuple[str, float, Point]]:
+    """Search, descend and learn the noise; yield stage, its part and the best so far, in the end
+    the optimum. IdentificationError.
+    """
+    best: Point | None = None
+    measured = sum(trace.known for trace in problem.traces)
+
+    def searched(part: float, theta: Array) -> None:
+        progress("search", part, problem.free.values(theta))
+
+    for attempt in range(_SEARCHES):
+        begins = search(problem, seed + attempt, searched)
+        for k, theta in enumerate(begins, 1):
+            begun = problem.point(_laid_over(problem, theta))
+            if begun is not None:
+                end = problem.descend(begun, _FIRST)
+                best = end if best is None or end.deviance < best.deviance else best
+                yield "descent", k / len(begins), best
+        if best is None:
+            continue
+        best = _with_variants(problem, problem.descend(best, _THEN))
+        for part in range(1, _TIMES + 1):
+            best = _learnt(problem, best)
+            yield "noise", part / _TIMES, best
+        if best.deviance < _BAD * max(measured, 1):
+            return
+    if best is None:
+        raise IdentificationError(
+            "no values between the bounds make a contact; change the bounds, or what is free"
+        )
+
+
+def _laid_over(problem: Problem, theta: Array) -> Array:
+    """Return unknowns with the model laid over the measurements."""
+    unknowns = problem.begin(theta)
+    for k, trace in enumerate(problem.traces):
+        p = problem.free.applied_or_none(trace.parameters, theta)
+        if p is not None:
+            problem.clock(unknowns, k)[:] = clock_of(trace, p)
+    return unknowns
+
+
+def _with_variants(problem: Problem, best: Point) -> Point:
+    """Choose the runs of the drive if the measurement does not show the rest about them."""
+    for trace in problem.traces:
+        variants, choices = trace.experiment.variants, []
+        for variant in variants if len(variants) > 1 else []:
+            trace.experiment = variant
+            begun = problem.point(best.unknowns)
+            if begun is not None:
+                choices.append((problem.descend(begun, _VARIANT), variant))
+        if choices:
+            best, trace.experiment = min(choices, key=lambda one: one[0].deviance)
+    return best
+
+
+def _learnt(problem: Problem, best: Point) -> Point:
+    """Estimate the noise from the residuals, and descend with it."""
+    for one, seen in zip(problem.fits, best.seen, strict=True):
+        one.learn(seen)
+    return problem.descend(problem.point_of(best.unknowns, best.seen), _LEARNT)
+
+
+# -- the intervals
+
+
+def _surroundings(problem: Problem, best: Point, progress: Progress) -> Surroundings:
+    """Return what is known about the optimum, or about a better one that is met."""
+    for attempt in range(_AGAIN):
+        progress("intervals", attempt / (_AGAIN + 1), problem.free.values(best.unknowns))
+        try:
+            return Surroundings(problem, best)
+        except BetterOptimum as better:
+            best = problem.descend(better.point, _THEN)
+            for _ in range(_TIMES):
+                best = _learnt(problem, best)
+    return Surroundings(problem, best, stops=False)
+
+
+def _without_hidden(around: Surroundings) -> tuple[Surroundings, list[Span]]:
+    """Return the surroundings of the fit that the values are of, and the intervals.
+
+    A lag, or a width, is never below 0, so that a free one that is not there moves all values one
+    way. Where none shows, the values are those without, and the intervals hold both.
+    """
+    problem, best = around.problem, around.best
+    spans = [around.span(k) for k in range(problem.count)]
+    hidden = [one.name for one in problem.nuisances if one.name in (LAG, WIDTH)]
+    for kept in ([], *([[one] for one in hidden] if len(hidden) > 1 else [])) if hidden else ():
+        plain = problem.without([one for one in hidden if one not in kept])
+        lacks = [k for k, one in enumerate(problem.nuisances, problem.count)
+                 if one not in plain.nuisances]  # fmt: skip
+        begun = plain.point(np.delete(best.unknowns, lacks))
+        if begun is None:
+            continue
+        end = plain.descend(begun, _LEARNT)
+        if (end.deviance - best.deviance) / around.scale < _SHOWS[len(lacks)]:
+            other = Surroundings(plain, end, stops=False)
+            own = [other.span(k) for k in range(plain.count)]
+            return other, [one.joined(two) for one, two in zip(own, spans, strict=True)]
+    return around, spans
+
+
+# -- the result
+
+
+def _result(
+    problem: Problem,
+    best: Point,
+    whole: Surroundings | None,
+    around: Surroundings | None,
+    spans: Sequence[Span],
+) -> Fit:
+    """Return the fit: around are the surroundings of its values, whole those with all unknowns."""
+    names, allowed = problem.free.names, [one.name for one in problem.nuisances]
+    shown, best = (around.problem, around.best) if around else (problem, best)
+    effects = effects_of(around, allowed) if around else []
+    misfit = misfit_of(around, effects) if around else None
+    estimates = {}
+    for k, name in enumerate(names):
+        at = float(best.unknowns[k])
+        ends = (spans[k].low, spans[k].high) if spans else (None, None)
+        low, high = (None if end is None else math.exp(end) for end in ends)
+        doubt = "misfit" if misfit else ""
+        if min(at - shown.low[k], shown.high[k] - at) < _ON_BOUND:
+            doubt = "on a bound of the search"
+        estimates[name] = Estimate(name, math.exp(at), low, high, doubt)
+    for name in allowed:
+        if name in (LAG, WIDTH):
+            estimates[name] = _hidden(name, whole, shown.value(name, best.unknowns))
+    matrix = around.correlations() if around else np.zeros((0, 0))
+    base = shown.free.applied(shown.fits[0].parameters, best.unknowns[: shown.count])
+    lag = estimates.get(LAG)
+    if lag is not None and lag.low:  # an interval that excludes 0
+        base = base.replace(amplifier_bandwidth=1.0 / (2.0 * math.pi * lag.value))
+    numbered = list(enumerate(shown.fits))
+    return Fit(
+        parameters=estimates,
+        base=base,
+        correlations={
+            a: dict(zip(names, row, strict=True))
+            for a, row in zip(names, matrix.tolist(), strict=False)
+        },
+        deviance=best.deviance + sum(fit.loudness for fit in shown.fits),
+        unknown=tuple(around.unknown()) if around else (),
+        given=tuple(one.given for one in effects if one.given),
+        runs=tuple(_run(one, best.seen[k], shown.clock(best.unknowns, k))
+                   for k, one in numbered if isinstance(one, Trace)),
+        curves=tuple(one.fitted(best.seen[k]) for k, one in numbered if isinstance(one, CurveFit)),
+        profiles=tuple(around.profile(k) for k in range(shown.count)) if around else (),
+        misfit=misfit,
+        complete=around is not None,
+    )  # fmt: skip
+
+
+def _hidden(name: str, whole: Surroundings | None, value: float) -> Estimate:
+    """Return lag or width (0 where it does not show) with the interval of the fit with both."""
+    root, low, high = 1.0 if name == LAG else 0.5, None, None
+    if whole is not None:
+        best, k = whole.best, whole.problem.number(name)
+        covariance = whole.problem.covariance(whole.problem.jacobian(best))
+        spread = CONFIDENCE * math.sqrt(covariance[k, k])
+        high = 1e-6 * max(float(best.unknowns[k]) + spread, 0.0) ** root
+        low = 1e-6 * max(value - spread, 0.0) ** root or None
+    return Estimate(name, 1e-6 * value**root, low, high)
+
+
+def _run(trace: Trace, seen: Seen, clock: Array) -> FittedRun:
+    left, full = trace.left(seen), trace.blocks.full
+    residual = float(np.sqrt(np.mean(left[full] ** 2)))
+    return FittedRun(
+        source=trace.experiment.motion.source,
+        start=float(trace.starts[0] + CLOCK * clock[0]),
+        steps=trace.experiment.steps,
+        clock_drift=float(RATE * clock[-1]),
+        noise=residual * math.sqrt(trace.blocks.count),
+        residual=residual,
+        mains=trace.mains,
+        cycle=np.where(full, trace.cycles(clock), np.nan),
+        t=trace.blocks.t,
+        measured=trace.blocks.x,
+        left=left,
+    )

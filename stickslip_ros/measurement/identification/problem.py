@@ -13,7 +13,7 @@ import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.measurement.identification.curve import CurveFit
-from stickslip_ros.measurement.identification.free import FreeParameters, Nuisance
+from stickslip_ros.measurement.identification.free import WIDTH, FreeParameters, Nuisance
 from stickslip_ros.measurement.identification.trace import Seen, Trace
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver import SolverError
@@ -64,14 +64,23 @@ class Problem:
             self.low[own][-1:], self.high[own][-1:] = -_RATES, _RATES
 
     @property
-    def traces(self) -> list[tuple[int, Trace]]:
-        """The traces among the experiments, with their numbers."""
-        return [(k, fit) for k, fit in enumerate(self.fits) if isinstance(fit, Trace)]
+    def traces(self) -> list[Trace]:
+        """The traces among the experiments, which come first."""
+        return [fit for fit in self.fits if isinstance(fit, Trace)]
 
-    def number(self, name: str) -> int | None:
-        """Return the place of a nuisance among the unknowns, None without it."""
-        names = [one.name for one in self.nuisances]
-        return self.count + names.index(name) if name in names else None
+    @property
+    def tables(self) -> list[CurveFit]:
+        """The tables among the experiments."""
+        return [fit for fit in self.fits if isinstance(fit, CurveFit)]
+
+    def number(self, name: str) -> int:
+        """Return the place of a nuisance among the unknowns. ValueError without it."""
+        return self.count + [one.name for one in self.nuisances].index(name)
+
+    def value(self, name: str, unknowns: Array) -> float:
+        """Return the value of a nuisance in its unit, 0 without it."""
+        known = any(one.name == name for one in self.nuisances)
+        return float(unknowns[self.number(name)]) if known else 0.0
 
     def without(self, names: Sequence[str]) -> Problem:
         """Return the problem without some nuisances."""
@@ -93,14 +102,9 @@ class Problem:
                 p = one.change(p, float(value))
         return p
 
-    def width(self, unknowns: Array) -> float:
-        """Return the squared width of the sensor, as `Trace.model` takes it."""
-        k = next((k for k, n in enumerate(self.nuisances) if n.change is None), None)
-        return 0.0 if k is None else float(unknowns[self.count + k])
-
     def seen(self, unknowns: Array) -> tuple[Seen, ...]:
         """Return the models of all experiments. ParameterError, SolverError."""
-        width = self.width(unknowns)
+        width = self.value(WIDTH, unknowns)
         return tuple(
             fit.model(self.applied(fit.parameters, unknowns), self.clock(unknowns, k), width)
             for k, fit in enumerate(self.fits)

@@ -17,7 +17,6 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 
 from stickslip_ros.base.arrays import Array
-from stickslip_ros.measurement.identification.curve import CurveFit
 from stickslip_ros.measurement.identification.experiment import Stepping
 from stickslip_ros.measurement.identification.free import FreeParameters, stiffness_of
 from stickslip_ros.measurement.identification.problem import Problem
@@ -47,18 +46,13 @@ _APART, _WORSE = {"sigma_0": 0.004, "z_ba": 0.3}, (4.0, 40.0)
 _APART_OTHERS = 0.8
 
 
-def search(
-    traces: Sequence[Trace],
-    tables: Sequence[CurveFit],
-    free: FreeParameters,
-    seed: int,
-    progress: Callable[[float, Array], None] = lambda part, best: None,
-) -> list[Array]:
+def search(problem: Problem, seed: int, progress: Callable[[float, Array], None]) -> list[Array]:
     """Return logarithms of parameters to descend from, the best first.
 
     The starts of the runs are moved, and their numbers of steps corrected, unless there are no
     traces. progress is called with the part that is done and the best logarithms so far.
     """
+    traces, tables, free = problem.traces, problem.tables, problem.free
     points = design(traces, free, seed)
     for trace in traces:
         if not trace.placed:

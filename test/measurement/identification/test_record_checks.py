@@ -36,7 +36,6 @@ RECORD = Experiment(
     [
         ({}, None),
         ({"ringing": Ringing(37e3, 500.0)}, r"2\.7 samples in a swing .* sample at 1\.5e\+05 Hz"),
-        ({"runs": (Stepping(2e-3, 10, 133.0),)}, "come at 133 Hz, the parameters say 400 Hz"),
         ({"runs": (Stepping(2e-3, 3, 400.0),)}, "3 steps; measure 4 or more"),
         ({"motion": Motion("lab", T, 1e-3 * X)}, "check the units"),
         (

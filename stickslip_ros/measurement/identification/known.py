@@ -1,11 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into an identification: drives whose inputs may be uncertain, and measured motions.
-
-A drive is a path, a mapping or parameters. A number of a path or a mapping may have a standard
-deviation, ``preload: 0.4 +- 0.02``. A motion is a `Motion`, a file, a DataFrame or an xarray object
-with units, or times and positions. A velocity, as a Doppler vibrometer gives it, is integrated: its
-offset becomes a drift and its noise a walk, both of which a fit takes out.
-"""
+"""What goes into an identification: drives, whose inputs may be uncertain, and measured motions."""
 
 from __future__ import annotations
 
@@ -16,18 +10,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from stickslip_ros.base.arrays import Array
-from stickslip_ros.base.shared_files import config_file, sample_file
-from stickslip_ros.measurement.bags.load_motion import load_motion
+from stickslip_ros.base.shared_files import config_file
 from stickslip_ros.measurement.identification.experiment import IdentificationError
-from stickslip_ros.measurement.reading import MeasurementError, Reading
-from stickslip_ros.measurement.reading.formats import open_table
-from stickslip_ros.measurement.reading.given import given_table
-from stickslip_ros.measurement.reading.motion import motion_of
-from stickslip_ros.measurement.reading.table import Column, Table
-from stickslip_ros.measurement.reading.units import Unit
+from stickslip_ros.measurement.measurements import read_measurement
+from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters, parameter
 from stickslip_ros.physics.parameters.bounded_files import read_values
 from stickslip_ros.physics.parameters.row import read_quantity
@@ -52,12 +38,11 @@ class Known:
 
     @classmethod
     def of(cls, drive: Any) -> Known:
-        """Return what is known of a drive. IdentificationError, ParameterError."""
+        """Return what a path, a mapping or Parameters say. IdentificationError, ParameterError."""
         if isinstance(drive, Parameters):
             return cls(drive, {})
         if isinstance(drive, str | PathLike):
-            path = config_file(Path(drive), ParameterError)
-            values = read_values(path, PARAMETERS)
+            values = read_values(config_file(Path(drive), ParameterError), PARAMETERS)
         elif isinstance(drive, Mapping):
             values = dict(drive)
         else:
@@ -124,83 +109,23 @@ def known_runs(runs: Iterable[Any]) -> list[tuple[Known, Motion]]:
                 f"run {k + 1} begins with {_named(drive)}, a measurement; give the drive first: "
                 f"{_FORM}"
             )
-        found.append((Known.of(drive), motion_from(measured, f"run {k + 1}")))
+        found.append((Known.of(drive), _motion_of(measured, f"run {k + 1}")))
     return found
 
 
-def motion_from(measured: Sequence[Any], name: str) -> Motion:
+def _motion_of(measured: Sequence[Any], name: str) -> Motion:
     """Return a motion from one object that holds it, or from times (s) and positions (m)."""
     one = measured[0]
-    if len(measured) == 1 and isinstance(one, Motion):
+    if isinstance(one, Motion):
         return one
-    if len(measured) == 1 and isinstance(one, str | PathLike):
-        return read_motion(sample_file(Path(one), MeasurementError))
+    if isinstance(one, str | PathLike):
+        return read_measurement(one)
     try:
-        return table_motion(given_table(*measured), name, Reading())
+        return replace(
+            read_measurement(one if len(measured) == 1 else tuple(measured)), source=name
+        )
     except MeasurementError as error:
         raise IdentificationError(f"the motion of {name}: {error}") from None
-
-
-def read_motion(path: Path, how: Reading | None = None, joint: str | None = None) -> Motion:
-    """Return the motion in a file, also where it holds a velocity. MeasurementError, BagError."""
-    how = how or Reading()
-    velocity = how.units.get("x") or ""
-    unit = Unit.of(velocity)
-    if unit is None or unit.dimension != "velocity":
-        try:
-            return load_motion(path, how=how, joint=joint).motion
-        except MeasurementError:
-            if not path.is_file():
-                raise
-            try:
-                table = open_table(path, how.decimal)
-            except (MeasurementError, OSError):
-                table = None
-            if table is None or _velocity_in(table, how) is None:
-                raise
-    return table_motion(open_table(path, how.decimal), path.name, how)
-
-
-def table_motion(table: Table, source: str, how: Reading) -> Motion:
-    """Return the motion in a table, a velocity integrated. MeasurementError."""
-    found = _velocity_in(table, how)
-    if found is None:
-        return motion_of(table, source, how)
-    column, factor = found
-    # Read as a position in metres: nothing but the unit differs.
-    columns = [
-        replace(one, unit="m") if one.number == column.number else one for one in table.columns
-    ]
-    units = {key: unit for key, unit in how.units.items() if key != "x"}
-    named = {**how.columns, "x": str(column.number)}
-    motion = motion_of(
-        Table(columns, table.load, table.preview, table.notes), source,
-        Reading(named, units, how.scale, how.rate, how.angle, None, how.rows, how.decimal),
-    )  # fmt: skip
-    v = factor * motion.x
-    note = "a velocity, integrated; its offset is a drift, which is taken out"
-    return Motion(source, motion.t, _integrated(motion.t, v), notes=(*motion.notes, note))
-
-
-def _integrated(t: Array, v: Array) -> Array:
-    """Return the integral (m) of a velocity (m/s) without its mean at the start and the end."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (v[1:] + v[:-1]))])
-
-
-def _velocity_in(table: Table, how: Reading) -> tuple[Column, float] | None:
-    """Return the column of velocity, and its factor to m/s, where there is no position."""
-    stated = Unit.of(how.units.get("x"))
-    if stated is not None and stated.dimension == "velocity":
-        wanted = how.columns.get("x")
-        free = [c for c in table.columns if wanted in (c.name, str(c.number))]
-        free = free or [c for c in table.columns if c.dimension in (None, "velocity")][-1:]
-        return (free[0], stated.factor) if free else None
-    speeds = [one for one in table.columns if one.dimension == "velocity"]
-    places = [one for one in table.columns if one.dimension == "length"]
-    if len(speeds) != 1 or places or "x" in how.columns:
-        return None
-    unit = Unit.of(speeds[0].unit)
-    return None if unit is None else (speeds[0], unit.factor)
 
 
 def _named(one: Any) -> str:

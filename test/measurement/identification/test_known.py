@@ -1,22 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an identification takes: arrays, tables with units, velocities, uncertain inputs."""
+"""What an identification takes: arrays, tables with units, uncertain inputs."""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from bench_traces import Drive, Sensor, bench_trace
 from experiments import holds, small, truth_of
 
 from stickslip_ros.measurement.identification import IdentificationError, identify
-from stickslip_ros.measurement.identification.inputs import (
-    Known,
-    known_runs,
-    motion_from,
-    read_motion,
-)
-from stickslip_ros.measurement.reading import MeasurementError, Reading
+from stickslip_ros.measurement.identification.known import Known, known_runs
 from stickslip_ros.physics.parameters import ParameterError, Parameters
 
 DRIVE = {"preload": 0.5, "mass": 5e-3, "frequency": 800.0, "amplitude": 250.0}
@@ -59,7 +52,7 @@ def test_arrays_frames_and_labelled_arrays_with_units_are_motions(drive: Path) -
     path = drive.with_name("trace.csv")
     frame.to_csv(path, index=False)
     for measured in ([frame], [array], [array.to_dataset()], [path], [str(path)], [T, X]):
-        motion = motion_from(measured, "run 1")
+        ((_, motion),) = known_runs([(DRIVE, *measured)])
         assert motion.t == pytest.approx(T)
         assert motion.x == pytest.approx(X, abs=1e-15)
     ((known, motion),) = known_runs([(drive, T.tolist(), X.tolist())])
@@ -74,7 +67,7 @@ def test_arrays_frames_and_labelled_arrays_with_units_are_motions(drive: Path) -
         ([(DRIVE, T, X, X)], "run 1 is a tuple; each run is"),
         ([("trace.csv", DRIVE)], "run 1 begins with 'trace.csv', a measurement; give the drive"),
         ([(7, T, X)], "a int is no drive"),
-        ([(DRIVE, 7)], "the motion of run 1: int 7 is no measurement"),
+        ([(DRIVE, 7)], "the motion of run 1: arrays: int 7 is no mea"),
         ([(DRIVE, T, X[1:])], "position has 99 samples and time has 100"),
         ([(DRIVE, T[::-1], X)], "does not come after"),
     ],
@@ -87,40 +80,6 @@ def test_a_wrong_call_says_which_argument_was_expected(runs: Any, words: str) ->
 def test_a_second_positional_file_is_no_list_of_names() -> None:
     with pytest.raises(IdentificationError, match=r"runs is 'drive.yaml'; it has to be a list"):
         identify("drive.yaml", "a.csv")  # type: ignore[arg-type]
-
-
-def test_a_velocity_is_integrated(tmp_path: Path) -> None:
-    v = 1e-7 * 500.0 * np.cos(500.0 * T) + 3e-6  # with an offset
-    path = tmp_path / "doppler.csv"
-    rows = np.column_stack([1e3 * T, 1e3 * v])
-    np.savetxt(path, rows, delimiter=",", header="time (ms),velocity (mm/s)", comments="")
-    bare = tmp_path / "bare.csv"
-    np.savetxt(bare, rows, delimiter=",", header="time (ms),out", comments="")
-    for motion in (read_motion(path), read_motion(bare, Reading(units="x=mm/s"))):  # type: ignore[arg-type]
-        slope = np.polyfit(motion.t, motion.x - X, 1)[0]
-        assert slope == pytest.approx(3e-6, rel=0.01)
-        left = motion.x - X - 3e-6 * T
-        assert np.ptp(left) < 1e-10
-        assert "a velocity, integrated" in motion.notes[-1]
-    with pytest.raises(MeasurementError):
-        read_motion(bare)
-
-
-@pytest.mark.long
-def test_a_record_of_velocity_gives_the_contact() -> None:
-    axis, (known, _) = small()
-    drive = Drive(10, frequency=800.0, amplitude=250.0, pause=5e-3)
-    bench = bench_trace(axis, (drive,), Sensor(rate=5e5), 4e-3)
-    noise = 2e-5 * np.random.default_rng(2).standard_normal(len(bench.t))
-    v = np.gradient(bench.clean, bench.t) + 2e-6 + noise
-    frame = pytest.importorskip("pandas").DataFrame(
-        {"time (s)": bench.t, "velocity (mm/s)": 1e3 * v}
-    )
-    found = identify([(known, frame)])
-    assert found.misfit is None
-    for name, true in truth_of(axis).items():
-        one = found.parameters[name]
-        assert one.value == pytest.approx(true, rel=0.2), name
 
 
 @pytest.mark.long
