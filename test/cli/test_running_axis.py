@@ -106,7 +106,7 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
     assert "holding" in send("trajectory", "0.1:500nm", "0.2s:0", "--wait")
     assert "holding" in send("joint_command", "axis_slider", "position", "0.4um", "--wait")
     assert main(["send", "joint_command", "x", "velocity", "1um/s"]) == 1
-    assert "no joint 'x' here; give axis_slider" in capsys.readouterr().err
+    assert "no joint 'x'; give axis_slider" in capsys.readouterr().err
     assert main(["send", "amplitude", "900"]) == 1
     assert "amplitude refused: amplitude is 900 V" in capsys.readouterr().err
     assert ", injected: sensor_drift, at " in send("parameters", "fault=sensor_drift")

@@ -195,9 +195,7 @@ class AxisClient(AxisListener, AbstractContextManager["AxisClient"]):
         if command.type == SET_PARAMETERS:
             return self.set_parameters(*arguments)
         if command.type == JOINT_STATE and arguments[0] != self._joint:
-            raise CommandRefused(
-                f"{name} refused: no joint {arguments[0]!r} here; give {self._joint}"
-            )
+            raise CommandRefused(f"{name} refused: no joint {arguments[0]!r}; give {self._joint}")
         message = _message(name, *arguments)
         if command.is_service:
             return self._call(name, message)

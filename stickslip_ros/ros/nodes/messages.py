@@ -275,17 +275,15 @@ _IDL_FORMS = (
 
 
 def definition_from_fields(fields: Mapping[str, str]) -> str:
-    """Return a ``.msg`` text for the fields of a message: names to types in IDL words.
+    """Return a ``.msg`` text for fields as ``get_fields_and_field_types()`` gives them.
 
-    The names and types are those of ``get_fields_and_field_types()`` of a generated message class.
-    Constants, defaults and comments are not in there and so not in the text; they do not change
-    how a message is read.
+    Constants and defaults are not in there; they do not change how a message is read.
     """
-    return "".join(f"{_field_type(idl)} {name}\n" for name, idl in fields.items())
 
+    def type_of(idl: str) -> str:
+        for form, end in _IDL_FORMS:
+            if match := form.fullmatch(idl):
+                return type_of(match[1]) + end.format(match[2])
+        return _IDL_NAMES.get(idl, idl)
 
-def _field_type(idl: str) -> str:
-    for form, end in _IDL_FORMS:
-        if match := form.fullmatch(idl):
-            return _field_type(match[1]) + end.format(match[2])
-    return _IDL_NAMES.get(idl, idl)
+    return "".join(f"{type_of(idl)} {name}\n" for name, idl in fields.items())

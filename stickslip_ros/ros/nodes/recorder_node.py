@@ -50,9 +50,7 @@ PARAMETERS = (
     ),
     OwnParameter("fsync", True, "bring the bag to the disk twice a second; off: at its end"),
     OwnParameter("wait", False, "record from ~/start to ~/stop, as often as asked"),
-    OwnParameter(
-        "status_period", 10.0, "s between lines in the log; 0: none", "s", 0.1, 1e9, "none"
-    ),
+    OwnParameter("status_period", 10.0, "s between log lines; 0: none", "s", 0.1, 1e9, "none"),
 )
 
 

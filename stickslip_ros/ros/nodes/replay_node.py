@@ -215,6 +215,4 @@ def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
 
 
 #: Plays a bag; returns 0 at its end or on request, 1 if it broke off, 2 on bad use
-main = partial(
-    run_node, "replay_node", ReplayNode, "Plays a bag, every message at its time.", PARAMETERS
-)
+main = partial(run_node, "replay_node", ReplayNode, "Plays the messages of a bag.", PARAMETERS)
