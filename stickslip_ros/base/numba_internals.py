@@ -4,7 +4,8 @@
 numba optimises every function together with its callees and makes machine code of them, again for
 each caller. In a kernel of a hundred small functions this takes half of the time. So a function
 that a compiled function calls becomes a `_Part`, which is only typed and lowered; LLVM compiles
-everything once, from the function that Python calls.
+everything once, from the function that Python calls. What is typed again and again, as most
+operations are, is looked up once (`_remembering`).
 
 Each file of the cache ends with a checksum; a file with a wrong checksum is compiled again.
 
@@ -23,7 +24,9 @@ import itertools
 import secrets
 from collections.abc import Callable, Iterator
 from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
+from types import BuiltinFunctionType
 from typing import Any
 
 import numba
@@ -33,22 +36,30 @@ import numba
 TESTED = (0, 61), (0, 68)
 
 try:
-    from numba.core import compiler
+    from numba.core import compiler, event
     from numba.core.caching import FunctionCache, IndexDataCacheFile
-    from numba.core.codegen import JITCodeLibrary
+    from numba.core.codegen import JITCodeLibrary, ll
+    from numba.core.compiler import Compiler
     from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
+    from numba.core.errors import ForceLiteralArg, TypingError
     from numba.core.registry import CPUDispatcher
     from numba.core.runtime import rtsys
+    from numba.core.targetconfig import ConfigStack
+    from numba.core.typing.context import BaseContext
 except ImportError:
     TESTED = (0, 0), (0, 0)
     FunctionCache = IndexDataCacheFile = JITCodeLibrary = object
-    _FunctionCompiler = CPUDispatcher = object
+    _FunctionCompiler = CPUDispatcher = Compiler = object
 
 
 with contextlib.suppress(ImportError):
     from numba.core.bytecode import FunctionIdentity
 
     FunctionIdentity._unique_ids = itertools.count(secrets.randbits(62))
+
+
+#: Passes of numba that the functions of this package do not need
+_NEEDLESS = "InlineClosureLikes", "InlineOverloads", "NopythonRewrites"
 
 
 def is_known() -> bool:
@@ -81,7 +92,97 @@ def in_parts(dispatcher: Any, options: dict[str, Any]) -> Any:
         dispatcher.part = part
         dispatcher.get_call_template = lambda *call: part().get_call_template(*call)
         dispatcher.get_overload = lambda signature: part().get_overload(signature)
+        dispatcher._compiler = _WholeCompiler.instead_of(dispatcher._compiler)
     return dispatcher
+
+
+@contextlib.contextmanager
+def _remembering() -> Iterator[None]:
+    """Let numba find out once how an operation takes its types, while it has its lock.
+
+    It tries all forms of an operation wherever that stands, and writes texts about those that do
+    not fit: a third of the time, for a kernel of numbers.
+    """
+    known: dict[Any, Any] = {}
+    find_form, find_type = numba.types.Function.get_call_type, BaseContext.resolve_value_type
+
+    def get_call_type(function: Any, context: Any, args: Any, kws: Any) -> Any:
+        flags = ConfigStack.top_or_none()
+        form = function, context, tuple(args), tuple(kws.items()), bool(flags and flags.fastmath)
+        if form not in known:
+            try:
+                known[form] = find_form(function, context, args, kws)
+            except ForceLiteralArg:
+                raise
+            except TypingError as error:
+                known[form] = error
+        if isinstance(known[form], TypingError):
+            raise known[form].with_traceback(None)
+        return known[form]
+
+    def resolve_value_type(context: Any, value: Any) -> Any:
+        if not isinstance(value, BuiltinFunctionType):
+            return find_type(context, value)
+        if (context, value) not in known:
+            known[context, value] = find_type(context, value)
+        return known[context, value]
+
+    patched: Any = numba.types.Function
+    patched.get_call_type, BaseContext.resolve_value_type = get_call_type, resolve_value_type
+    try:
+        yield
+    finally:
+        patched.get_call_type, BaseContext.resolve_value_type = find_form, find_type
+
+
+class _WholeCompiler(_FunctionCompiler):
+    """Compiles a function that Python calls, with its parts."""
+
+    @classmethod
+    def instead_of(cls, own: Any) -> Any:
+        """Return one for the function of a compiler of numba's own."""
+        options = own.targetoptions
+        return cls(own.py_func, own.targetdescr, options, own.locals, _Passes)
+
+    def _compile_core(self, args: Any, return_type: Any) -> Any:
+        with _remembering():
+            return self._compile_into(_WholeLibrary, args, return_type)
+
+    def _compile_into(self, kind: Any, args: Any, return_type: Any) -> Any:
+        flags = compiler.Flags()
+        self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
+        flags.no_compile = kind is _PartLibrary
+        target = self.targetdescr.target_context
+        library = kind(target.codegen(), self.py_func.__qualname__)
+        if kind is _WholeLibrary:
+            library.enable_object_caching()
+        return compiler.compile_extra(
+            self.targetdescr.typing_context,
+            target,
+            self.py_func,
+            args=args,
+            return_type=return_type,
+            flags=flags,
+            locals=self.locals,
+            library=library,
+            pipeline_class=self.pipeline_class,
+        )
+
+
+class _Passes(Compiler):
+    """The passes of compiling, for functions of this package without those that change nothing.
+
+    Functions of others may have closures, or expressions of arrays.
+    """
+
+    def define_pipelines(self) -> Any:
+        """Return numba's own passes, or those of them that are needed."""
+        (passes,) = super().define_pipelines()
+        if self.state.func_id.modname.split(".")[0] == __package__.split(".")[0]:
+            passes.passes = [one for one in passes.passes if one[0].__name__ not in _NEEDLESS]
+            passes._finalized = False
+            passes.finalize()
+        return [passes]
 
 
 class _Part(CPUDispatcher):
@@ -89,10 +190,18 @@ class _Part(CPUDispatcher):
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         super().__init__(function, targetoptions=options)
-        own: Any = self._compiler
-        self._compiler: Any = _PartCompiler(
-            function, own.targetdescr, options, own.locals, own.pipeline_class
-        )
+        self._compiler: Any = _PartCompiler.instead_of(self._compiler)
+
+    def compile(self, args: Any) -> Any:
+        """Compile for types of arguments, without the timers that numba starts for each function.
+
+        As every function listens to the events of all that it calls, they take a second.
+        """
+        if args not in self.overloads:
+            about = {"dispatcher": self, "args": args, "return_type": None}
+            with self._compiling_counter, event.trigger_event("numba:compile", data=about):
+                self.add_overload(self._compiler.compile(args, None))
+        return self.overloads[args].entry_point
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Find or make the code for a call; constant arguments are treated like any number."""
@@ -105,37 +214,55 @@ class _Part(CPUDispatcher):
         self.overloads[tuple(result.signature.args)] = result
 
 
-class _PartCompiler(_FunctionCompiler):
+class _PartCompiler(_WholeCompiler):
     """Types and lowers a function, and leaves the rest to the function that calls it."""
 
     def _compile_core(self, args: Any, return_type: Any) -> Any:
-        flags = compiler.Flags()
-        self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
-        flags.no_compile = True
-        target = self.targetdescr.target_context
-        return compiler.compile_extra(
-            self.targetdescr.typing_context,
-            target,
-            self.py_func,
-            args=args,
-            return_type=return_type,
-            flags=flags,
-            locals=self.locals,
-            library=_PartLibrary(target.codegen(), self.py_func.__qualname__),
-            pipeline_class=self.pipeline_class,
-        )
+        return self._compile_into(_PartLibrary, args, return_type)
 
 
 class _PartLibrary(JITCodeLibrary):
-    """The code of a part and of all that it calls."""
+    """The code of a part alone, not optimised and without machine code; whole it is linked."""
 
     def finalize(self) -> None:
-        """Link the callees, without optimising them or making machine code."""
-        for library in dict.fromkeys(self._linking_libraries):
-            if hasattr(library, "_reload_init"):  # since 0.62
-                self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        """Let any number of modules have the functions."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == ll.Linkage.external:
+                function.linkage = "linkonce_odr"
         self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """Return it with all that it calls, for a function that numba compiles its own way."""
+        module = self._final_module.clone()
+        for library in dict.fromkeys(self._linking_libraries):
+            module.link_in(library._get_module_for_linking(), preserve=True)
+        return module
+
+
+class _WholeLibrary(JITCodeLibrary):
+    """The code of a function that Python calls, and once that of each of its parts."""
+
+    def finalize(self) -> None:
+        """Link the parts, then optimise all and make machine code as numba does."""
+        calls: dict[Any, list[Any]] = {}
+        waiting: list[Any] = [self]
+        while waiting:
+            library = waiting.pop()
+            if library not in calls:
+                parts = library is self or isinstance(library, _PartLibrary)
+                calls[library] = library._linking_libraries if parts else []
+                waiting += calls[library]
+        # A part is only taken if what is linked before calls it, so those that call come first.
+        _, *order = reversed([*TopologicalSorter(calls).static_order()])
+        for library in order:
+            if isinstance(library, _PartLibrary):
+                self._final_module.link_in(library._final_module, preserve=True)
+                if hasattr(library, "_reload_init"):  # since 0.62
+                    self._reload_init.update(library._reload_init)
+        self._linking_libraries: list[Any] = [
+            one for one in order if not isinstance(one, _PartLibrary)
+        ]
+        super().finalize()
 
 
 class _Cache(FunctionCache):

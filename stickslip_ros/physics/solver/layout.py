@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
-from stickslip_ros.base.compiled import compiled
+from stickslip_ros.base.compiled import compiled, records_in
 from stickslip_ros.physics.laws import OWN_CONSTANTS
 from stickslip_ros.physics.laws.law import Contact
 
@@ -227,13 +227,13 @@ PLANT_SIZE, CONTACT_SIZE, KERNEL_SIZE = (d.itemsize // 8 for d in (PLANT, CONTAC
 @compiled
 def plant_in(buffer: NDArray) -> np.record:
     """Return the plant in a buffer (PLANT_SIZE,)."""
-    return buffer[:PLANT_SIZE].view(PLANT)[0]
+    return records_in(buffer, PLANT)[0]
 
 
 @compiled
 def kernel_in(buffer: NDArray) -> np.record:
     """Return what a KERNEL record says of an axis, in its buffer (KERNEL_SIZE,)."""
-    return buffer[:KERNEL_SIZE].view(KERNEL)[0]
+    return records_in(buffer, KERNEL)[0]
 
 
 @compiled
@@ -246,4 +246,4 @@ def contacts_in(buffer: NDArray | None, preview: bool) -> Any:
         return None
     half = len(buffer) // 2
     part = buffer[half:] if preview else buffer[:half]
-    return part.view(CONTACT_RECORD)
+    return records_in(part, CONTACT_RECORD)

@@ -202,13 +202,22 @@ def precompute(plant: np.record, work: NDArray) -> None:
         if not learn_bursts(plant, work, side):
             return
     if sides == 1:
-        plant.burst[1] = plant.burst[0]
+        _copy_table(plant.burst[0], plant.burst[1])
     for side in range(sides):
         learn_swings(plant, side)
     if sides == 1:
         plant.swing_from[1], plant.swing_top[1] = plant.swing_from[0], plant.swing_top[0]
-        plant.swing[1] = plant.swing[0]
+        _copy_table(plant.swing[0], plant.swing[1])
     plant.precomputed = 1
+
+
+@compiled
+def _copy_table(table: NDArray, other: NDArray) -> None:
+    """Fill another table with the numbers of one (3, NODES)."""
+    # Number by number: for an assignment numba compiles texts of errors for 3 s.
+    for row in range(3):
+        for k in range(NODES):
+            other[row, k] = table[row, k]
 
 
 @compiled
