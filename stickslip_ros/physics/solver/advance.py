@@ -59,7 +59,7 @@ PER_CYCLE = 500_000
 def advance(
     plant: NDArray, axis: NDArray, contacts: NDArray | None, drive: NDArray, rows: NDArray
 ) -> int:
-    """Advance to t_end (s) or to the end of cycle stop_cycle of the state, whichever comes first.
+    """Advance to t_end (s) or to the end of stop_cycle of the request, whichever comes first.
 
     rows (cycles, ROW_SIZE) receives the results of the cycles that end; results without a row are
     dropped. Returns the number of cycles that ended.
@@ -85,38 +85,38 @@ def _run_drive(
 
     ahead are the copies of the contacts for a preview.
     """
-    s = kernel.state
-    s.unfinished = 0
-    if s.cut or not s.replay:
+    s, request = kernel.state, kernel.request
+    request.unfinished = 0
+    if request.cut or not request.replay:
         return solve_cycles(plant, s, kernel, contacts, drive, rows)
-    stop_cycle, period = s.stop_cycle, period_of(drive)
+    stop_cycle, period = request.stop_cycle, period_of(drive)
     ended = 0
     while s.done < min(s.count, stop_cycle):
-        if s.steady and not stays_clear(s):
+        if s.steady and not stays_clear(s, kernel.stops):
             s.steady = kernel.arc.holds = 0
         if s.steady:
-            if (s.t_end - s.start) - s.done * period < period:
-                if not s.previewing:
+            if (request.t_end - s.start) - s.done * period < period:
+                if not request.previewing:
                     kernel.preview, kernel.arc.holds = s, 0
                     if contacts is not None and ahead is not None:
                         for i in range(len(contacts)):
                             ahead[i] = contacts[i]
                 _preview(plant, kernel, contacts, ahead, drive, rows)
                 return ended
-            if s.spent >= s.allowance:
-                s.unfinished = 1
+            if request.spent >= request.allowance:
+                request.unfinished = 1
                 return ended
-            s.spent += 1
+            request.spent += 1
             repeat(s)
             kernel.arc.holds = 0
             write_row(s, rows, ended)
             ended += 1
             continue
-        s.stop_cycle = s.done + 1
+        request.stop_cycle = s.done + 1
         if not solve_cycles(plant, s, kernel, contacts, drive, rows[ended:]):
             return ended
         ended += 1
-    s.stop_cycle = stop_cycle
+    request.stop_cycle = stop_cycle
     return ended + solve_cycles(plant, s, kernel, contacts, drive, rows[ended:])
 
 
@@ -135,14 +135,13 @@ def _preview(
     preview of the cycle, which was for an earlier time. No cycle ends in it, so rows stay as they
     are.
     """
-    s, copy = kernel.state, kernel.preview
-    copy.t_end, copy.stop_cycle = s.t_end, s.done + 1
-    copy.spent, copy.unfinished = s.spent, 0
+    s, copy, request = kernel.state, kernel.preview, kernel.request
+    request.stop_cycle, request.unfinished = s.done + 1, 0
     solve_cycles(plant, copy, kernel, ahead, drive, rows[:0])
     s.now_x, s.now_v, s.now_z = copy.now_x, copy.now_v, copy.now_z
     s.now_rate, s.now_u = copy.now_rate, copy.now_u
     s.now_segment, s.now_tracking = copy.now_segment, copy.now_tracking
-    s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished
+    request.previewing = request.unfinished
     if contacts is not None and ahead is not None:
         for i in range(len(contacts)):
             contacts[i].now_z, contacts[i].now_second = ahead[i].now_z, ahead[i].now_second
@@ -163,17 +162,18 @@ def sample(
     """
     moved, kernel = plant_in(plant), kernel_in(axis)
     each, ahead = contacts_in(contacts, False), contacts_in(contacts, True)
-    rows, period, s = np.empty((0, ROW_SIZE)), period_of(drive), kernel.state
+    rows, period = np.empty((0, ROW_SIZE)), period_of(drive)
+    s, request = kernel.state, kernel.request
     kernel.arc.holds = 0
     previewing = False  # within a repeated cycle, whose preview continues
     for k in range(len(times)):
-        s.t_end, s.stop_cycle = times[k], ENDLESS
+        request.t_end, request.stop_cycle = times[k], ENDLESS
         if previewing and (times[k] - s.start) - s.done * period < period:
             _preview(moved, kernel, each, ahead, drive, rows)
         else:
             _run_drive(moved, kernel, each, ahead, drive, rows)
             previewing = s.steady != 0 and s.done < s.count
-        if s.unfinished:
+        if request.unfinished:
             return k
         kept = samples[k]
         kept[0], kept[1], kept[2] = s.now_x, s.now_v, s.now_z
@@ -203,24 +203,24 @@ def find_events(
     they would skip events.
     """
     kernel, moved, each = kernel_in(axis), plant_in(plant), contacts_in(contacts, False)
-    s, arc = kernel.state, kernel.arc
+    s, arc, request = kernel.state, kernel.arc, kernel.request
     arc.holds = 0
     period, rows, found = period_of(drive), np.empty((0, ROW_SIZE)), 0
     moved.precomputed = -1
     while True:
         if found > len(times) - _LEAST_ROOM:
-            s.unfinished = 1
+            request.unfinished = 1
             return found
         begun = s.start + s.done * period + s.since + s.tau
-        s.spent, s.allowance, s.unfinished = 0, 1, 0
+        request.spent, request.allowance, request.unfinished = 0, 1, 0
         solve_cycles(moved, s, kernel, each, drive, rows)
-        h = min(arc.length, s.t_end - begun)
-        if s.spent > 0 and 0.0 < h < math.inf:
+        h = min(arc.length, request.t_end - begun)
+        if request.spent > 0 and 0.0 < h < math.inf:
             moving = kernel.held if s.stopped != 0 else moved
             turns = turns_within(arc, moving, h, times[found:-1])
             times[found : found + turns] += begun
             found += turns
-        if not s.unfinished:
+        if not request.unfinished:
             return found
         times[found] = begun + arc.length
         found += 1
@@ -233,8 +233,9 @@ def anchor(plant: NDArray, axis: NDArray, x: float, v: float, z: float) -> None:
     x (m), v (m/s), z (m) is the state at that time. It stays the same to the last bit; extremes,
     backstep and energy balance are updated.
     """
-    s = kernel_in(axis).state
-    s.cut, s.steady = 0, 0
+    kernel = kernel_in(axis)
+    s = kernel.state
+    kernel.request.cut, s.steady = 0, 0
     s.cycle_z = math.nan  # a cycle with two plants is not repeated
     s.x, s.v, s.z = s.now_x, s.now_v, s.now_z = x, v, z
     s.rate = s.now_rate

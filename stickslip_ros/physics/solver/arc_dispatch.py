@@ -45,7 +45,7 @@ class ArcLimits(NamedTuple):
 
 
 @compiled
-def arc_limits(s: np.record, drive: NDArray, period: float) -> ArcLimits:
+def arc_limits(s: np.record, request: np.record, drive: NDArray, period: float) -> ArcLimits:
     """Set s.rate and s.bend and return the limits of the next arc."""
     resting = s.done >= s.count
     s.bend = 0.0 if resting else drive[2, s.segment]
@@ -54,8 +54,8 @@ def arc_limits(s: np.record, drive: NDArray, period: float) -> ArcLimits:
     elif s.bend == 0.0 or s.tau == 0.0:  # else it has got there: w = 0 at a turn has to stay exact
         s.rate = drive[1, s.segment]
     limit = math.inf if resting else drive[0, s.segment] - s.tau
-    ahead = (s.t_end - s.start) - s.done * period - s.since - s.tau
-    last = s.cut != 0 and ahead < limit
+    ahead = (request.t_end - s.start) - s.done * period - s.since - s.tau
+    last = request.cut != 0 and ahead < limit
     return ArcLimits(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
 
 
@@ -120,7 +120,7 @@ def sample_anchor(s: np.record, contacts: NDArray | None, drive: NDArray, tracki
 @compiled
 def sample_within(
     s: np.record,
-    arc: np.record,
+    kernel: np.record,
     plant: np.record,
     contacts: NDArray | None,
     drive: NDArray,
@@ -131,7 +131,7 @@ def sample_within(
     plant is that of the arc: for a runner held by a stop, that of `stops.make_held_plant`. At rest
     the last arc never ends.
     """
-    ahead, tracking = limits.ahead, s.tracking
+    arc, stops, ahead, tracking = kernel.arc, kernel.stops, limits.ahead, s.tracking
     if tracking and limits.resting:
         t, dr = turning_point(arc, plant, s.sign)
         if t <= ahead:
@@ -151,7 +151,7 @@ def sample_within(
     dr, z, w = motion_after(arc, plant, at)
     z = place_contacts(arc, contacts, at, (dr, z))
     if s.stopped == 0:
-        s.now_x = min(max(arc.x + dr + actuator_path(arc, at), s.low), s.high)
+        s.now_x = min(max(arc.x + dr + actuator_path(arc, at), stops.low), stops.high)
     s.now_rate = rate_after(arc, at)
     s.now_v, s.now_z = w + s.now_rate, z
     _place_sample(s, drive, s.tau + ahead)

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.base.compiled import compiled
+from stickslip_ros.base.compiled import compiled, compiled_inline
 from stickslip_ros.physics.laws.law import ALWAYS_PLASTIC
 from stickslip_ros.physics.solver.arc_dispatch import (
     ArcLimits,
@@ -74,24 +74,24 @@ def solve_cycles(
     drive: NDArray,
     rows: NDArray,
 ) -> int:
-    """Advance to s.t_end (s) or to the end of cycle s.stop_cycle, solving every cycle.
+    """Advance as the request of the kernel has it, solving every cycle.
 
     s is the state to advance; rows (cycles, row) take the results of cycles. Returns how many
-    ended. With s.cut, t_end becomes an event. While kernel.arc ``holds``, it is not found again.
+    ended. While kernel.arc ``holds``, it is not found again.
     """
-    arc, period, ended = kernel.arc, period_of(drive), 0
+    arc, request, period, ended = kernel.arc, kernel.request, period_of(drive), 0
     # The contact holds back a sticking runner; a runner that never sticks keeps the error.
     arc.weight = max(plant.inv_omega, CARRIED * period if plant.slides != 0 else 0.0)
     while True:
         if drive.shape[1] > _FEWEST_TO_SEARCH:
             _pass_elastic_pieces(plant, s, kernel, contacts, drive, period)
-        limits = arc_limits(s, drive, period)
-        over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
+        limits = arc_limits(s, request, drive, period)
+        over = s.done >= request.stop_cycle and s.segment == 0 and s.tau == 0.0
         if over or (limits.last and not limits.ahead > 0.0):
             sample_anchor(s, contacts, drive, s.tracking)
             break
-        if s.spent >= s.allowance:
-            s.unfinished = 1
+        if request.spent >= request.allowance:
+            request.unfinished = 1
             break
         if not arc.holds:
             too_short = drive[0, s.segment] < _SHORTEST_BENT * plant.inv_omega
@@ -106,12 +106,12 @@ def solve_cycles(
             moving = kernel.held if s.stopped != 0 else plant
             # A tabulated arc is replaced by those that it is made of.
             arc.holds = 0 if arc.kind == TABULATED or limits.last else 1
-            sample_within(s, arc, moving, contacts, drive, limits)
+            sample_within(s, kernel, moving, contacts, drive, limits)
             if straightened:
                 s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
             break
         _track_backstep(plant, s, kernel, limits.resting)
-        _pass_arc(plant, s, arc, contacts)
+        _pass_arc(plant, s, kernel, contacts)
         if straightened:
             s.friction_work += friction_work_since(s, plant, s.tau - s.open_tau)
             open_account(s)
@@ -122,7 +122,7 @@ def solve_cycles(
             sample_anchor(s, contacts, drive, s.tracking)
             break
         if _pass_kink(plant, s, drive):
-            end_cycle(s, plant, contacts)
+            end_cycle(s, plant, contacts, request.replay != 0)
             write_row(s, rows, ended)
             ended += 1
     return ended
@@ -143,14 +143,17 @@ def _pass_elastic_pieces(
     """
     if contacts is not None or kernel.arc.holds != 0 or s.tau != 0.0 or s.stopped != 0:
         return
-    if s.tracking or s.done >= min(s.count, s.stop_cycle):
+    request, stops = kernel.request, kernel.stops
+    if s.tracking or s.done >= min(s.count, request.stop_cycle):
         return
     if plant.spring != 0.0 or plant.kind >= ALWAYS_PLASTIC:
         return
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
-    longest, z_ba, left = half_period(o), plant.z_ba, (s.t_end - s.start) - s.done * period
+    longest, z_ba, left = half_period(o), plant.z_ba, (request.t_end - s.start) - s.done * period
     shortest = _SHORTEST_BENT * plant.inv_omega
-    while s.segment < drive.shape[1] - 1 and s.segment != s.slip and s.spent + 1 < s.allowance:
+    while s.segment < drive.shape[1] - 1 and s.segment != s.slip:
+        if not request.spent + 1 < request.allowance:
+            return
         h, rate, bend = drive[0, s.segment], drive[1, s.segment], drive[2, s.segment]
         w, a = s.v - rate, (plant.force - plant.mass * bend) / plant.sigma_0
         if not (h <= left - s.since and shortest <= h < longest and abs(s.z) < z_ba):
@@ -158,7 +161,7 @@ def _pass_elastic_pieces(
         y, w_end = propagate(s.z - a, w, h, o)
         z = a + y
         x = s.x + (z - s.z) + (rate + 0.5 * bend * h) * h
-        inside = s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high
+        inside = _is_clear(stops, s.x) and _is_clear(stops, x)
         if not (w * w_end > 0.0 and abs(z) < z_ba and inside):
             return
         rate += bend * h
@@ -166,8 +169,8 @@ def _pass_elastic_pieces(
         s.rate, s.bend, s.x, s.z, s.v = rate, bend, x, z, v
         s.z_max, s.z_min = max(s.z_max, z), min(s.z_min, z)
         s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)
-        s.v_most, s.spent, s.stalled = max(s.v_most, abs(v)), s.spent + 1, 0
-        s.tau = h
+        s.v_most, s.stalled, s.tau = max(s.v_most, abs(v)), 0, h
+        request.spent += 1
         _pass_kink(plant, s, drive)
 
 
@@ -181,10 +184,10 @@ def _next_arc(
     too_short: bool,
 ) -> None:
     """Fill kernel.arc from the anchor to the next event; too_short: see `_SHORTEST_BENT`."""
-    arc, limit, rate, bend = kernel.arc, limits.limit, s.rate, s.bend
+    arc, stops, limit, rate, bend = kernel.arc, kernel.stops, limits.limit, s.rate, s.bend
     arc.trial = s.trial
     arc.hit = 0
-    near = not s.near_low <= s.x <= s.near_high
+    near = not _is_clear(stops, s.x)
     if bend != 0.0 and (too_short or (near and s.v == 0.0)):
         # At a stop a straight line takes the place of a part of a bent piece.
         slides_on = plant.kind == ALWAYS_PLASTIC or plant.slides != 0
@@ -197,7 +200,7 @@ def _next_arc(
         share = plant.spring / (plant.sigma_0 + plant.spring)
         limit = min(limit, math.sqrt(_STRAIGHT_WITHIN / (share * abs(bend))))
     if near:
-        s.stopped = holding_stop(plant, s, contacts)
+        s.stopped = holding_stop(plant, s, stops, contacts)
     begin_arc(arc, plant, (s.x, s.z, s.v - rate), (rate, bend, limit))
     if s.stopped != 0:
         if s.tracking and (s.segment != s.slip or limits.resting):
@@ -208,22 +211,29 @@ def _next_arc(
     else:
         find_arc(arc, plant, contacts, limit, True)
         x_end = s.x + arc.path + actuator_path(arc, arc.length)
-        if near or not s.near_low <= x_end <= s.near_high:
-            arc.hit = arc_to_stop(arc, plant, contacts, s)
+        if near or not _is_clear(stops, x_end):
+            arc.hit = arc_to_stop(arc, plant, contacts, stops)
     at_once = _NO_TIME * plant.inv_omega if arc.hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
-    s.spent += arc.cost
+    kernel.request.spent += arc.cost
+
+
+@compiled_inline
+def _is_clear(stops: np.record, x: float) -> bool:
+    """Return whether no arc that begins at x (m) can reach a stop."""
+    return stops.near_low <= x <= stops.near_high
 
 
 @compiled
-def _end_position(s: np.record, arc: np.record) -> float:
+def _end_position(s: np.record, kernel: np.record) -> float:
     """Return the position (m) at the end of the arc."""
     if s.stopped != 0:
         return s.x
+    arc, stops = kernel.arc, kernel.stops
     x = s.x + arc.path + actuator_path(arc, arc.length)
-    if s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high:
+    if _is_clear(stops, s.x) and _is_clear(stops, x):
         return x
-    return min(max(x, s.low), s.high)
+    return min(max(x, stops.low), stops.high)
 
 
 @compiled
@@ -243,15 +253,16 @@ def _track_backstep(plant: np.record, s: np.record, kernel: np.record, resting: 
             if resting or not s.slip < s.segment < s.slip_end:
                 s.backstep = s.x_top - s.x_low
                 s.tracking = 0
-    s.x_low = min(s.x_low, s.sign * _end_position(s, kernel.arc))
+    s.x_low = min(s.x_low, s.sign * _end_position(s, kernel))
 
 
 @compiled
-def _pass_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray | None) -> None:
+def _pass_arc(plant: np.record, s: np.record, kernel: np.record, contacts: NDArray | None) -> None:
     """Move the anchor to the end of the arc; bring extremes and the account of energy up to it."""
+    arc = kernel.arc
     if contacts is not None:
         _move_contacts(plant, s, arc, contacts)
-    x = _end_position(s, arc)
+    x = _end_position(s, kernel)
     s.trial = arc.trial
     s.slid += abs(arc.path - (arc.z_end - s.z))  # w keeps its sign where alpha is not 0
     s.z_max = max(s.z_max, arc.z_end, arc.z_max)
@@ -267,7 +278,7 @@ def _pass_arc(plant: np.record, s: np.record, arc: np.record, contacts: NDArray 
         s.friction_work += held_friction_work(arc, plant)
         open_account(s)
     elif arc.hit != 0:  # its remaining kinetic energy goes into the stop
-        s.x = s.low if arc.hit < 0 else s.high
+        s.x = kernel.stops.low if arc.hit < 0 else kernel.stops.high
         s.friction_work += friction_work_since(s, plant, s.tau - s.open_tau)
         s.v = 0.0
         open_account(s)
@@ -341,14 +352,14 @@ def friction_work_since(s: np.record, plant: np.record, duration: float) -> floa
 
 
 @compiled
-def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
-    """Let the running cycle end at the anchor, and the next begin."""
+def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None, replay: bool) -> None:
+    """Let the running cycle end at the anchor, and the next begin; replay: it may be steady."""
     done = s.done + 1
     s.done, s.steady = done, 0
     s.level += s.shift
     close, step = REPEATED * plant.tolerance, s.x - s.cycle_x
     if (
-        s.replay != 0
+        replay
         and done > 1
         and abs(s.z - s.cycle_z) <= close
         and abs(s.v - s.cycle_v) * plant.inv_omega <= close
@@ -373,10 +384,10 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
 
 
 @compiled
-def stays_clear(s: np.record) -> bool:
+def stays_clear(s: np.record, stops: np.record) -> bool:
     """Return whether a repetition of the last cycle would reach no stop."""
     low, high = s.last_x_min + s.last_step, s.last_x_max + s.last_step
-    return low >= s.near_low and high <= s.near_high
+    return low >= stops.near_low and high <= stops.near_high
 
 
 @compiled

@@ -114,60 +114,37 @@ STATE = _record(
     ("x_top", "f8"),  # position at the start of the slip, m
     ("x_low", "f8"),  # lowest position since, m
     ("backstep", "f8"),  # the last one that was complete, m
-    # -- travel stops, see `stops.py`: m, infinite where there is none
-    *_numbers("f8", "low high"),
-    *_numbers("f8", "near_low near_high"),  # no arc that begins between these can reach a stop
     # -- results: the state at t_end
     *_numbers("f8", "now_x now_v now_z now_rate now_u"),
-    # -- request
-    ("t_end", "f8"),  # advance to this time, s
-    ("stop_cycle", "i8"),  # or to the end of this cycle
-    ("cut", "i8"),  # 1: t_end becomes an event itself
     # -- counters
     *_numbers("i8", "count done segment"),  # cycles to run, cycles ended, segment of the cycle
     ("tracking", "i8"),  # 1 while the backstep of a slip is not complete
     *_numbers("i8", "slip slip_end"),  # segment in which the slip begins, segment that follows it
     ("sign", "i8"),  # direction of the step
-    ("replay", "i8"),  # 1 if equal cycles are repeated without solving
     ("steady", "i8"),  # 1 while cycles are equal
     ("stopped", "i8"),  # which stop holds the runner: -1 the lower, 1 the upper, 0 none
     ("hits", "i8"),  # on stops so far
     *_numbers("i8", "now_segment now_tracking"),  # at the time asked for
     ("trial", "f8"),  # see ARC
     ("stalled", "i8"),  # arcs without a length, one after the other
-    # -- the budget: arcs are counted in ``spent``; at ``allowance`` a call returns unfinished
+)
+
+#: What a call of the kernel is asked for, and its budget
+REQUEST = _record(
+    ("t_end", "f8"),  # advance to this time, s
+    ("stop_cycle", "i8"),  # or to the end of this cycle
+    ("cut", "i8"),  # 1: t_end becomes an event itself
+    ("replay", "i8"),  # 1 if equal cycles are repeated without solving
+    # arcs are counted in ``spent``; at ``allowance`` a call returns unfinished
     *_numbers("i8", "spent allowance unfinished"),
     ("previewing", "i8"),  # 1 while the copy of the state is on its way to t_end
 )
 
-#: Whether a field of STATE is a whole number, and its place in the buffer
-_PLACES = {
-    name: (kind == np.int64, place // 8) for name, (kind, place, *_) in (STATE.fields or {}).items()
-}
-
-
-class Fields:
-    """The fields of the state of an axis by ["name"], for Python.
-
-    They cost 0.1 us each, a quarter of those of a record of NumPy.
-    """
-
-    __slots__ = ("_views",)
-
-    def __init__(self, buffer: Array) -> None:
-        """Look into the buffer of an axis (KERNEL_SIZE,)."""
-        self._views: tuple[Any, Any] = buffer.data, buffer.view(np.int64).data
-
-    def __getitem__(self, name: str) -> Any:
-        """Return a field: a float or an int."""
-        whole, place = _PLACES[name]
-        return self._views[whole][place]
-
-    def __setitem__(self, name: str, value: float) -> None:
-        """Change a field."""
-        whole, place = _PLACES[name]
-        self._views[whole][place] = value
-
+#: Travel stops, see `stops.py`: m, infinite where there is none
+STOPS = _record(
+    *_numbers("f8", "low high"),
+    *_numbers("f8", "near_low near_high"),  # no arc that begins between these can reach a stop
+)
 
 #: Numbers in the row of results of a cycle, see `event_loop.write_row`
 ROW_SIZE = 5
@@ -217,11 +194,50 @@ CONTACT_RECORD = _record(
 
 STICKS, GRADED, PLASTIC = range(3)
 
-#: An axis's buffer: its state, the present arc, a part of a tabulated one, the plant of a runner
-#: that a stop holds, and a copy of the state for a preview
-KERNEL = _record(("state", STATE), ("arc", ARC), ("part", ARC), ("held", PLANT), ("preview", STATE))
+#: An axis's buffer: its state, what is asked of it, its stops, the present arc, a part of a
+#: tabulated one, the plant of a runner that a stop holds, and a copy of the state for a preview
+KERNEL = _record(
+    ("state", STATE),
+    ("request", REQUEST),
+    ("stops", STOPS),
+    ("arc", ARC),
+    ("part", ARC),
+    ("held", PLANT),
+    ("preview", STATE),
+)
 
 PLANT_SIZE, CONTACT_SIZE, KERNEL_SIZE = (d.itemsize // 8 for d in (PLANT, CONTACT_RECORD, KERNEL))
+
+#: Whether a field of state, request or stops is a whole number, and its place in the buffer
+_PLACES = {
+    name: (kind == np.int64, (start + place) // 8)
+    for part, (record, start, *_) in (KERNEL.fields or {}).items()
+    if part in ("state", "request", "stops")
+    for name, (kind, place, *_) in (record.fields or {}).items()
+}
+
+
+class Fields:
+    """The fields of state, request and stops of an axis by ["name"], for Python.
+
+    They cost 0.1 us each, a quarter of those of a record of NumPy.
+    """
+
+    __slots__ = ("_views",)
+
+    def __init__(self, buffer: Array) -> None:
+        """Look into the buffer of an axis (KERNEL_SIZE,)."""
+        self._views: tuple[Any, Any] = buffer.data, buffer.view(np.int64).data
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a field: a float or an int."""
+        whole, place = _PLACES[name]
+        return self._views[whole][place]
+
+    def __setitem__(self, name: str, value: float) -> None:
+        """Change a field."""
+        whole, place = _PLACES[name]
+        self._views[whole][place] = value
 
 
 @compiled

@@ -26,7 +26,6 @@ from stickslip_ros.physics.solver.layout import (
     PLANT_SIZE,
     ROWS,
     SLIDE_SIZE,
-    STATE,
     Fields,
     contacts_in,
     kernel_in,
@@ -107,7 +106,7 @@ for _name, _value in {
     **dict.fromkeys(("high", "near_high"), math.inf),
     "replay": 1,
 }.items():
-    open_record(_NEVER_MOVED, STATE)[_name] = _value
+    Fields(_NEVER_MOVED)[_name] = _value
 
 
 def at_rest(axis: Array, contacts: Array | None) -> None:

@@ -46,7 +46,7 @@ _ROUNDING = 1e-15
 
 
 @compiled
-def holding_stop(plant: np.record, s: np.record, contacts: NDArray | None) -> int:
+def holding_stop(plant: np.record, s: np.record, stops: np.record, contacts: NDArray | None) -> int:
     """Return which stop holds the runner at the anchor: -1 the lower, 1 the upper, 0 none."""
     if s.v != 0.0:
         return 0
@@ -55,7 +55,7 @@ def holding_stop(plant: np.record, s: np.record, contacts: NDArray | None) -> in
             c.now_z, c.now_second = c.z, c.second
     push = plant.force - plant.spring * s.x - friction_at(s.z, -s.rate, plant, contacts)
     for side in (-1, 1):
-        at_stop = s.x == (s.low if side < 0 else s.high)
+        at_stop = s.x == (stops.low if side < 0 else stops.high)
         if at_stop and (side * push > 0.0 or (push == 0.0 and s.stopped == side)):
             return side
     return 0
@@ -132,12 +132,14 @@ def held_friction_work(arc: np.record, plant: np.record) -> float:
 
 
 @compiled
-def arc_to_stop(arc: np.record, plant: np.record, contacts: NDArray | None, s: np.record) -> int:
+def arc_to_stop(
+    arc: np.record, plant: np.record, contacts: NDArray | None, stops: np.record
+) -> int:
     """Let an arc end where it hits a stop; return which: -1 the lower, 1 the upper, 0 none."""
     short = _SHORT * plant.inv_omega
     while True:
         lowest, highest = _reach(arc)
-        if s.low <= lowest and highest <= s.high:
+        if stops.low <= lowest and highest <= stops.high:
             return 0
         h = arc.length
         if h <= short and arc.kind != TABULATED:
@@ -146,7 +148,7 @@ def arc_to_stop(arc: np.record, plant: np.record, contacts: NDArray | None, s: n
         find_arc(arc, plant, contacts, min(h, shorter), False)
     t, side = arc.length, 0
     for one in (-1, 1):
-        at = _touch(arc, plant, one, s.low if one < 0 else s.high)
+        at = _touch(arc, plant, one, stops.low if one < 0 else stops.high)
         if at <= t:
             t, side = at, one
     if side != 0:
