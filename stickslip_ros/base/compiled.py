@@ -246,7 +246,7 @@ class _Reporter(Listener):
 
     def on_end(self, event: Any) -> None:
         function = event.data["dispatcher"].py_func
-        if function.__module__.startswith(f"{__package__}."):
+        if function.__module__.startswith(f"{_PACKAGE.name}."):
             self._done.add(f"{function.__module__}.{function.__qualname__}")
         self._say()
 

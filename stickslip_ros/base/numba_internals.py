@@ -5,7 +5,7 @@ numba optimises every function together with its callees and makes machine code 
 each caller. In a kernel of a hundred small functions this takes half of the time. So a function
 that a compiled function calls becomes a `_Part`, which is only typed and lowered; LLVM compiles
 everything once, from the function that Python calls. What is typed again and again, as most
-operations are, is looked up once (`_remembering`).
+operations are, is looked up once (`_in_haste`).
 
 Each file of the cache ends with a checksum; a file with a wrong checksum is compiled again.
 
@@ -18,9 +18,11 @@ issue 10486). So the numbers begin at random.
 from __future__ import annotations
 
 import contextlib
+import gc
 import hashlib
 import io
 import itertools
+import operator
 import secrets
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -36,20 +38,26 @@ import numba
 TESTED = (0, 61), (0, 68)
 
 try:
-    from numba.core import compiler, event
+    from numba.core import compiler, event, ir
     from numba.core.caching import FunctionCache, IndexDataCacheFile
     from numba.core.codegen import JITCodeLibrary, ll
     from numba.core.compiler import Compiler
+    from numba.core.compiler_machinery import FunctionPass, register_pass
     from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
     from numba.core.errors import ForceLiteralArg, TypingError
+    from numba.core.ir_utils import get_definition, guard
     from numba.core.registry import CPUDispatcher
     from numba.core.runtime import rtsys
     from numba.core.targetconfig import ConfigStack
     from numba.core.typing.context import BaseContext
+    from numba.core.untyped_passes import IRProcessing
 except ImportError:
     TESTED = (0, 0), (0, 0)
     FunctionCache = IndexDataCacheFile = JITCodeLibrary = object
-    _FunctionCompiler = CPUDispatcher = Compiler = object
+    _FunctionCompiler = CPUDispatcher = Compiler = FunctionPass = object
+
+    def register_pass(**_: Any) -> Any:
+        return lambda one: one
 
 
 with contextlib.suppress(ImportError):
@@ -97,11 +105,12 @@ def in_parts(dispatcher: Any, options: dict[str, Any]) -> Any:
 
 
 @contextlib.contextmanager
-def _remembering() -> Iterator[None]:
+def _in_haste() -> Iterator[None]:
     """Let numba find out once how an operation takes its types, while it has its lock.
 
     It tries all forms of an operation wherever that stands, and writes texts about those that do
-    not fit: a third of the time, for a kernel of numbers.
+    not fit: a third of the time, for a kernel of numbers. A tenth goes into searches for garbage,
+    of which there is too little to be worth it.
     """
     known: dict[Any, Any] = {}
     find_form, find_type = numba.types.Function.get_call_type, BaseContext.resolve_value_type
@@ -129,9 +138,13 @@ def _remembering() -> Iterator[None]:
 
     patched: Any = numba.types.Function
     patched.get_call_type, BaseContext.resolve_value_type = get_call_type, resolve_value_type
+    collects = gc.isenabled()
+    gc.disable()
     try:
         yield
     finally:
+        if collects:
+            gc.enable()
         patched.get_call_type, BaseContext.resolve_value_type = find_form, find_type
 
 
@@ -145,7 +158,7 @@ class _WholeCompiler(_FunctionCompiler):
         return cls(own.py_func, own.targetdescr, options, own.locals, _Passes)
 
     def _compile_core(self, args: Any, return_type: Any) -> Any:
-        with _remembering():
+        with _in_haste():
             return self._compile_into(_WholeLibrary, args, return_type)
 
     def _compile_into(self, kind: Any, args: Any, return_type: Any) -> Any:
@@ -169,6 +182,39 @@ class _WholeCompiler(_FunctionCompiler):
         )
 
 
+@register_pass(mutates_CFG=False, analysis_only=False)
+class _ArraysAreNotNone(FunctionPass):
+    """Answers whether an argument that is an array is None, so that what is for None falls away.
+
+    Where it is None, numba's own passes do this.
+    """
+
+    _name = "arrays_are_not_none"
+
+    def __init__(self) -> None:
+        """Do nothing, as numba asks for."""
+
+    def run_pass(self, state: Any) -> bool:
+        """Put a constant in the place of such questions; return whether there are any."""
+        function, found = state.func_ir, False
+        for block in function.blocks.values():
+            for line in block.find_insts(ir.Assign):
+                test = line.value
+                if not isinstance(test, ir.Expr) or test.op != "binop":
+                    continue
+                if test.fn not in (operator.is_, operator.is_not):
+                    continue
+                left, right = (guard(get_definition, function, of) for of in (test.lhs, test.rhs))
+                asked = isinstance(left, ir.Arg) and isinstance(
+                    state.args[left.index], numba.types.Array
+                )
+                if asked and isinstance(right, ir.Const) and right.value is None:
+                    line.value = ir.Const(test.fn is operator.is_not, line.loc)
+                    function._definitions[line.target.name] = [line.value]
+                    found = True
+        return found
+
+
 class _Passes(Compiler):
     """The passes of compiling, for functions of this package without those that change nothing.
 
@@ -178,10 +224,11 @@ class _Passes(Compiler):
     def define_pipelines(self) -> Any:
         """Return numba's own passes, or those of them that are needed."""
         (passes,) = super().define_pipelines()
+        passes.add_pass_after(_ArraysAreNotNone, IRProcessing)
         if self.state.func_id.modname.split(".")[0] == __package__.split(".")[0]:
             passes.passes = [one for one in passes.passes if one[0].__name__ not in _NEEDLESS]
-            passes._finalized = False
-            passes.finalize()
+        passes._finalized = False
+        passes.finalize()
         return [passes]
 
 

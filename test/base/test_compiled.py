@@ -10,12 +10,15 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
+import numba
+import numpy as np
 import pytest
 from child import REPOSITORY, python
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.base import compiled as module
 from stickslip_ros.base import numba_internals
+from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.compiled import compiled, report_compilation
 
 
@@ -137,6 +140,29 @@ def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch, p
 
     assert half(4.0) == 2.0
     assert half.signatures  # type: ignore[attr-defined]
+
+
+def test_compiled_functions_and_those_of_others_call_each_other() -> None:
+    """Each is linked once, whoever calls it; what is for None is not compiled for an array."""
+
+    @compiled
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    @compiled
+    def total(values: Array | None) -> float:
+        if values is None:
+            return unknown  # type: ignore[name-defined,no-any-return]  # noqa: F821
+        return twice(values[0]) + twice(values[1])
+
+    of_another = numba.njit(lambda values: sum([total(values) for _ in range(2)]))
+
+    @compiled
+    def all_of_them(values: Array) -> float:
+        return float(of_another(values) + total(values) + twice(1.0))
+
+    values = np.array([1.0, 2.0])
+    assert (total(values), of_another(values), all_of_them(values)) == (6.0, 12.0, 20.0)
 
 
 _LOADED_THEN_COMPILED = """
@@ -287,6 +313,13 @@ def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: P
     numbers = [int(share.removesuffix(" %")) for share in shares]
     assert numbers == sorted(numbers)
     assert runs[1].stderr in ("", "simulating steps ...\n")  # on a busy machine
+
+
+def test_functions_of_all_rooms_count_as_compiled() -> None:
+    """Else a terminal would read 0 % to the end."""
+    reporter = module._Reporter()
+    reporter.on_end(SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=Axis.advance)}))
+    assert reporter._done == {"stickslip_ros.axis.device.Device.advance"}
 
 
 _LATE = """

@@ -120,18 +120,29 @@ def follow(
         state[DRIVEN] = state[COMMAND]
     if count > 0 and len(chain.thresholds):
         count = _hysteresis(chain, state, nodes, count, spare)
-        nodes[:, :count] = spare[:, :count]
+        _take(nodes, spare, count)
     elif count > 0:
-        nodes[1:, :count] *= chain.elastic
+        for k in range(count):
+            nodes[1, k] *= chain.elastic
+            nodes[2, k] *= chain.elastic
     if count > 0 and len(chain.creep_times):
         count = _creep(chain, state, nodes, count, spare)
-        nodes[:, :count] = spare[:, :count]
+        _take(nodes, spare, count)
     if count > 0 and chain.omega > 0.0:
         count = resonate(chain, state, nodes, count, spare)
-        nodes[:, :count] = spare[:, :count]
+        _take(nodes, spare, count)
     elif count > 0:
         state[DEFLECTION] = nodes[1, count - 1]
     return count
+
+
+@compiled
+def _take(nodes: NDArray, spare: NDArray, count: int) -> None:
+    """Let the first nodes be those in spare."""
+    # Number by number: for an assignment numba compiles texts of errors for 2 s.
+    for row in range(3):
+        for k in range(count):
+            nodes[row, k] = spare[row, k]
 
 
 @compiled

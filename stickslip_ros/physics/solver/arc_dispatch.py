@@ -159,13 +159,15 @@ def sample_within(
 
 @compiled
 def turn_of_arc(
-    arc: np.record, part: np.record, plant: np.record, sign: int
+    arc: np.record, part: np.record, plant: np.record, contacts: NDArray | None, sign: int
 ) -> tuple[float, float]:
     """Return when (s) the runner turns towards sign within any arc, and its path (m) up to there.
 
     The time is nan where it does not. A tabulated arc along which it turns away before is gone
     through in the arcs that it is made of, in part.
     """
+    if contacts is not None:  # which have no tables
+        return turning_point(arc, plant, sign)
     if arc.kind != TABULATED or sign * (arc.w + arc.rate) < 0.0:
         return turning_point(arc, plant, sign)
     if not sign * arc.path < 0.0 < sign * (arc.w_end + rate_after(arc, arc.length)):

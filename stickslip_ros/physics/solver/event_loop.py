@@ -110,7 +110,7 @@ def solve_cycles(
             if straightened:
                 s.rate = drive[1, s.segment] + drive[2, s.segment] * s.tau
             break
-        _track_backstep(plant, s, kernel, limits.resting)
+        _track_backstep(plant, s, kernel, contacts, limits.resting)
         _pass_arc(plant, s, kernel, contacts)
         if straightened:
             s.friction_work += friction_work_since(s, plant, s.tau - s.open_tau)
@@ -237,7 +237,9 @@ def _end_position(s: np.record, kernel: np.record) -> float:
 
 
 @compiled
-def _track_backstep(plant: np.record, s: np.record, kernel: np.record, resting: bool) -> None:
+def _track_backstep(
+    plant: np.record, s: np.record, kernel: np.record, contacts: NDArray | None, resting: bool
+) -> None:
     """Follow the runner from the start of a slip to where it turns back towards the step."""
     if s.segment == s.slip and s.tau == 0.0 and not resting:
         if s.tracking:
@@ -247,7 +249,7 @@ def _track_backstep(plant: np.record, s: np.record, kernel: np.record, resting: 
     if not s.tracking:
         return
     if s.segment != s.slip or resting:
-        t, dr = turn_of_arc(kernel.arc, kernel.part, plant, s.sign)
+        t, dr = turn_of_arc(kernel.arc, kernel.part, plant, contacts, s.sign)
         if t == t:
             s.x_low = min(s.x_low, s.sign * (s.x + dr))
             if resting or not s.slip < s.segment < s.slip_end:

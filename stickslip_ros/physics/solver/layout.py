@@ -6,8 +6,8 @@ costs a tenth of the time of passing a record; `kernel_in` and `plant_in` return
 A record does not keep its buffer alive: the caller of the kernel has to hold it.
 
 A runner on several contacts has another buffer, an array of CONTACT_RECORD. With one contact it is
-None, and the code for several contacts is not compiled: numba skips a branch of ``if contacts is
-None`` that the type excludes.
+None, and the code for several contacts is not compiled, nor that for one where there are several: a
+branch of ``if contacts is None`` that the type of an argument excludes falls away.
 """
 
 from __future__ import annotations
