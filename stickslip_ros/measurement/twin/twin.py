@@ -158,6 +158,8 @@ class Twin:
         #: Each with what was known before it
         self._seen: deque[tuple[ProcessedReading, Tracker]] = deque(maxlen=_KEPT)
         self._judge_at = 0  # readings since the last change at which it is judged, 0: never
+        self._judged = 0  # those since it of the last judgement
+        self._drives: set[tuple[float, float]] = set()  # since it, at which causes were told apart
         self._since = 0  # readings since the last change, of steps before the first
         self._excess = 0.0  # of the squares of deviations after it over what they should be
         self._before = self.tracker  # the last change
@@ -261,6 +263,9 @@ class Twin:
             drive = next(p.drive for p, _, _ in reversed(parts) if p.drive)
             if self._drive and self._drive[:2] != drive[:2]:
                 tracker.forget(RATE, -1)  # every other cause would look like a rate there
+                if self.changes and self.changes[-1].verdict:  # causes differ at another drive
+                    judge = self._since + self.settings.judged_from // 2
+                    self._judge_at = min(self._judge_at or judge, judge)
             self._drive = drive
         seen = ProcessedReading(t, reading, parts, motion)
         expected, deviation, z = tracker.update(seen, duration)
@@ -293,6 +298,9 @@ class Twin:
             self.troubles["deviations in disorder"] += 1
             onset, self._astray, changed = self.detector.onset, True, False
             self.tracker = next((known for one, known in self._seen if one.t > onset), tracker)
+            self.detector.reset()
+        elif changed and self._may_be_another_cause():
+            self._judge_at, changed = self._since, False
             self.detector.reset()
         elif changed:
             self._change(seen)
@@ -332,10 +340,22 @@ class Twin:
         for one in since[_UNSURE:]:
             self._regression.take(one)
         self._judge_at, self._judging, self._excess = self.settings.judged_from, None, 0.0
+        self._judged, self._drives = 0, {self._drive[:2]}
         tracker.reopen(_REOPENED)
         tracker.anchor(seen.reading, seen.motion.blur)
         self.detector.reset()
         self._steady = self.t
+
+    def _may_be_another_cause(self) -> bool:
+        """Return whether what looks like a change may be another cause of the last one, once.
+
+        Causes that were alike at the drives since then are not at a new one.
+        """
+        verdict, drive = self.changes[-1].verdict if self.changes else None, self._drive
+        if not verdict or verdict.cause or not drive or drive[:2] in self._drives:
+            return False
+        self._drives.add(drive[:2])
+        return True
 
     @property
     def _pending(self) -> bool:
@@ -351,6 +371,7 @@ class Twin:
                 again *= _AGAIN
             self._judge_at = again if again <= _KEPT else 0
             self._judging, self._go_on_at = self._judge(self.changes[-1]), self.t
+            self._judged = self._since
         if self._judging and self.t >= self._go_on_at:
             self._go_on_at = self.t + _PACE
             if next(self._judging, self) is self:
@@ -358,7 +379,7 @@ class Twin:
 
     def settle(self) -> None:
         """Judge the last change by what there is: no more readings come."""
-        if self._pending and self._judging is None:
+        if self.changes and self._since > self._judged and self._judging is None:
             self._judge_at, self._judging = 0, self._judge(self.changes[-1])
         while self._judging:
             for _ in self._judging:
