@@ -59,12 +59,12 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.base.compiled import report_compilation
     from stickslip_ros.base.files import write_text
     from stickslip_ros.simulation.parallel import cluster, threads
-    from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep
+    from stickslip_ros.simulation.sweep_plan import Sweep, SweepAxis
     from stickslip_ros.simulation.sweep_result import compute
 
     plan = Sweep(
         parameters_from(args),
-        tuple(GridAxis.parse(text) for text in args.vary),
+        tuple(SweepAxis.parse(text) for text in args.vary),
         tuple(args.metric or ["step_size"]),
         args.steps,
     )

@@ -12,7 +12,7 @@ from stickslip_ros.simulation.phases import regime_now
 from stickslip_ros.simulation.sampling import trace_steps
 from stickslip_ros.simulation.steps import run_steps
 from stickslip_ros.simulation.sweep_metrics import METRICS
-from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep
+from stickslip_ros.simulation.sweep_plan import Sweep, SweepAxis
 
 #: Drives that use different parts of the solver, by name.
 _DRIVES: tuple[Mapping[str, object], ...] = (
@@ -51,7 +51,7 @@ def warm_up() -> None:
             run_steps(values, 3)
             run_steps(values, -3)
         for metric in METRICS:
-            Sweep(Parameters(), (ListedAxis("preload", (0.4,)),), (metric,), 12).evaluate(0, 1)
+            Sweep(Parameters(), (SweepAxis.of("preload", 0.4),), (metric,), 12).evaluate(0, 1)
         regime_now(Axis({"model": "ceim_ageing"}).simulation)
         trace_steps(_SEVERAL, 2)  # last, for few have several contacts
         for chain in ({}, {"creep": 0.01, "actuator_resonance": 8e5, "surface_spread": 0.1}):

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plan of a sweep: metrics over a grid of one or two parameters.
 
-A parameter varies over an even grid, or over listed values. This file loads no solver, so that a
-worker of another process has the laws and waveforms that others registered before the solver is
-loaded, which is compiled with them. A worker whose solver is loaded already answers with the error
-and goes on: one that failed to unpack its task would hang.
+A parameter varies over an even grid, or over listed values, which may be texts. This file loads no
+solver, so that a worker of another process has the laws and waveforms that others registered before
+the solver is loaded, which is compiled with them. A worker whose solver is loaded already answers
+with the error and goes on: one that failed to unpack its task would hang.
 """
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -42,106 +42,78 @@ class SweepError(StickslipError, ValueError):
 
 
 @dataclass(frozen=True)
-class _Axis:
-    """A parameter that varies."""
+class SweepAxis:
+    """A parameter that varies.
+
+    >>> import numpy as np
+    >>> SweepAxis.parse("preload=0.5:1.5:3").values.tolist()
+    [0.5, 1.0, 1.5]
+    >>> str(SweepAxis.parse("preload=500mN:1.5N:3"))
+    'preload=0.5:1.5:3'
+    >>> SweepAxis.of("model", ["ceim", "lugre"]).values.tolist()
+    ['ceim', 'lugre']
+    """
 
     name: str
+    values: NDArray[Any] = field(compare=False)  #: in its unit, (count,); texts are objects
+    text: str  #: as `parse` reads a grid
+    log: bool = False  #: whether plots have a logarithmic axis
+
+    @classmethod
+    def of(cls, name: str, values: Any) -> SweepAxis:
+        """Return an axis of values one by one. Raises SweepError or ParameterError."""
+        row = parameter(name)
+        checked = [row.check(value) for value in np.ravel(np.asarray(values)).tolist()]
+        if not checked:
+            raise SweepError(f"{name} has no values; give one or more")
+        kind = np.float64 if row.kind is float else object
+        return cls(row.name, np.array(checked, kind), f"{name}={','.join(map(str, checked))}")
+
+    @classmethod
+    def parse(cls, text: str) -> SweepAxis:
+        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError.
+
+        Both ends are included, and may have a unit, such as in ``preload=100mN:6N:60``.
+        """
+        name, _, values = text.partition("=")
+        *ends, given = values.removesuffix(":log").split(":")
+        if len(ends) != 2 or not given.strip().isdecimal():
+            raise SweepError(f"{text!r} is not of the form {_FORM}")
+        row, count, log = parameter(name.strip()), int(given), values.endswith(":log")
+        if row.kind is not float:
+            raise SweepError(
+                f"{row.name} has no range; list its values in Python, or use --set for one"
+            )
+        start, stop = (float(row.check(row.read(end.strip()))) for end in ends)
+        if count < 1 or (count == 1) != (start == stop):
+            raise SweepError(
+                f"{row.name} from {start:g} to {stop:g} in {count} values is an empty range; two "
+                "different ends need two values or more"
+            )
+        if count > _MOST_VALUES:
+            raise SweepError(f"{count} values of {row.name} are too many; lower COUNT")
+        if log and not min(start, stop) > 0.0:
+            raise SweepError(f"{row.name} varies by factors (log); both ends have to be above 0")
+        numbers = np.linspace(start, stop, count)
+        if log:
+            numbers = start * (stop / start) ** (np.arange(count) / max(count - 1, 1))
+            numbers[-1] = stop
+        scale = ":log" if log else ""
+        return cls(row.name, numbers, f"{row.name}={start!r}:{stop!r}:{count}{scale}", log)
+
+    def __str__(self) -> str:
+        """Return its name and values in short."""
+        return self.text
 
     @property
     def unit(self) -> str:
         """Unit of the values."""
         return parameter(self.name).unit
 
-    def check(self, values: Iterable[float]) -> None:
-        """Raise SweepError or ParameterError if these are no values of the parameter."""
-        row = parameter(self.name)
-        if row.kind is not float:
-            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
-        for value in values:
-            row.check(value)
-
-
-@dataclass(frozen=True)
-class GridAxis(_Axis):
-    """``count`` values of a parameter from start to stop (both included), in its unit.
-
-    >>> import numpy as np
-    >>> GridAxis.parse("preload=0.5:1.5:3").values(np.arange(3)).tolist()
-    [0.5, 1.0, 1.5]
-    >>> str(GridAxis.parse("preload=500mN:1.5N:3"))
-    'preload=0.5:1.5:3'
-    """
-
-    start: float
-    stop: float
-    count: int
-    log: bool = False
-
-    def __post_init__(self) -> None:
-        """Raise SweepError or ParameterError if that is no range of a parameter."""
-        self.check((self.start, self.stop))
-        if self.count < 1 or (self.count == 1) != (self.start == self.stop):
-            raise SweepError(
-                f"{self.name} from {self.start:g} to {self.stop:g} in {self.count} values is an "
-                "empty range; two different ends need two values or more"
-            )
-        if self.log and not min(self.start, self.stop) > 0.0:
-            raise SweepError(f"{self.name} varies by factors (log); both ends have to be above 0")
-
-    @classmethod
-    def parse(cls, text: str) -> GridAxis:
-        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError.
-
-        Both ends may have a unit, such as in ``preload=100mN:6N:60``.
-        """
-        name, _, values = text.partition("=")
-        *ends, count = values.removesuffix(":log").split(":")
-        if len(ends) != 2 or not count.strip().isdecimal():
-            raise SweepError(f"{text!r} is not of the form {_FORM}")
-        row = parameter(name.strip())
-        start, stop = (row.read(end.strip()) for end in ends) if row.kind is float else (0.0, 0.0)
-        return cls(row.name, float(start), float(stop), int(count), values.endswith(":log"))
-
-    def __str__(self) -> str:
-        """Return the text that `parse` reads."""
-        scale = ":log" if self.log else ""
-        return f"{self.name}={self.start!r}:{self.stop!r}:{self.count}{scale}"
-
-    def values(self, index: NDArray[np.int64]) -> Array:
-        """Return the values with these indices (0 .. count - 1), shape as index."""
-        pieces = max(self.count - 1, 1)
-        between: NDArray[np.floating]
-        if self.log:
-            between = self.start * (self.stop / self.start) ** (index / pieces)
-        else:
-            between = self.start + (self.stop - self.start) / pieces * index
-        return np.where(index == self.count - 1, self.stop, between).astype(np.float64, copy=False)
-
-
-@dataclass(frozen=True)
-class ListedAxis(_Axis):
-    """Values of a parameter, in its unit, one by one."""
-
-    listed: tuple[float, ...]
-    log: bool = False  #: whether plots have a logarithmic axis
-
-    def __post_init__(self) -> None:
-        """Raise SweepError or ParameterError if these are no values of a parameter."""
-        self.check(self.listed)
-        if not self.listed:
-            raise SweepError(f"{self.name} has no values; give one or more")
-
     @property
     def count(self) -> int:
         """How many values there are."""
-        return len(self.listed)
-
-    def values(self, index: NDArray[np.int64]) -> Array:
-        """Return the values with these indices (0 .. count - 1), shape as index."""
-        return np.array(self.listed)[index]
-
-
-SweepAxis = GridAxis | ListedAxis
+        return len(self.values)
 
 
 @dataclass(frozen=True)
@@ -201,17 +173,30 @@ class Sweep:
         """Return the values of each axis at points first .. stop - 1, each (stop - first,)."""
         index = np.arange(first, stop)
         indices = np.unravel_index(index, self.shape)
-        return [axis.values(i) for axis, i in zip(self.axes, indices, strict=True)]
+        return [axis.values[i] for axis, i in zip(self.axes, indices, strict=True)]
 
-    def columns(self, first: int, stop: int) -> Parameters:
-        """Return points first .. stop - 1 as columns."""
-        names = (axis.name for axis in self.axes)
-        return self.base.replace(**dict(zip(names, self.coordinates(first, stop), strict=True)))
+    def groups(self, first: int, stop: int) -> Iterator[tuple[NDArray[np.int64], Parameters]]:
+        """Yield points first .. stop - 1 as columns, those together that differ in numbers alone.
+
+        Each with its rows, counted from first.
+        """
+        coordinates = self.coordinates(first, stop)
+        varied = {axis.name: one for axis, one in zip(self.axes, coordinates, strict=True)}
+        kinds = {name: one for name, one in varied.items() if one.dtype == object}
+        keys = list(zip(*kinds.values(), strict=True)) or [()] * (stop - first)
+        for key in dict.fromkeys(keys):
+            rows = np.flatnonzero([one == key for one in keys])
+            numbers = {name: one[rows] for name, one in varied.items() if name not in kinds}
+            yield rows, self.base.replace(**dict(zip(kinds, key, strict=True)), **numbers)
 
     def evaluate(self, first: int, stop: int) -> Array:
         """Return the metrics of points first .. stop - 1, shape (stop - first, metrics)."""
-        points = Points(self.columns(first, stop), stop - first, self.steps)
-        return np.stack([METRICS[name].evaluate(points) for name in self.metrics], axis=1)
+        found = np.full((stop - first, len(self.metrics)), math.nan)
+        for rows, p in self.groups(first, stop):
+            points = Points(p, len(rows), self.steps)
+            for k, name in enumerate(self.metrics):
+                found[rows, k] = METRICS[name].evaluate(points)
+        return found
 
     def evaluate_part(self, part: range) -> Array:
         """Return the metrics of a part of `parts_of`, shape (points, metrics)."""
@@ -219,17 +204,19 @@ class Sweep:
 
     def point(self, index: int) -> Parameters:
         """Return the parameters of one point."""
-        return self.columns(index, index + 1).point(0)
+        names = [axis.name for axis in self.axes]
+        values = [one.tolist()[0] for one in self.coordinates(index, index + 1)]
+        return self.base.replace(**dict(zip(names, values, strict=True)))
 
     def why_empty(self, index: int) -> str:
         """Return the coordinates of a point without a value, and the reason."""
         from stickslip_ros.simulation.operating_points import why_impossible  # with the solver
 
+        at = zip(self.axes, self.coordinates(index, index + 1), strict=True)
+        texts = [(a.name, f"{v[0]:g}" if v.dtype != object else v[0], a.unit) for a, v in at]
+        place = ", ".join(f"{name} {text} {unit}".strip() for name, text, unit in texts)
         p = self.point(index)
-        at = p.flat()
-        place = ", ".join(f"{a.name} {at[a.name]:g} {a.unit}".strip() for a in self.axes)
-        fault = why_impossible(p)
-        if fault:
+        if fault := why_impossible(p):
             return f"{place}: {fault}"
         values = self.evaluate(index, index + 1)[0]
         missing = [
@@ -241,15 +228,15 @@ class Sweep:
 
     def refuse_if_impossible(self) -> None:
         """Raise SweepError if not one of the points is possible."""
-        from stickslip_ros.simulation.operating_points import batch_of, why_impossible
+        from stickslip_ros.simulation.operating_points import batch_of
 
         direction = 1 if self.steps is None or self.steps > 0 else -1
         for first in range(0, self.points, _GLANCE):
             stop = min(first + _GLANCE, self.points)
-            if batch_of(self.columns(first, stop), stop - first, direction)[1].any():
-                return
-        fault = why_impossible(self.point(0)) or "it is impossible"
-        raise SweepError(f"no point of the sweep is possible; the first: {fault}")
+            for rows, p in self.groups(first, stop):
+                if batch_of(p, len(rows), direction)[1].any():
+                    return
+        raise SweepError(f"no point of the sweep is possible; the first: {self.why_empty(0)}")
 
 
 def parts_of(sweep: Sweep, workers: int) -> Iterator[range]:

@@ -21,7 +21,7 @@ from stickslip_ros.base.reporting.terminal import format_rows
 from stickslip_ros.physics.parameters import Parameters, ParameterSource, parameter
 from stickslip_ros.simulation.parallel import in_order, threads, workers_of
 from stickslip_ros.simulation.sweep_metrics import METRICS
-from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep, SweepAxis, SweepError, parts_of
+from stickslip_ros.simulation.sweep_plan import Sweep, SweepAxis, SweepError, parts_of
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def sweep(
         What computes the points: any of `concurrent.futures`, such as ``client.get_executor()`` of
         a Dask cluster. Default: a thread for each processor.
     **values
-        Parameters by name. One or two are sequences of numbers: these vary, in the order given.
+        Parameters by name. One or two are sequences: these vary, in the order given.
 
     Returns
     -------
@@ -87,9 +87,7 @@ def sweep(
         if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
     }
     p = Parameters.of(parameters, **{name: v for name, v in values.items() if name not in varied})
-    axes = tuple(
-        ListedAxis(name, tuple(map(float, np.ravel(value)))) for name, value in varied.items()
-    )
+    axes = tuple(SweepAxis.of(name, value) for name, value in varied.items())
     if not axes:
         raise SweepError(
             "nothing varies; give a parameter a list of values, such as preload=[0.5, 1.0, 2.0]"
@@ -156,7 +154,7 @@ class SweepResult:
     @property
     def values(self) -> dict[str, Array]:
         """The values of each parameter that varies, in its unit; each of shape (values,)."""
-        return {axis.name: axis.values(np.arange(axis.count)) for axis in self.plan.axes}
+        return {axis.name: axis.values for axis in self.plan.axes}
 
     def __getitem__(self, metric: str) -> Array:
         """Return a metric, SI unit, the shape of the grid; nan where a point has no value."""
@@ -186,7 +184,8 @@ class SweepResult:
     def csv(self) -> str:
         """Return the table as text; a field without a value is empty."""
         heading, columns = self.table()
-        return csv_text(heading, np.transpose(columns).tolist()).removesuffix("\n")
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        return csv_text(heading, list(rows)).removesuffix("\n")
 
     def csv_file(self) -> str:
         """Return the content of a file: what defines the sweep as comments, then the table."""
@@ -276,8 +275,7 @@ class SweepResult:
 
     def _rows(self) -> list[tuple[str, str]]:
         rows = [
-            (axis.name, f"{axis.count} values, {min(v):g} to {max(v):g} {axis.unit}")
-            for axis, v in zip(self.plan.axes, self.values.values(), strict=True)
+            (axis.name, f"{axis.count} values, {_span(axis)}".strip()) for axis in self.plan.axes
         ]
         for name, values in self.metrics.items():
             known = values[np.isfinite(values)]
@@ -285,6 +283,13 @@ class SweepResult:
             spans = [format_si(float(end), METRICS[name].unit) for end in ends]
             rows.append((name, " to ".join(spans) or "no value"))
         return rows
+
+
+def _span(axis: SweepAxis) -> str:
+    v = axis.values
+    return (
+        ", ".join(map(str, v)) if v.dtype == object else f"{v.min():g} to {v.max():g} {axis.unit}"
+    )
 
 
 # -- pictures
@@ -317,6 +322,7 @@ def _line(axes: Axes, axis: SweepAxis, values: Array) -> None:
     x = _scaled(axis)
     axes.plot(x, values, ".-" if len(x) <= _MARKED else "-", color=_LINE, markersize=4)
     axes.set_xlabel(_axis_label(axis))
+    _name_places(axes.xaxis, axis)
     if axis.log:
         axes.set_xscale("log")
     if len(x) > 1:
@@ -331,6 +337,8 @@ def _map(axes: Axes, slow: SweepAxis, fast: SweepAxis, values: Array, label: str
         _scaled(fast), _scaled(slow), np.ma.masked_invalid(values), shading="nearest"
     )
     axes.set(xlabel=_axis_label(fast), ylabel=_axis_label(slow))
+    _name_places(axes.xaxis, fast)
+    _name_places(axes.yaxis, slow)
     if fast.log:
         axes.set_xscale("log")
     if slow.log:
@@ -341,7 +349,14 @@ def _map(axes: Axes, slow: SweepAxis, fast: SweepAxis, values: Array, label: str
 
 
 def _scaled(axis: SweepAxis) -> Array:
-    return readable(axis.unit)[0] * axis.values(np.arange(axis.count))
+    if axis.values.dtype == object:  # each has a place of its own
+        return np.arange(axis.count, dtype=np.float64)
+    return readable(axis.unit)[0] * axis.values
+
+
+def _name_places(drawn: Any, axis: SweepAxis) -> None:
+    if axis.values.dtype == object:
+        drawn.set_ticks(_scaled(axis), [str(value) for value in axis.values])
 
 
 def _axis_label(axis: SweepAxis) -> str:

@@ -257,7 +257,7 @@ def test_what_cannot_be_swept_is_refused() -> None:
         ({}, "nothing varies"),
         ({"preload": []}, "preload has no values"),
         ({"preload": [0.5], "metric": "stepsize"}, "did you mean step_size"),
-        ({"model": ["ceim", "lugre"]}, "could not convert|not a number"),
+        ({"model": ["ceim", "lugree"]}, "lugree"),
     ]:
         with pytest.raises((ss.SweepError, ValueError), match=complaint):
             ss.sweep(**given)  # type: ignore[arg-type]

@@ -32,13 +32,13 @@ from stickslip_ros.simulation.parallel import in_order, threads
 from stickslip_ros.simulation.settled import MEASURABLE
 from stickslip_ros.simulation.steps import run_steps
 from stickslip_ros.simulation.sweep_metrics import METRICS
-from stickslip_ros.simulation.sweep_plan import GridAxis, Sweep, SweepError
+from stickslip_ros.simulation.sweep_plan import Sweep, SweepAxis, SweepError
 from stickslip_ros.simulation.sweep_result import SweepResult, compute
 
 
 def sweep_of(*ranges: str, metrics: tuple[str, ...] = ("step_size",), **values: Any) -> Sweep:
     base = table_1(**{"frequency": 1000.0, **values})
-    return Sweep(base, tuple(GridAxis.parse(text) for text in ranges), metrics, 12)
+    return Sweep(base, tuple(SweepAxis.parse(text) for text in ranges), metrics, 12)
 
 
 def value_of(metric: str, **values: Any) -> float:
@@ -128,19 +128,19 @@ def test_the_zero_amplitude_knows_what_holds_leave_to_the_slip() -> None:
 
 
 def test_values_of_an_axis() -> None:
-    linear, log = GridAxis.parse("preload=0.1:6:60"), GridAxis.parse("frequency=100:1e4:5:log")
-    np.testing.assert_array_equal(linear.values(np.arange(60)), np.linspace(0.1, 6.0, 60))
-    np.testing.assert_allclose(log.values(np.arange(5)), np.geomspace(100.0, 1e4, 5), rtol=1e-14)
-    assert linear.values(np.array([59]))[0] == 6.0
-    assert GridAxis.parse("amplitude=300:30:10").values(np.array([0, 9])).tolist() == [300.0, 30.0]
+    linear, log = SweepAxis.parse("preload=0.1:6:60"), SweepAxis.parse("frequency=100:1e4:5:log")
+    np.testing.assert_array_equal(linear.values, np.linspace(0.1, 6.0, 60))
+    np.testing.assert_allclose(log.values, np.geomspace(100.0, 1e4, 5), rtol=1e-14)
+    assert linear.values[59] == 6.0
+    assert SweepAxis.parse("amplitude=300:30:10").values[[0, 9]].tolist() == [300.0, 30.0]
     for axis in (linear, log):
-        assert GridAxis.parse(str(axis)) == axis
+        assert SweepAxis.parse(str(axis)) == axis
 
 
 def test_a_wrong_range_is_refused() -> None:
     for text, complaint in (
         ("preloda=1:2:3", "did you mean preload"),
-        ("model=1:2:3", "not a number"),
+        ("model=1:2:3", "model has no range; list its values"),
         ("preload=1:2", "NAME=START:STOP:COUNT"),
         ("preload=1:2:3:lin", "NAME=START:STOP:COUNT"),
         ("preload=1:2:x", "NAME=START:STOP:COUNT"),
@@ -152,7 +152,7 @@ def test_a_wrong_range_is_refused() -> None:
         ("spring=0:1e6:3:log", "above 0"),
     ):
         with pytest.raises((SweepError, ParameterError), match=complaint):
-            GridAxis.parse(text)
+            SweepAxis.parse(text)
 
 
 def test_a_sweep_of_nothing_sensible_is_refused() -> None:
@@ -440,7 +440,7 @@ def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
         return steps_of(p, points, steps)
 
     monkeypatch.setattr(operating_points, "steps_of", meet)
-    sweep = Sweep(table_1(), (GridAxis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
+    sweep = Sweep(table_1(), (SweepAxis.parse("preload=0.5:1:4"),), ("step_size",), 3)
     with ThreadPoolExecutor(2) as executor:
         parts = [executor.submit(sweep.evaluate, first, first + 2) for first in (0, 2)]
         assert all(np.isfinite(part.result()).all() for part in parts)
@@ -483,3 +483,19 @@ def test_so_many_steps_of_a_sweep_are_those_of_simulate(effects: dict[str, Any])
     alone = [ss.simulate(p, amplitude=volts, steps=8) for volts in (200.0, 300.0)]
     assert found["step_size"] == pytest.approx([one.step_size for one in alone], abs=1e-15)
     assert found.left_out == ()
+
+
+def test_texts_and_whole_numbers_vary_as_single_values_would() -> None:
+    """A bare ValueError of NumPy, and the advice "use --set" in Python."""
+    laws = ss.sweep(model=["ceim", "lugre"], preload=[0.3, 0.4])
+    for k, model in enumerate(("ceim", "lugre")):
+        alone = ss.sweep(model=model, preload=[0.3, 0.4])["step_size"]
+        np.testing.assert_array_equal(laws["step_size"][k], alone)
+    assert laws.csv().splitlines()[3].startswith("lugre,0.3,")
+    assert laws.as_json()["vary"]["model"] == ["ceim", "lugre"]
+    assert "2 values, ceim, lugre" in laws.report()
+    assert [text.get_text() for text in laws.plot().get_yticklabels()] == ["ceim", "lugre"]
+    contacts = ss.sweep(contacts=[1, 2])["step_size"]
+    assert contacts[1] == ss.sweep(contacts=2, preload=[0.4])["step_size"][0]
+    with pytest.raises(ParameterError, match="waveform_table names no file"):
+        ss.sweep(waveform=["sawtooth", "table"])

@@ -30,7 +30,7 @@ from stickslip_ros.simulation.phases import points
 from stickslip_ros.simulation.sampling import sample_times
 from stickslip_ros.simulation.settled import TRIAL_STEPS
 from stickslip_ros.simulation.steps import run_steps
-from stickslip_ros.simulation.sweep_plan import ListedAxis, Sweep
+from stickslip_ros.simulation.sweep_plan import Sweep, SweepAxis
 from stickslip_ros.simulation.trace import Trace
 
 #: The parameters that steps are drawn over: from, to, whether by factors, points of the curve.
@@ -215,7 +215,7 @@ def _steps_over(p: Parameters, name: str, direction: int) -> dict[str, list[floa
     low, high = min(low, at), max(high, at)
     values = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
     values = np.unique(np.clip(np.append(values, at), low, high))
-    plan = Sweep(p, (ListedAxis(name, tuple(values.tolist())),), ("step_size",), TRIAL_STEPS)
+    plan = Sweep(p, (SweepAxis.of(name, values),), ("step_size",), TRIAL_STEPS)
     size = direction * plan.evaluate(0, len(values))[:, 0]
     here = int(np.searchsorted(values, at))
     return {
