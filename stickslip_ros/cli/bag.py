@@ -80,10 +80,9 @@ def run_info(args: argparse.Namespace) -> int:
 
 def _description(found: dict[str, Any]) -> list[str]:
     from stickslip_ros.axis.events import value_text
-    from stickslip_ros.recordings.clocks import LEFT_OUT
 
     found = _printable(found)
-    apart = "".join(f"; {text}" for text in found["warnings"] if text.endswith(LEFT_OUT))
+    apart = "".join(f"; {text}" for text in found["warnings"] if text.endswith("left out"))
     chunks = ", ".join(name or "none" for name in found["compression"]) or "none"
     packed = f", each {found['packed']} packed as a whole" if found["packed"] else ""
     files = f"{len(found['files'])} file{'s' * (len(found['files']) > 1)}"
@@ -375,7 +374,7 @@ def run_export(args: argparse.Namespace) -> int:
     out = args.out or bag_name.with_name(f"{bag_name.stem}_tables")
     with open_bag(args.bag) as bag, progress_bar(bag.message_count, "exporting messages") as bar:
         done = export(bag, out, bar.update)
-    print(done.path)
+    print(out)
     for note in done.notes:
         print(f"stickslip bag export: {printable(note)}", file=sys.stderr)
     for reason in done.left_out.values():

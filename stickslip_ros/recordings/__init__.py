@@ -17,9 +17,9 @@ from stickslip_ros.base.lazy_names import lazy_names
 _PLACES = {
     "errors": "BagError",
     "messages": "decoder_for encoder_for statuses",
-    "metadata": "OfferedQos TopicDescription qos_yaml",
+    "metadata": "OfferedQos TopicDescription",
     "reader": "BagReader open_bag",
-    "recovery": "Recovered bytes_of recover",
+    "recovery": "bytes_of recover",
     "writer": "COMPRESSIONS BagWriter",
     "resimulation": "resimulate",
     "schemas": "STATUS_TYPE schema_text",
@@ -29,9 +29,9 @@ _PLACES = {
 if TYPE_CHECKING:
     from stickslip_ros.recordings.errors import BagError
     from stickslip_ros.recordings.messages import decoder_for, encoder_for, statuses
-    from stickslip_ros.recordings.metadata import OfferedQos, TopicDescription, qos_yaml
+    from stickslip_ros.recordings.metadata import OfferedQos, TopicDescription
     from stickslip_ros.recordings.reader import BagReader, open_bag
-    from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover
+    from stickslip_ros.recordings.recovery import bytes_of, recover
     from stickslip_ros.recordings.resimulation import resimulate
     from stickslip_ros.recordings.runs import describe, recorded_axes, recorded_runs
     from stickslip_ros.recordings.schemas import STATUS_TYPE, schema_text
@@ -46,14 +46,12 @@ __all__ = [
     "BagReader",
     "BagWriter",
     "OfferedQos",
-    "Recovered",
     "TopicDescription",
     "bytes_of",
     "decoder_for",
     "describe",
     "encoder_for",
     "open_bag",
-    "qos_yaml",
     "recorded_axes",
     "recorded_runs",
     "recover",

@@ -9,15 +9,11 @@ from typing import NamedTuple
 HOUR = 3_600_000_000_000
 """ns; times that are further from all others are of another clock, or of none."""
 
-_DECADE = 10 * 365 * 24 * HOUR
+UNSET = 10 * 365 * 24 * HOUR
+"""ns; a clock that shows an earlier time since the Unix epoch was not set, or is simulated."""
+
 FEW = 100
 """Messages that are few at most; of fewer than 10 000 a hundredth, but one of 20 already."""
-
-_OF, _SHARE = 20, 100
-
-
-LEFT_OUT = "s from the others: left out"
-"""How a sentence ends that tells of messages apart from the bulk."""
 
 
 class Bulk(NamedTuple):
@@ -34,12 +30,10 @@ class Bulk(NamedTuple):
 
     @property
     def told(self) -> str:
-        """What is said of those apart; "" if there are none."""
-        if not self.apart:
-            return ""
+        """What is said of those apart, if there are some."""
         messages = "1 message is" if self.apart == 1 else f"{self.apart} messages are up to"
         seconds = f"{float(f'{self.by_ns / 1e9:.3g}'):,.0f}".replace(",", " ")
-        return f"{messages} {seconds} {LEFT_OUT}"
+        return f"{messages} {seconds} s from the others: left out"
 
 
 class Moments:
@@ -49,10 +43,10 @@ class Moments:
         """Know none."""
         self._hours: dict[int, tuple[int, int, int]] = {}
 
-    def add(self, ns: int, count: int = 1) -> None:
-        """Take the time (ns) of some messages."""
-        known, first, last = self._hours.get(ns // HOUR, (0, ns, ns))
-        self._hours[ns // HOUR] = known + count, min(first, ns), max(last, ns)
+    def add(self, ns: int) -> None:
+        """Take the time (ns) of a message."""
+        count, first, last = self._hours.get(ns // HOUR, (0, ns, ns))
+        self._hours[ns // HOUR] = count + 1, min(first, ns), max(last, ns)
 
     def bulk(self) -> Bulk:
         """Return where the bulk is.
@@ -68,11 +62,11 @@ class Moments:
             else:
                 groups.append([count, first, last])
         total = sum(count for count, *_ in groups)
-        later = [one for one in groups if one[1] > _DECADE]
+        later = [one for one in groups if one[1] > UNSET]
         kept = later if 2 * sum(count for count, *_ in later) >= total else groups
         left = sum(count for count, *_ in kept)
         largest = max(kept, default=[0, 0, 0])
-        few = min(FEW, max(left // _SHARE, left >= _OF))
+        few = min(FEW, max(left // 100, left >= 20))
         if left - largest[0] <= few:
             kept = [largest]
         if not kept:

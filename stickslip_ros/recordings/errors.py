@@ -21,10 +21,6 @@ class BagError(StickslipError):
     """A bag cannot be made, written or read; the text is one line with the path and the cure."""
 
 
-class UndecodableError(BagError):
-    """The messages of a topic are not of a form, or not of the type, that can be decoded."""
-
-
 def damaged(path: Path, what: str) -> BagError:
     """Return the error for a file that violates its format.
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from stickslip_ros.base.errors import printable
 from stickslip_ros.base.files import whole_file, whole_folder
 from stickslip_ros.recordings.clocks import HOUR, Bulk, Moments
-from stickslip_ros.recordings.errors import BagError, UndecodableError, short
+from stickslip_ros.recordings.errors import BagError, short
 from stickslip_ros.recordings.mcap_files import BagMessage
 from stickslip_ros.recordings.messages import decoder_for, fields_of, not_of_type
 from stickslip_ros.recordings.metadata import is_kept
@@ -39,61 +39,46 @@ _HEARD_EVERY = 10_000_000  # ns between joint states that a clock is learnt from
 _LONGEST_NAME = 200  # bytes of the name of a file, without its end
 _SIGNED = 2**63  # of log times, which have no sign, in the database, where integers have one
 
-#: Called with the count of messages done since it was called last
-Note = Callable[[int], object]
-
 
 class Exported(NamedTuple):
     """What was written of a bag, and what was not."""
 
-    path: Path  #: the file or folder
     left_out: dict[str, str]  #: topics that cannot be decoded, each with the reason
     #: what else there is to say, a sentence each: messages apart from the others, other clocks
     notes: list[str]
 
 
-def export(bag: BagReader, out: Path, on_messages: Note = lambda count: None) -> Exported:
+def export(
+    bag: BagReader, out: Path, on_messages: Callable[[int], object] = lambda count: None
+) -> Exported:
     """Write the messages of a bag as tables; topics that cannot be decoded are left out and named.
 
     So are messages whose times are hours from those of all others. The times of a table are by the
     clock of its stamps: from the start of the bag by that of the recorder, else from the first
     stamp of that clock.
 
-    Parameters
-    ----------
-    bag : BagReader
-        The bag to export.
-    out : Path
-        A file that ends in .csv or .parquet takes one table with a row for each moment, its columns
-        named ``<topic>/<field>``; anything else is a new folder with a CSV file for each topic.
-    on_messages : callable, optional
-        Called with the count of messages written since it was called last.
-
-    Returns
-    -------
-    Exported
-        The file or folder written, and what was left out.
-
-    Raises
-    ------
-    BagError
-        The bag is damaged, has no messages that can be decoded, or ``pyarrow`` is not installed.
-    WriteError
-        The file or folder cannot be written.
+    out: a file that ends in .csv or .parquet takes one table with a row for each moment, its
+    columns named ``<topic>/<field>``; else a new folder takes a CSV file for each topic.
+    on_messages: called with the count of messages written since it was called last.
+    Raises BagError: the bag is damaged, has no messages that can be decoded, or ``pyarrow`` is not
+    installed. Raises WriteError: the file or folder cannot be written.
     """
-    write = {".csv": _write_csv, ".parquet": _parquet_writer(out)}.get(out.suffix)
-    with (whole_file if write else whole_folder)(out) as part:
+    one = out.suffix in (".csv", ".parquet")
+    write = (
+        _parquet_writer(out) if out.suffix == ".parquet" else _write_csv if one else _write_folder
+    )
+    with (whole_file if one else whole_folder)(out) as part:
         beside = None if part == out else part.parent  # there is no room beside a device
         with tempfile.TemporaryDirectory(dir=beside) as folder:
             try:
                 rows = _Rows(bag, Path(folder, "rows"), on_messages)
-                (write or _write_folder)(part, rows)
+                write(part, rows)
             except sqlite3.Error as error:
                 raise BagError(
                     f"cannot gather the rows of {bag.path} beside {out}: {error}; make room on "
                     "the disk or choose a place on another one"
                 ) from error
-    return Exported(out, rows.left_out, rows.notes)
+    return Exported(rows.left_out, rows.notes)
 
 
 # -- rows
@@ -105,10 +90,11 @@ class _Topic:
 
     number: int
     name: str
-    type: str
+    of_type: str
     decode: Callable[[bytes], Any]
     kept: bool  #: for late subscribers: the stamps may be of long before the recording
-    columns: dict[str, None] = field(default_factory=dict)  #: in the order in which they came
+    #: in the order in which they came, and of what type their values are
+    columns: dict[str, type] = field(default_factory=dict)
     stamps: Moments = field(default_factory=Moments)
     #: of joint states: when stamps were recorded, ns, and how much they were ahead of that
     heard: list[tuple[int, int]] = field(default_factory=list)
@@ -127,12 +113,15 @@ class _Topic:
                 raise ValueError(f"its stamp is {stamp} ns")
             self.stamps.add(stamp)
             due = not self.heard or log_ns >= self.heard[-1][0] + _HEARD_EVERY
-            if self.type == JOINT_STATE_TYPE and due:
+            if self.of_type == JOINT_STATE_TYPE and due:
                 self.heard.append((log_ns, stamp - log_ns))
-        for cells in _cells_of(found, self.type):
-            self.columns |= dict.fromkeys(cells)
+        for cells in _cells_of(found, self.of_type):
+            for name, cell in cells.items():
+                if (kind := self.columns.setdefault(name, type(cell))) is not type(cell):
+                    both = {kind, type(cell)} == {int, float}
+                    self.columns[name] = float if both else str
             if len(self.columns) > _MOST_COLUMNS - 2:
-                raise UndecodableError(
+                raise BagError(
                     f"the messages on {self.name} have more than {_MOST_COLUMNS} columns together; "
                     "read them with `stickslip_ros.open_bag`"
                 )
@@ -169,7 +158,7 @@ def _cells_of(message: Any, kind: str) -> Iterator[dict[str, Any]]:
 class _Rows:
     """The rows of all messages, in a database beside the file that is written."""
 
-    def __init__(self, bag: BagReader, path: Path, note: Note) -> None:
+    def __init__(self, bag: BagReader, path: Path, note: Callable[[int], object]) -> None:
         """Read the messages of a bag; BagError if none can be decoded."""
         self.left_out: dict[str, str] = {}  #: topics, each with the reason
         self.notes: list[str] = [bag.bulk.told] if bag.bulk.apart else []
@@ -187,9 +176,7 @@ class _Rows:
             "PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA cache_size = -65536;"
             "CREATE TABLE rows (topic INTEGER, stamp INTEGER, log INTEGER, cells BLOB); BEGIN;"
         )
-        found = self._read(bag, note)
-        while some := list(islice(found, _AT_ONCE)):
-            self._database.executemany("INSERT INTO rows VALUES (?, ?, ?, ?)", some)
+        self._database.executemany("INSERT INTO rows VALUES (?, ?, ?, ?)", self._read(bag, note))
         self._database.execute("COMMIT")
         if not self._topics:
             why = "".join(f"; {reason}" for reason in self.left_out.values())
@@ -204,10 +191,9 @@ class _Rows:
             lambda of, *ns: self.topics[of].seconds(*ns) if of in self.topics else None,
         )
 
-    def _seconds(self, number: int, stamp: int | None, log: int) -> float | None:
-        return self.topics[number].seconds(stamp, log) if number in self.topics else None
-
-    def _read(self, bag: BagReader, note: Note) -> Iterator[tuple[int, int | None, int, bytes]]:
+    def _read(
+        self, bag: BagReader, note: Callable[[int], object]
+    ) -> Iterator[tuple[int, int | None, int, bytes]]:
         """Yield the rows of all messages; a topic ends with one that is not of its type."""
         for message in bag.bulk_messages([*self._topics]):
             note(1)
@@ -272,21 +258,25 @@ class _Rows:
             if at is not None:
                 yield self.topics[number], [at, log + _SIGNED], marshal.loads(cells)
 
-    def joined(self) -> tuple[list[str], Iterator[list[Any]]]:
-        """Return the columns of one table of all topics, and what yields its rows.
+    def joined(self) -> tuple[dict[str, type], Iterator[list[Any]]]:
+        """Return columns and types of one table of all topics, and what yields its rows.
 
         There is one for each moment of a clock, with the values of all topics. Raises BagError:
         there are too many columns.
         """
         clocks = {topic.clock for topic in self.topics.values()}
-        first = [_TIME, _RECORDED, _CLOCK][: 2 + (len(clocks) > 1)]
-        own = [f"{topic.name}/{name}" for topic in self.topics.values() for name in topic.columns]
+        first = {_TIME: float, _RECORDED: int} | ({_CLOCK: str} if len(clocks) > 1 else {})
+        own = {
+            f"{topic.name}/{name}": kind
+            for topic in self.topics.values()
+            for name, kind in topic.columns.items()
+        }
         if len(own) > _MOST_COLUMNS - 3:
             raise BagError(
                 f"one table of all topics has more than {_MOST_COLUMNS} columns; "
                 "name a folder, which takes a table for each topic"
             )
-        return first + own, (
+        return first | own, (
             [*moment[: len(first)], *map(row.get, own)] for moment, row in self._moments()
         )
 
@@ -314,7 +304,7 @@ def _nearness(one: str, other: str) -> tuple[int, int]:
 # -- tables
 
 
-def _write_table(path: Path, columns: list[str], rows: Iterable[list[Any]]) -> None:
+def _write_table(path: Path, columns: Iterable[str], rows: Iterable[list[Any]]) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
@@ -335,10 +325,8 @@ def _write_folder(folder: Path, rows: _Rows) -> None:
         _write_table(path, [_TIME, _RECORDED, *topic.columns], own)
 
 
-def _parquet_writer(out: Path) -> Callable[[Path, _Rows], None] | None:
-    """Return what writes Parquet; BagError if it is wanted and ``pyarrow`` is not there."""
-    if out.suffix != ".parquet":
-        return None
+def _parquet_writer(out: Path) -> Callable[[Path, _Rows], None]:
+    """Return what writes Parquet; BagError if ``pyarrow`` is not there."""
     try:
         import pyarrow
         from pyarrow import parquet
@@ -349,29 +337,26 @@ def _parquet_writer(out: Path) -> Callable[[Path, _Rows], None] | None:
 
     def write(path: Path, rows: _Rows) -> None:
         columns, found = rows.joined()
-        kinds: dict[str, type] = {_TIME: float, _RECORDED: int}
-        for topic, _, cells in rows.select("topic"):
-            for name, cell in cells.items():
-                kind = kinds.setdefault(f"{topic.name}/{name}", type(cell))
-                if kind is not type(cell):
-                    both = {kind, type(cell)} <= {int, float}
-                    kinds[f"{topic.name}/{name}"] = float if both else str
         arrow = {float: pyarrow.float64(), int: pyarrow.int64(), bool: pyarrow.bool_()}
-        types = [arrow.get(kinds.get(name, str), pyarrow.string()) for name in columns]
-        schema = pyarrow.schema(list(zip(columns, types, strict=True)))
+        schema = pyarrow.schema(
+            [(name, arrow.get(kind, pyarrow.string())) for name, kind in columns.items()]
+        )
         with parquet.ParquetWriter(path, schema) as writer:
             while some := list(islice(found, _AT_ONCE)):
-                arrays = []
-                for values, kind in zip(zip(*some, strict=True), types, strict=True):
-                    text = kind == pyarrow.string()
-                    column = [str(one) if text and one is not None else one for one in values]
-                    try:
-                        arrays.append(pyarrow.array(column, kind))
-                    except (OverflowError, pyarrow.ArrowException) as error:
-                        raise BagError(
-                            f"a number does not fit into {out.name}: {short(error)}; write .csv"
-                        ) from error
-                writer.write_batch(pyarrow.RecordBatch.from_arrays(arrays, schema=schema))
+                cells = (
+                    [None if one is None else kind(one) for one in column]
+                    for kind, column in zip(columns.values(), zip(*some, strict=True), strict=True)
+                )
+                try:
+                    batch = pyarrow.RecordBatch.from_arrays(
+                        [pyarrow.array(*one) for one in zip(cells, schema.types, strict=True)],
+                        schema=schema,
+                    )
+                except (OverflowError, pyarrow.ArrowException) as error:
+                    raise BagError(
+                        f"a number does not fit into {out.name}: {short(error)}; write .csv"
+                    ) from error
+                writer.write_batch(batch)
 
     return write
 

@@ -19,7 +19,6 @@ from collections.abc import Iterator
 from functools import partial
 from io import BytesIO
 from itertools import islice
-from operator import attrgetter
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -88,7 +87,6 @@ _PACKED_PIECE = 1024
 # together: recorders make one or two such, tools that write topic after topic a few dozen.
 _LARGEST_OPEN, _MOST_OPEN = 300 * 1024 * 1024, 160 * 1024 * 1024
 _PER_MESSAGE = 200  # bytes that a message takes besides its data
-_HALF_HOUR = 1_800_000_000_000  # ns
 
 
 class BagMessage(NamedTuple):
@@ -166,7 +164,7 @@ def unpacked(chunk: Chunk, allowance: Allowance | None) -> bytes:
         raise ValueError(f"compression {text} is not known, only none, lz4 and zstd")
     if size > LARGEST_CHUNK:
         raise ValueError(f"a chunk has {size} bytes; at most {LARGEST_CHUNK} are allowed")
-    data = _unpack(chunk.data, chunk.compression, size, allowance)
+    data = unpack(chunk.data, chunk.compression, size, allowance)
     if len(data) != size:
         raise ValueError(f"it unpacks to {len(data)} bytes instead of {size}")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
@@ -174,10 +172,10 @@ def unpacked(chunk: Chunk, allowance: Allowance | None) -> bytes:
     return data
 
 
-def _unpack(data: bytes, compression: str, limit: int, allowance: Allowance | None) -> bytes:
-    """Unpack data; more than a limit is cut, so that at most a megabyte is too much.
+def unpack(data: bytes, compression: str, limit: int, allowance: Allowance | None) -> bytes:
+    """Unpack data; ValueError if it is broken, or unpacks to more than a limit.
 
-    Raises ValueError: broken data. Raises ReadError: the file has unpacked to more than it may.
+    Raises ReadError: the file has unpacked to more than it may.
     """
     if not compression:
         return data
@@ -191,23 +189,16 @@ def _unpack(data: bytes, compression: str, limit: int, allowance: Allowance | No
         raise ValueError(f"its {compression} data is broken ({error})") from error
     if allowance:
         allowance.spend(len(found))
+    if len(found) > limit:
+        raise ValueError(f"it unpacks to more than {limit} bytes")
     return found
 
 
-def unpack_message(data: bytes, allowance: Allowance) -> bytes:
-    """Return a message that rosbag2 packed with zstd by itself.
-
-    Raises ValueError: broken data, or a message larger than makes sense. Raises ReadError: the file
-    has unpacked to more than it may.
-    """
-    found = _unpack(data, "zstd", LARGEST_CHUNK, allowance)
-    if len(found) > LARGEST_CHUNK:
-        raise ValueError(f"it unpacks to more than {LARGEST_CHUNK} bytes")
-    return found
+# -- a file and its index
 
 
 class Storage:
-    """An open storage file."""
+    """An open storage file, and what is known of its content."""
 
     def __init__(self, path: Path) -> None:
         """Open it; a file packed with zstd as a whole is unpacked to a temporary one.
@@ -215,6 +206,12 @@ class Storage:
         Raises BagError: its zstd data is broken. Raises ReadError: it is no file, or unpacks to
         more than it may. Raises OSError: it cannot be read, or the temporary folder has no room.
         """
+        self.path = path
+        self.topics: dict[int, TopicDescription] = {}  #: found so far, by the number of the channel
+        self.metadata_text = ""  #: what rosbag2 left in the file last, "" if nothing
+        self._known: dict[tuple[type, int], Any] = {}
+        self._texts: dict[int, str] = {}  # of the schemas, one for all their topics
+        self._left = dict(_LARGEST_SUM)
         self.stored_size = path.stat().st_size  #: as it lies on the disk, bytes
         self.allowance = Allowance(path, self.stored_size)  #: what its chunks may unpack to
         self.stream: IO[bytes] = open_regular(path)
@@ -231,35 +228,6 @@ class Storage:
             self.fault = f"is cut: its zstd data ends early, {self.size} bytes are left"
         elif not self.begins_right:
             self.fault = "does not begin as an MCAP file does"
-
-
-def _unpacked_file(path: Path, packed: IO[bytes]) -> tuple[IO[bytes], bool]:
-    """Return a file without a name that holds what could be unpacked, and whether that is all."""
-    with contextlib.ExitStack() as closing:
-        whole = closing.enter_context(tempfile.TemporaryFile())
-        allowance, press = Allowance(path), _ZSTD.decompressobj()
-        try:
-            while not press.eof and (piece := packed.read(_PACKED_PIECE)):
-                data = press.decompress(piece)
-                allowance.spend(len(data))
-                whole.write(data)
-        except zstandard.ZstdError as error:
-            raise damaged(path, f"its zstd data is broken ({error})") from error
-        whole.seek(0)
-        closing.pop_all()  # the caller closes it
-    return whole, bool(press.eof)
-
-
-class Channels:
-    """What the records of a file besides messages say."""
-
-    def __init__(self) -> None:
-        """Know nothing."""
-        self.topics: dict[int, TopicDescription] = {}  #: by the number of their channel
-        self.metadata_text = ""  #: what rosbag2 left in the file last, "" if nothing
-        self._known: dict[tuple[type, int], Any] = {}
-        self._texts: dict[int, str] = {}  # of the schemas, one for all their topics
-        self._left = dict(_LARGEST_SUM)
 
     def learn(self, record: Any) -> None:
         """Take a schema, channel or metadata record; other records are passed over.
@@ -302,44 +270,56 @@ class Channels:
             encoding=channel.message_encoding,
         )
 
+    def index(self) -> tuple[Footer, Iterator[Any]]:
+        """Return the last record of a finished file, and what yields the records of its index.
 
-# -- a file and its index
+        Raises ValueError: it has no end; while reading: its index is broken.
+        """
+        end = self.size - len(MAGIC) - _FOOTER_BYTES
+        if end >= len(MAGIC):
+            self.stream.seek(self.size - len(MAGIC))
+            whole = self.stream.read() == MAGIC
+            found = records_from(self.stream, end, self.size - len(MAGIC)) if whole else iter(())
+            footer, _ = next(found, _NONE)
+            if isinstance(footer, Footer):
+                return footer, self._index(footer, end) if footer.summary_start else iter(())
+        raise ValueError("it has no end; whoever wrote it was stopped")
+
+    def _index(self, footer: Footer, end: int) -> Iterator[Any]:
+        at, crc = footer.summary_start, 0
+        if not len(MAGIC) <= at <= end:
+            raise ValueError("its footer points outside of the file")
+        self.stream.seek(at)
+        left = footer.summary_crc and end + _FOOTER_BYTES - 4 - at  # the checksum stands last
+        while left > 0:
+            crc = zlib.crc32(self.stream.read(min(left, _PIECE)), crc)
+            left -= _PIECE
+        if crc != footer.summary_crc:
+            raise ValueError("the checksum of its index is wrong")
+        yield from (record for record, _ in records_from(self.stream, at, end))
 
 
-def index_of(stream: IO[bytes], size: int) -> tuple[Footer, Iterator[Any]]:
-    """Return the last record of a finished file, and what yields the records of its index.
-
-    Raises ValueError: it has no end; while reading: its index is broken.
-    """
-    end = size - len(MAGIC) - _FOOTER_BYTES
-    if end >= len(MAGIC):
-        stream.seek(size - len(MAGIC))
-        whole = stream.read() == MAGIC
-        footer, _ = next(records_from(stream, end, size - len(MAGIC)), _NONE) if whole else _NONE
-        if isinstance(footer, Footer):
-            return footer, _index(stream, footer, end) if footer.summary_start else iter(())
-    raise ValueError("it has no end; whoever wrote it was stopped")
-
-
-def _index(stream: IO[bytes], footer: Footer, end: int) -> Iterator[Any]:
-    at, crc = footer.summary_start, 0
-    if not len(MAGIC) <= at <= end:
-        raise ValueError("its footer points outside of the file")
-    stream.seek(at)
-    left = footer.summary_crc and end + _FOOTER_BYTES - 4 - at  # the checksum itself stands last
-    while left > 0:
-        crc = zlib.crc32(stream.read(min(left, _PIECE)), crc)
-        left -= _PIECE
-    if crc != footer.summary_crc:
-        raise ValueError("the checksum of its index is wrong")
-    yield from (record for record, _ in records_from(stream, at, end))
+def _unpacked_file(path: Path, packed: IO[bytes]) -> tuple[IO[bytes], bool]:
+    """Return a file without a name that holds what could be unpacked, and whether that is all."""
+    with contextlib.ExitStack() as closing:
+        whole = closing.enter_context(tempfile.TemporaryFile())
+        allowance, press = Allowance(path), _ZSTD.decompressobj()
+        try:
+            while not press.eof and (piece := packed.read(_PACKED_PIECE)):
+                data = press.decompress(piece)
+                allowance.spend(len(data))
+                whole.write(data)
+        except zstandard.ZstdError as error:
+            raise damaged(path, f"its zstd data is broken ({error})") from error
+        whole.seek(0)
+        closing.pop_all()  # the caller closes it
+    return whole, bool(press.eof)
 
 
 class Span(NamedTuple):
     """A part of a file that is read at once, a chunk or a run of records.
 
-    First and last time (ns), offset and length in the file, size in memory (bytes), and how many
-    messages there are, 0 if that is not known.
+    First and last time (ns), offset and length in the file, size in memory (bytes).
     """
 
     start_ns: int
@@ -347,10 +327,9 @@ class Span(NamedTuple):
     offset: int
     length: int
     size: int
-    messages: int = 0
 
 
-class _File:
+class _File(Storage):
     """A finished MCAP file; its content is known when it has been opened."""
 
     def __init__(self, path: Path) -> None:
@@ -358,64 +337,44 @@ class _File:
 
         Raises BagError: it cannot be read, was not finished or is damaged.
         """
-        self.path = path
-        self.channels = Channels()  #: its topics and metadata
         self.counts: Counter[str] = Counter()  #: of the messages, by topic
         self.spans: list[Span] = []  #: where messages are
         self.compressions: set[str] = set()  #: of its chunks, in words
-        self._times: tuple[int, int] | None = None
         with reading(path), contextlib.ExitStack() as closing:
-            storage = Storage(path)
-            self.stream, self._end = storage.stream, storage.size
+            super().__init__(path)
             closing.callback(self.stream.close)
-            self._stored_size, self._allowance = storage.stored_size, storage.allowance
-            if storage.fault:
-                raise ValueError(f"it {storage.fault}")
-            footer, index = index_of(self.stream, self._end)
-            self._end = footer.summary_start or self._end - len(MAGIC) - _FOOTER_BYTES
+            if self.fault:
+                raise ValueError(f"it {self.fault}")
+            footer, index = self.index()
+            self._end = footer.summary_start or self.size - len(MAGIC) - _FOOTER_BYTES
             header, _ = next(records_from(self.stream, len(MAGIC), self._end), _NONE)
             if not isinstance(header, Header):
                 raise ValueError("its first record is not a header")
             self.library: str = header.library
-            if not self._take(index):
-                self._read_everything()
+            self.summary = self._take(index) or self._read_everything()
             closing.pop_all()
 
-    def summary(self) -> FileSummary:
-        """Return name, size, message count, first and last log time."""
-        count = sum(self.counts.values())
-        if not count:
-            return FileSummary(self.path.name, self._stored_size)
-        # A chunk without messages says 0; the statistics of the file know better.
-        start, end = self._times or (
-            min(span.start_ns for span in self.spans),
-            max(span.end_ns for span in self.spans),
-        )
-        return FileSummary(self.path.name, self._stored_size, count, start, end)
-
-    def _take(self, index: Iterator[Any]) -> bool:
-        """Learn from the index; return False if it lacks needed information."""
+    def _take(self, index: Iterator[Any]) -> FileSummary | None:
+        """Learn from the index; return None if it lacks needed information."""
         statistics: Statistics | None = None
         for record in index:
             if isinstance(record, ChunkIndex):
                 self.compressions.add(record.compression)
                 times = record.message_start_time, record.message_end_time
                 where = record.chunk_start_offset, record.chunk_length
-                heads = 15 * len(record.message_index_offsets)  # and 16 bytes a message
-                count = max(0, record.message_index_length - heads) // 16 if heads else 0
-                self.spans.append(Span(*times, *where, record.uncompressed_size, count))
+                self.spans.append(Span(*times, *where, record.uncompressed_size))
             elif isinstance(record, Statistics):
                 statistics = record
             elif isinstance(record, MetadataIndex) and record.name == "rosbag2":
                 found, _ = next(records_from(self.stream, record.offset, self._end), _NONE)
                 if not isinstance(found, Metadata):
                     raise ValueError("its index points to metadata that is not there")
-                self.channels.learn(found)
+                self.learn(found)
             else:
-                self.channels.learn(record)
+                self.learn(record)
         if statistics is None:
-            return False
-        topics, counts = self.channels.topics, statistics.channel_message_counts
+            return None
+        topics, counts = self.topics, statistics.channel_message_counts
         if (
             len(topics) < statistics.channel_count
             or len(self.spans) < statistics.chunk_count
@@ -423,9 +382,9 @@ class _File:
             or sum(counts.values()) != statistics.message_count
             or (counts and not self.spans)
         ):
-            return False
+            return None
         size = sum(span.size for span in self.spans)
-        self._allowance.spend(size)
+        self.allowance.spend(size)
         if statistics.message_count > (most := size // _SMALLEST_MESSAGE):
             raise ValueError(
                 f"its index counts {statistics.message_count} messages; "
@@ -433,16 +392,16 @@ class _File:
             )
         for channel, count in counts.items():
             self.counts[topics[channel].name] += count
-        self._times = statistics.message_start_time, statistics.message_end_time
-        return True
+        times = statistics.message_start_time, statistics.message_end_time
+        return FileSummary(self.path.name, self.stored_size, statistics.message_count, *times)
 
-    def _read_everything(self) -> None:
+    def _read_everything(self) -> FileSummary:
         """Find and count the messages of a file without a full index."""
         self.spans, self.compressions = [], set()
         start = at = len(MAGIC)
         size, times = 0, list[int]()
         for record, after in records_from(self.stream, at, self._end):
-            for message in self._messages(record, self._allowance):
+            for message in self._messages(record, self.allowance):
                 self.counts[self._name_of(message.channel_id)] += 1
                 times.append(message.log_time)
             if isinstance(record, Chunk | Message):
@@ -450,15 +409,18 @@ class _File:
             size += getattr(record, "uncompressed_size", after - at)
             at = after
             if times and size > _PIECE:
-                self.spans.append(Span(min(times), max(times), start, at - start, size, len(times)))
+                self.spans.append(Span(min(times), max(times), start, at - start, size))
                 start, size, times = at, 0, []
         if times:
-            self.spans.append(Span(min(times), max(times), start, at - start, size, len(times)))
+            self.spans.append(Span(min(times), max(times), start, at - start, size))
+        first = min((span.start_ns for span in self.spans), default=0)
+        last = max((span.end_ns for span in self.spans), default=0)
+        return FileSummary(self.path.name, self.stored_size, self.counts.total(), first, last)
 
     def _name_of(self, channel: int) -> str:
-        if channel not in self.channels.topics:
+        if channel not in self.topics:
             raise ValueError(f"a message names channel {channel}, which does not exist")
-        return self.channels.topics[channel].name
+        return self.topics[channel].name
 
     def _messages(self, record: Any, allowance: Allowance | None) -> Iterator[Message]:
         """Yield the messages that a record is or holds, and learn what others say."""
@@ -470,16 +432,13 @@ class _File:
                 if isinstance(one, Message):
                     yield one
                 else:
-                    self.channels.learn(one)
+                    self.learn(one)
         else:
-            self.channels.learn(record)
+            self.learn(record)
 
-    def messages_of(self, span: Span, wanted: Wanted) -> list[BagMessage]:
-        """Return the wanted messages of a span, the last one first.
-
-        Raises BagError: they are damaged, or too many for the memory.
-        """
-        found, room, size = list[BagMessage](), _LARGEST_OPEN, 0
+    def messages_of(self, span: Span, wanted: Wanted) -> Iterator[BagMessage]:
+        """Yield the wanted messages of a span as they stand there; BagError: they are damaged."""
+        size = 0
         with reading(self.path):
             end = span.offset + span.length
             if end > self._end:
@@ -493,29 +452,15 @@ class _File:
                     name, ns = self._name_of(one.channel_id), one.log_time
                     if not span.start_ns <= ns <= span.end_ns:
                         raise ValueError("a message lies outside the time range of the index")
-                    if wanted.topics is not None and name not in wanted.topics:
-                        continue
-                    if wanted.start_ns <= ns < wanted.end_ns:
-                        found.append(BagMessage(name, ns, one.publish_time, one.sequence, one.data))
-                        room -= len(one.data) + _PER_MESSAGE
-                        if room < 0:
-                            raise _too_much(self.path)
-        found.sort(key=attrgetter("log_ns"))  # at one time, in the order of the file
-        found.reverse()
-        return found
-
-
-def _too_much(path: Path) -> BagError:
-    return BagError(
-        f"{path}: its messages are too far out of order to be sorted in memory; sort them with "
-        "`mcap sort` or `ros2 bag convert`"
-    )
+                    chosen = wanted.topics is None or name in wanted.topics
+                    if chosen and wanted.start_ns <= ns < wanted.end_ns:
+                        yield BagMessage(name, ns, one.publish_time, one.sequence, one.data)
 
 
 class McapFiles:
     """The open MCAP files of a bag as one."""
 
-    def __init__(self, path: Path, files: list[Path]) -> None:
+    def __init__(self, path: Path, files: list[Path], stored: StoredMetadata | None) -> None:
         """Open the files of a bag.
 
         Raises BagError: one cannot be read.
@@ -524,53 +469,30 @@ class McapFiles:
         self._files: list[_File] = []
         self.topics: dict[str, TopicDescription] = {}  #: by name
         self.counts: Counter[str] = Counter()  #: messages by topic
-        try:
+        #: what ``metadata.yaml`` says, or without one the last file that has any metadata
+        self.metadata = stored or StoredMetadata()
+        with contextlib.ExitStack() as opened:
             for name in files:
                 file = _File(name)
+                opened.callback(file.stream.close)
                 self._files.append(file)
                 self.counts.update(file.counts)
-                for topic in file.channels.topics.values():
+                for topic in file.topics.values():
                     known = self.topics.setdefault(topic.name, topic)
                     if known.type != topic.type:
                         types = f"{known.type} and {topic.type}"
                         raise damaged(name, f"topic {topic.name} has two types, {types}")
-        except BaseException:
-            self.close()
-            raise
-        self.files = [file.summary() for file in self._files]  #: a summary of each
+                if file.metadata_text and not stored:
+                    try:
+                        self.metadata = parse_metadata(file.metadata_text)
+                    except ValueError as error:
+                        raise damaged(name, f"its metadata: {error}") from error
+            self.close = opened.pop_all().close  #: closes the files; twice does no harm
+        self.files = [file.summary for file in self._files]  #: a summary of each
         #: of the chunks: "zstd", "lz4", "" for none
         self.compressions = sorted({one for file in self._files for one in file.compressions})
         #: names of the programs that wrote the files
         self.libraries = sorted({file.library for file in self._files})
-
-    def close(self) -> None:
-        """Close the files; twice does no harm."""
-        for file in self._files:
-            file.stream.close()
-
-    @property
-    def metadata(self) -> StoredMetadata:
-        """The metadata in the last file that has any; BagError if they are broken."""
-        for file in reversed(self._files):
-            if file.channels.metadata_text:
-                try:
-                    return parse_metadata(file.channels.metadata_text)
-                except ValueError as error:
-                    raise damaged(file.path, f"its metadata: {error}") from error
-        return StoredMetadata()
-
-    def log_times(self) -> Iterator[tuple[int, int]]:
-        """Yield times (ns) within half an hour of those of all messages, and of how many each is.
-
-        Raises BagError: a file is damaged.
-        """
-        for file in self._files:
-            for span in file.spans:
-                if span.messages and span.end_ns - span.start_ns < _HALF_HOUR:
-                    yield span.start_ns, 1
-                    yield span.end_ns, span.messages - 1
-                else:
-                    yield from ((one.log_ns, 1) for one in file.messages_of(span, Wanted()))
 
     def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages in order of time; at one time, in the order of their spans.
@@ -584,24 +506,21 @@ class McapFiles:
             if span.start_ns < wanted.end_ns and span.end_ns >= wanted.start_ns
         ]
         found.sort(key=lambda one: one[0].start_ns)
-        # Messages in memory, by the time of the next one, which is the last of its list.
-        opened: list[tuple[int, int, list[BagMessage]]] = []
+        waiting: list[tuple[int, int, int, BagMessage]] = []  # by time, span, and place in it
         size = 0  # of them, bytes
         for number, opening in enumerate([*found, None]):
-            until = opening[0].start_ns if opening else 2**64
-            while opened and opened[0][0] < until:
-                _, of, part = opened[0]
-                message = part.pop()
+            while waiting and (not opening or waiting[0][0] < opening[0].start_ns):
+                message = heapq.heappop(waiting)[-1]
                 size -= len(message.data) + _PER_MESSAGE
                 yield message
-                if part:
-                    heapq.heapreplace(opened, (part[-1].log_ns, of, part))
-                else:
-                    heapq.heappop(opened)
-            if opening:
-                span, file = opening
-                if part := file.messages_of(span, wanted):
-                    heapq.heappush(opened, (part[-1].log_ns, number, part))
-                    size += sum(len(one.data) + _PER_MESSAGE for one in part)
-                if len(opened) > 1 and size > _MOST_OPEN:
-                    raise _too_much(self._path)
+            if not opening:
+                break
+            most = _MOST_OPEN if waiting else _LARGEST_OPEN
+            for place, message in enumerate(opening[1].messages_of(opening[0], wanted)):
+                heapq.heappush(waiting, (message.log_ns, number, place, message))
+                size += len(message.data) + _PER_MESSAGE
+                if size > most:
+                    raise BagError(
+                        f"{self._path}: its messages are too far out of order to be sorted in "
+                        "memory; sort them with `mcap sort` or `ros2 bag convert`"
+                    )

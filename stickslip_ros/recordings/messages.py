@@ -17,9 +17,9 @@ from mcap.records import Schema
 from mcap_ros2._dynamic import serialize_dynamic  # the way to its encoders without a file
 from mcap_ros2.decoder import DecoderFactory
 
-from stickslip_ros.recordings.errors import BagError, UndecodableError, short
+from stickslip_ros.recordings.errors import BagError, short
 from stickslip_ros.recordings.mcap_files import BagMessage
-from stickslip_ros.recordings.metadata import CDR, TopicDescription
+from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.schemas import JOINT_STATE_TYPE, STATUS_TYPE, nanoseconds
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     schema = f"{lines[:at]}\nuint8[{len(_MARK)}] {_END}\n{lines[at:]}"
     with _described(topic, where):
         decode = DecoderFactory().decoder_for(
-            CDR, Schema(id=1, data=schema.encode(), encoding="ros2msg", name=topic.type)
+            "cdr", Schema(id=1, data=schema.encode(), encoding="ros2msg", name=topic.type)
         )
         if decode is None:
             raise ValueError("it has no definition")
@@ -74,7 +74,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             if end != _MARK:
                 _check_end(message, end)
         except Exception as error:  # the library has no error of its own for what is wrong
-            raise UndecodableError(
+            raise BagError(
                 f"a message on {where} is not of that type: {short(error)}; "
                 "the recording is damaged or has the wrong schema"
             ) from error
@@ -86,10 +86,10 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
 @contextlib.contextmanager
 def _described(topic: TopicDescription, where: str) -> Iterator[None]:
     """Check that the library knows the format of a topic; name what is wrong with its schema."""
-    if topic.encoding != CDR or topic.schema_encoding != "ros2msg" or not topic.schema:
+    if topic.encoding != "cdr" or topic.schema_encoding != "ros2msg" or not topic.schema:
         schema_kind = topic.schema_encoding if topic.schema else "missing"
         found = f"{topic.encoding or 'of no format'}, schema {schema_kind}"
-        raise UndecodableError(
+        raise BagError(
             f"{where} cannot be decoded: its messages are {found}; record it with "
             "`stickslip bag record` or `ros2 bag record -s mcap`, which write cdr and ros2msg"
         )
@@ -102,7 +102,7 @@ def _described(topic: TopicDescription, where: str) -> Iterator[None]:
             yield
     # The text is a stranger's and the parser has no error of its own for what is wrong with it.
     except Exception as error:
-        raise UndecodableError(
+        raise BagError(
             f"{where} cannot be decoded, its schema is broken: {short(error)}; "
             "record it anew or leave the topic out"
         ) from error
@@ -135,9 +135,9 @@ def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
     return encode
 
 
-def not_of_type(bag: BagReader, topic: str, error: Exception) -> UndecodableError:
+def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:
     """Return the error for a topic whose messages lack fields of its type."""
-    return UndecodableError(
+    return BagError(
         f"the messages on {topic} of {bag.path} are not of the type {bag.topics[topic].type} that "
         f"they are said to be ({error}); record the topic anew or leave it out"
     )

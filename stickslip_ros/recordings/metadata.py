@@ -7,9 +7,9 @@ Metadata are written in version 9 and read in every version.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,6 @@ from stickslip_ros.recordings.errors import BagError, reading, short
 METADATA_FILE = "metadata.yaml"
 METADATA_VERSION = 9
 """The version that is written, and the newest that is read."""
-
-CDR = "cdr"
-"""The format of the messages of ROS 2."""
 
 OUTER_KEY = "rosbag2_bagfile_information"
 """The key of ``metadata.yaml`` that holds the metadata of a bag."""
@@ -92,13 +89,13 @@ class TopicDescription:
     type_hash: str = ""  #: ``RIHS01_...``, empty when not known
     offered_qos: tuple[OfferedQos, ...] = ()  #: one entry a publisher
     schema_encoding: str = "ros2msg"  #: the language of the schema
-    encoding: str = CDR  #: the format of the messages
+    encoding: str = "cdr"  #: the format of the messages
 
 
-@dataclass(frozen=True)
+@dataclass
 class FileSummary:
-    """Name of a storage file, its size on the disk (bytes), how many messages it has, from when to
-    when (log times in ns, 0 without messages)."""
+    """Name of a storage file, its size on the disk (bytes, 0 while it is written), how many
+    messages it has, from when to when (log times in ns, 0 without messages)."""
 
     name: str
     size: int = 0
@@ -213,8 +210,10 @@ class StoredMetadata:
 
     version: int = METADATA_VERSION
     storage: str = "mcap"
-    files: tuple[str, ...] = ()  #: names of the storage files
-    topics: tuple[TopicDescription, ...] = ()  #: without schemas, which stand in the files
+    #: of the storage files; some versions put the folder, in which they lie in any case, in front
+    names: frozenset[str] = frozenset()
+    #: by name, without schemas, which stand in the files
+    topics: dict[str, TopicDescription] = field(default_factory=dict)
     compression_format: str = ""
     #: "", "file" or "message": rosbag2's own, around or inside the files
     compression_mode: str = ""
@@ -224,16 +223,12 @@ class StoredMetadata:
 
     def completed(self, topic: TopicDescription) -> TopicDescription:
         """Return a topic with the hash and the QoS given here if its file does not give any."""
-        stored = self._by_name.get(topic.name, topic)
+        stored = self.topics.get(topic.name, topic)
         return replace(
             topic,
             type_hash=topic.type_hash or stored.type_hash,
             offered_qos=topic.offered_qos or stored.offered_qos,
         )
-
-    @cached_property
-    def _by_name(self) -> dict[str, TopicDescription]:
-        return {topic.name: topic for topic in self.topics}
 
 
 def parse_metadata(text: str) -> StoredMetadata:
@@ -247,11 +242,12 @@ def parse_metadata(text: str) -> StoredMetadata:
     found = _get(found, OUTER_KEY, dict, found)
     custom = _get(found, "custom_data", dict)
     files, entry = _get(found, "relative_file_paths", list), "an entry of relative_file_paths"
+    topics = _get(found, "topics_with_message_count", list)
     return StoredMetadata(
         version=_get(found, "version", int),
         storage=_get(found, "storage_identifier", str),
-        files=tuple(_get({entry: one}, entry, str) for one in files),
-        topics=tuple(map(_topic, _get(found, "topics_with_message_count", list))),
+        names=frozenset(Path(_get({entry: one}, entry, str)).name for one in files),
+        topics={topic.name: topic for topic in map(_topic, topics)},
         compression_format=_get(found, "compression_format", str),
         compression_mode=_get(found, "compression_mode", str).lower(),
         ros_distro=_get(found, "ros_distro", str),
@@ -269,7 +265,7 @@ def _topic(entry: Any) -> TopicDescription:
         schema="",
         type_hash=_get(found, "type_description_hash", str),
         offered_qos=qos_profiles(offered) if isinstance(offered, str) else _profiles(offered),
-        encoding=_get(found, "serialization_format", str, CDR),
+        encoding=_get(found, "serialization_format", str, "cdr"),
     )
 
 
@@ -336,17 +332,15 @@ def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path
         raise BagError(f"there is no bag {path}; check the name")
     if not path.is_dir():
         return [path]
+    said = stored.storage if stored else "mcap"
     with reading(path):
         files = sorted(path.iterdir(), key=_numbered)
-    by_kind = {
-        kind: [file for file in files if file.name.endswith(ends)] for kind, ends in _ENDS.items()
-    }
-    wanted = by_kind.get(stored.storage if stored else "")  # what is said may be wrong
-    if found := wanted or by_kind["mcap"] or by_kind["sqlite3"]:
-        return found
-    if stored and stored.storage not in _ENDS:
+    for ends in (_ENDS.get(said, ()), *_ENDS.values()):  # what is said may be wrong
+        if found := [file for file in files if file.name.endswith(ends)]:
+            return found
+    if said not in _ENDS:
         raise BagError(
-            f"{path} is stored as {stored.storage}, of which it has no file that can be read; make "
+            f"{path} is stored as {said}, of which it has no file that can be read; make "
             f"an MCAP bag of it with `ros2 bag convert -i {path} -o OPTIONS.yaml`, where "
             "OPTIONS.yaml says output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
         )
@@ -354,6 +348,22 @@ def storage_files(path: Path, stored: StoredMetadata | None = None) -> list[Path
         f"there is no .mcap or .db3 file in {path}; name the folder of a bag, or tables "
         f"by their files ({path}/*.csv)"
     )
+
+
+def differences(
+    stored: StoredMetadata, files: list[Path], kind: str, messages: int
+) -> Iterator[str]:
+    """Yield what ``metadata.yaml`` says otherwise than the storage files, the worst first."""
+    found = {file.name for file in files}
+    if missing := ", ".join(sorted(stored.names - found)):
+        yield f"{METADATA_FILE} names {missing}, which is not there"
+    if stored.names and (others := ", ".join(sorted(found - stored.names))):
+        yield (f"{METADATA_FILE} does not name {others}, which `stickslip bag recover` alone takes")
+    if stored.message_count not in (None, messages):
+        yield f"{METADATA_FILE} counts {stored.message_count} messages, {messages} were found"
+    if stored.storage != kind:
+        said = stored.storage or "nothing"
+        yield f"{METADATA_FILE} says {said} of its storage, but {files[0].name} is {kind}"
 
 
 def storage_of(file: Path) -> str:

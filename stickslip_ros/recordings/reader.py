@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import tempfile
 from collections import Counter
@@ -13,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.base.errors import printable
-from stickslip_ros.base.opening import Allowance, open_regular
-from stickslip_ros.recordings.clocks import FEW, HOUR, Bulk, Moments
+from stickslip_ros.base.opening import Allowance
+from stickslip_ros.recordings.clocks import FEW, HOUR, UNSET, Bulk, bulk_of
 from stickslip_ros.recordings.errors import BagError, damaged, reading, short
-from stickslip_ros.recordings.mcap_files import BagMessage, McapFiles, Wanted, unpack_message
+from stickslip_ros.recordings.mcap_files import LARGEST_CHUNK, BagMessage, McapFiles, Wanted, unpack
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
     METADATA_VERSION,
@@ -24,6 +25,7 @@ from stickslip_ros.recordings.metadata import (
     OfferedQos,
     StoredMetadata,
     TopicDescription,
+    differences,
     storage_files,
     storage_of,
     stored_metadata,
@@ -40,81 +42,66 @@ def open_bag(path: Path | str) -> BagReader:
 
     Raises BagError: it cannot be read; the text names the file and the cure.
     """
-    return BagReader(path)
+    path = Path(path).expanduser().absolute()
+    with reading(path):
+        stored = stored_metadata(path)
+        there = storage_files(path, stored)
+        files = [one for one in there if stored and one.name in stored.names] or there
+        kind = storage_of(files[0])
+        if stored:
+            if stored.version > METADATA_VERSION:
+                raise BagError(
+                    f"{path / METADATA_FILE} has version {stored.version}; the newest known is "
+                    f"version {METADATA_VERSION}; install a newer stickslip_ros"
+                )
+            if stored.compression_mode and (kind != "mcap" or stored.compression_format != "zstd"):
+                raise BagError(
+                    f"{path} is compressed with '{stored.compression_format}', but only zstd is "
+                    "supported, and only of MCAP bags; unpack it with `ros2 bag convert`"
+                )
+            if missing := stored.names - {file.name for file in there}:
+                raise BagError(
+                    f"{path} lacks {', '.join(sorted(missing))}, which its {METADATA_FILE} names; "
+                    f"restore it, or move {METADATA_FILE} away to read the rest"
+                )
+        bag = BagReader(path, (McapFiles if kind == "mcap" else RosbagsFiles)(path, files, stored))
+    if stored:
+        for text in islice(differences(stored, there, kind, bag.message_count), 1):
+            bag.warn(f"{path}: {text}; `ros2 bag reindex` writes it anew")
+    elif (path / METADATA_FILE).exists():
+        bag.warn(f"{path / METADATA_FILE} is too long; its bag is read without it")
+    return bag
 
 
 class BagReader:
     """A recording, open for reading; also a context manager that closes it."""
 
-    def __init__(self, path: Path | str) -> None:
-        """Open a folder or a file; messages are read later.
-
-        Raises BagError: it cannot be read; the text names the file and the cure.
-        """
-        self.path = Path(path).expanduser().absolute()  #: what was opened
+    def __init__(self, path: Path, storage: McapFiles | RosbagsFiles) -> None:
+        """Take open files."""
+        self.path = path  #: what was opened
+        #: what ``metadata.yaml``, or without one the files, say besides
+        self.metadata = metadata = storage.metadata
         self.warnings: list[str] = []  #: what may be missing, a sentence each; none if nothing is
-        with reading(self.path):
-            stored = stored_metadata(self.path)
-            if not stored and self.path.is_dir() and (self.path / METADATA_FILE).exists():
-                self._warn(f"{self.path / METADATA_FILE} is too long; its bag is read without it")
-            files = self._storage_files(stored)
-            kind = storage_of(files[0])
-            by_rosbags = kind != "mcap"
-            if stored and stored.storage != kind:
-                self._warn(
-                    f"{METADATA_FILE} of {self.path} says {stored.storage or 'nothing'} of its "
-                    f"storage, but {files[0].name} is {kind}, and is read as that"
-                )
-            if stored:
-                _check_supported(self.path, stored, by_rosbags)
-            self._storage = (RosbagsFiles if by_rosbags else McapFiles)(self.path, files)
-        try:
-            #: what ``metadata.yaml``, or without one the files, say besides
-            self.metadata = stored or self._storage.metadata
-        except BaseException:
-            self.close()
-            raise
         #: text by key that the recorder left in the metadata
-        self.custom_data: dict[str, str] = self.metadata.custom_data
-        topics = {topic.name: topic for topic in self.metadata.topics}
-        topics |= {name: self.metadata.completed(one) for name, one in self._storage.topics.items()}
+        self.custom_data: dict[str, str] = metadata.custom_data
+        topics = metadata.topics | {
+            name: metadata.completed(one) for name, one in storage.topics.items()
+        }
         #: every topic by its name, those without messages too
         self.topics: dict[str, TopicDescription] = dict(sorted(topics.items()))
         #: messages by topic
-        self.counts: dict[str, int] = {name: self._storage.counts[name] for name in self.topics}
-        self.files: list[FileSummary] = self._storage.files  #: the storage files
+        self.counts: dict[str, int] = {name: storage.counts[name] for name in self.topics}
+        self.files: list[FileSummary] = storage.files  #: the storage files
         #: of the chunks: "zstd", "lz4", "" for none
-        self.compressions: list[str] = self._storage.compressions
+        self.compressions: list[str] = storage.compressions
         #: names of the programs that wrote the files
-        self.libraries: list[str] = self._storage.libraries
-        if stored and stored.message_count not in (None, self.message_count) and not self.warnings:
-            self._warn(
-                f"{METADATA_FILE} of {self.path} counts {stored.message_count} messages, its files "
-                f"hold {self.message_count}; `ros2 bag reindex` writes it anew"
-            )
+        self.libraries: list[str] = storage.libraries
+        self._storage = storage
 
-    def _storage_files(self, stored: StoredMetadata | None) -> list[Path]:
-        if not (stored and stored.files):
-            return storage_files(self.path, stored)
-        # Some versions put the name of the folder in front; the files lie in it in any case.
-        named = [self.path / Path(name).name for name in stored.files]
-        if missing := [file.name for file in named if not file.exists()]:
-            raise BagError(
-                f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
-                f"restore it, or move {METADATA_FILE} away to read the rest"
-            )
-        others = [file.name for file in storage_files(self.path, stored) if file not in named]
-        if others:
-            self._warn(
-                f"{METADATA_FILE} of {self.path} does not name {', '.join(others)}, which is "
-                "left out; `stickslip bag recover` makes a bag with all files"
-            )
-        return named
-
-    def _warn(self, what: str) -> None:
-        what = printable(what)
-        self.warnings.append(what)
-        _LOG.warning(what)  # on stderr, unless the program says otherwise
+    def warn(self, what: str) -> None:
+        """Take a warning, and log it."""
+        self.warnings.append(printable(what))
+        _LOG.warning(self.warnings[-1])  # on stderr, unless the program says otherwise
 
     def __enter__(self) -> BagReader:
         """Return the open bag."""
@@ -142,12 +129,13 @@ class BagReader:
         filled = [file for file in self.files if file.messages]
         start = min((file.start_ns for file in filled), default=0)
         end = max((file.end_ns for file in filled), default=0)
-        if end - start <= HOUR:
+        hours = Wanted(None, start, start + HOUR), Wanted(None, end - HOUR, end + 1)
+        # Of more than a few in its first and in its last hour, a bag is not read as a whole.
+        if end - start <= HOUR or (
+            start > UNSET and all(len([*islice(self._read(one), FEW + 1)]) > FEW for one in hours)
+        ):
             return Bulk(start, end)
-        times = Moments()
-        for ns, count in self._storage.log_times():
-            times.add(ns, count)
-        return times.bulk()
+        return bulk_of(message.log_ns for message in self._read(Wanted()))
 
     @property
     def start_ns(self) -> int:
@@ -196,25 +184,13 @@ class BagReader:
             found += 1
             if packed:
                 with reading(self.path):
-                    message = message._replace(data=unpack_message(message.data, allowance))
+                    data = unpack(message.data, "zstd", LARGEST_CHUNK, allowance)
+                    message = message._replace(data=data)
             yield message
         topics = self.counts if wanted.topics is None else wanted.topics
         counted = sum(self.counts[name] for name in topics)
         if wanted == Wanted(wanted.topics) and found != counted:
             raise damaged(self.path, f"{counted} messages are counted, {found} were found")
-
-
-def _check_supported(path: Path, stored: StoredMetadata, by_rosbags: bool) -> None:
-    if stored.version > METADATA_VERSION:
-        raise BagError(
-            f"{path / METADATA_FILE} has version {stored.version}; the newest known version is "
-            f"{METADATA_VERSION}; install a newer stickslip_ros"
-        )
-    if stored.compression_mode and (by_rosbags or stored.compression_format != "zstd"):
-        raise BagError(
-            f"{path} is compressed with '{stored.compression_format}', but only zstd is supported, "
-            "and only of MCAP bags; unpack it with `ros2 bag convert`"
-        )
 
 
 class RosbagsFiles:
@@ -223,9 +199,7 @@ class RosbagsFiles:
     Their messages come as CDR with a ``ros2msg`` schema, so that everything else need not know.
     """
 
-    metadata = StoredMetadata(storage="", version=0)  # there are none inside
-
-    def __init__(self, path: Path, files: list[Path]) -> None:
+    def __init__(self, path: Path, files: list[Path], stored: StoredMetadata | None) -> None:
         """Open the files by themselves, because the topics in ``metadata.yaml`` may be wrong.
 
         Raises BagError: one cannot be read, or ``rosbags`` is not installed.
@@ -239,77 +213,41 @@ class RosbagsFiles:
                 "sqlite3 and of ROS 1"
             ) from None
         self._path = path
-        self._reader: Any = None
+        self.metadata = stored or StoredMetadata(storage="", version=0)  # there are none inside
         self.topics: dict[str, TopicDescription] = {}
         self.counts: Counter[str] = Counter()
         self.compressions: list[str] = []
         self.files: list[FileSummary] = []
-        for file in files:
-            open_regular(file).close()
-        self._links = tempfile.TemporaryDirectory(prefix="stickslip-")
         try:
-            named = [self._named(file, number) for number, file in enumerate(files)]
-            # Definitions stand in bags of ROS 1 and, since Iron, in those of ROS 2.
-            store = None if named[0].suffix == ".bag" else get_typestore(Stores.LATEST)
-            reader = AnyReader(named, default_typestore=store)
-            reader.open()
-            self._reader = reader
-            self._describe(files)
+            with contextlib.ExitStack() as opened:
+                links = opened.enter_context(tempfile.TemporaryDirectory(prefix="stickslip-"))
+                named = [_named(file, Path(links, str(k))) for k, file in enumerate(files)]
+                # Definitions stand in bags of ROS 1 and, since Iron, in those of ROS 2.
+                store = None if named[0].suffix == ".bag" else get_typestore(Stores.LATEST)
+                reader: Any = AnyReader(named, default_typestore=store)
+                self._reader = opened.enter_context(reader)
+                for connection in reader.connections:
+                    self.topics.setdefault(connection.topic, self._topic(connection))
+                    self.counts[connection.topic] += connection.msgcount
+                self.close = opened.pop_all().close  #: closes the files; twice does no harm
         except Exception as error:  # whatever a damaged file leads to, in several libraries
-            self.close()
             raise self._unreadable(error) from error
-
-    def close(self) -> None:
-        """Close the files; twice does no harm."""
-        if self._reader is not None:
-            self._reader.close()
-            self._reader = None
-        self._links.cleanup()
-
-    def _named(self, file: Path, number: int) -> Path:
-        """Return a file under a name that tells `rosbags` what it is."""
-        end = {"sqlite3": ".db3", "ros1": ".bag"}.get(storage_of(file), file.suffix)
-        if file.suffix == end:
-            return file
-        link = Path(self._links.name, f"{number}{end}")
-        link.symlink_to(file)
-        return link
-
-    def _describe(self, files: list[Path]) -> None:
-        for connection in self._reader.connections:
-            self.topics.setdefault(connection.topic, self._topic(connection))
-            self.counts[connection.topic] += connection.msgcount
-        for file, one in zip(files, self._reader.readers, strict=True):
+        for file, one in zip(files, reader.readers, strict=True):
             times = (one.start_time, one.end_time - 1) if one.message_count else (0, 0)
             size = file.stat().st_size
             self.files.append(FileSummary(file.name, size, one.message_count, *times))
-        self.libraries = ["rosbag2 sqlite3" if self._reader.is2 else "rosbag of ROS 1"]
+        self.libraries = ["rosbag2 sqlite3" if reader.is2 else "rosbag of ROS 1"]
 
     def _topic(self, connection: Connection) -> TopicDescription:
-        store = self._reader.typestore
-        schema = ""
-        if connection.msgtype in store.fielddefs:
-            schema = store.generate_msgdef(connection.msgtype, ros_version=2)[0]
+        store, is2 = self._reader.typestore, self._reader.is2
+        known = connection.msgtype in store.fielddefs
         return TopicDescription(
             name=connection.topic,
             type=connection.msgtype,
-            schema=schema,
-            type_hash=connection.digest if self._reader.is2 else "",
-            offered_qos=() if self._reader.is2 else (OfferedQos(),),
+            schema=store.generate_msgdef(connection.msgtype, ros_version=2)[0] if known else "",
+            type_hash=connection.digest if is2 else "",
+            offered_qos=() if is2 else (OfferedQos(),),
         )
-
-    def log_times(self) -> Iterator[tuple[int, int]]:
-        """Yield times (ns) of messages, and of how many each is; BagError: a file is damaged.
-
-        Where many were recorded in the first and in the last hour, none are apart from the others,
-        and the files need not be read as a whole.
-        """
-        filled = [file for file in self.files if file.messages]
-        first, last = min(f.start_ns for f in filled), max(f.end_ns for f in filled)
-        hours = Wanted(None, first, first + HOUR), Wanted(None, last - HOUR, last + 1)
-        if all(sum(1 for _ in islice(self.messages(one), FEW + 1)) > FEW for one in hours):
-            return iter(((first, FEW + 1), (last, FEW + 1)))
-        return ((message.log_ns, 1) for message in self.messages(Wanted()))
 
     def messages(self, wanted: Wanted) -> Iterator[BagMessage]:
         """Yield messages in order of time.
@@ -339,3 +277,13 @@ class RosbagsFiles:
             f"{self._path} cannot be read: {short(error)}; record it anew, or make an MCAP bag of "
             "it with `ros2 bag convert`"
         )
+
+
+def _named(file: Path, link: Path) -> Path:
+    """Return a file, which has to be one, under a name that tells ``rosbags`` what it is."""
+    end = {"sqlite3": ".db3", "ros1": ".bag"}.get(storage_of(file), file.suffix)
+    if file.suffix == end:
+        return file
+    link = link.with_suffix(end)
+    link.symlink_to(file)
+    return link

@@ -13,7 +13,6 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from io import BytesIO
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -25,21 +24,21 @@ from stickslip_ros.base.files import whole_folder
 from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
 from stickslip_ros.recordings.mcap_files import (
     HEAD,
+    LARGEST_CHUNK,
     LARGEST_PACKED,
     MAGIC,
     BagMessage,
-    Channels,
     Storage,
-    index_of,
     parse,
     records_from,
-    unpack_message,
+    unpack,
     unpacked,
 )
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
     StoredMetadata,
     TopicDescription,
+    differences,
     parse_metadata,
     storage_files,
     storage_of,
@@ -53,9 +52,8 @@ _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 _FIRST_PRIVATE = 0x80  # opcodes from here on are anybody's
 _LARGEST_OTHER = 1024 * 1024  # bytes of a record outside of chunks that is used
 _PIECE = 1024 * 1024  # bytes of the file that are read and searched together
-# A chunk record: its opcode and a length of less than 128 MiB; and its least bytes.
-_CHUNK_START = re.compile(rb"\x06.{3}[\x00-\x07]\x00{4}", re.DOTALL)
-_SMALLEST_CHUNK = 49
+# A chunk record: its opcode and a length of less than 128 MiB.
+_CHUNK_START = re.compile(rb"\x06(?=.{3}[\x00-\x07]\x00{4})", re.DOTALL)
 # What looks like a chunk and is none may be read again and again, one inside the other: so many
 # times the size of the file, and so many bytes besides. One costs as much as some bytes at least.
 _FALSE_FACTOR, _FALSE_BYTES, _FALSE_LEAST = 4, 256 * 1024 * 1024, 4096
@@ -71,13 +69,6 @@ class Recovered:
     unprotected: int  #: messages in it that no checksum protected, or not the name of their topic
     #: what was wrong with the old bag, a sentence each; none if it was whole
     findings: tuple[str, ...]
-
-
-def recovered_name(bag: Path) -> Path:
-    """Return the default folder of a recovered bag."""
-    bag = bag.expanduser().absolute()
-    stem = bag.name if bag.is_dir() else re.split(r"\.mcap", bag.name)[0]
-    return bag.with_name(f"{stem}_recovered")
 
 
 def bytes_of(bag: Path) -> int:
@@ -97,25 +88,25 @@ def recover(
     """Write the undamaged parts of a bag into a new one; the old bag stays unchanged.
 
     bag: a folder or an MCAP file, finished or not.
-    out: folder of the new bag, which must not exist; :func:`recovered_name` if None.
+    out: folder of the new bag, which must not exist; if None, that of the old one with _recovered.
     on_bytes: called with the bytes gone through since it was called last.
     Raises BagError: there is nothing to recover, or the disk takes no more; there is no new
     folder then.
     Raises WriteError: the new folder exists or cannot be made.
     """
     bag = Path(bag).expanduser().absolute()
-    out = Path(out).expanduser().absolute() if out else recovered_name(bag)
+    stem = bag.name if bag.is_dir() else bag.name.partition(".mcap")[0]
+    out = Path(out or bag.with_name(f"{stem}_recovered")).expanduser().absolute()
     with reading(bag):
         files = storage_files(bag)
-        kinds = [storage_of(file) for file in files]
-    if kinds[0] == "sqlite3":
+        kind = storage_of(files[0])
+    if kind == "sqlite3":
         raise BagError(
             f"{files[0]} is a SQLite file, of which SQLite itself takes what is whole: "
             f"sqlite3 {files[0].name} .recover | sqlite3 NEW.db3"
         )
     with whole_folder(out) as folder, reading(bag):
-        found = _rewrite(bag, files, folder, on_bytes)
-    return replace(found, folder=out)
+        return replace(_rewrite(bag, files, folder, on_bytes), folder=out)
 
 
 def _rewrite(
@@ -137,32 +128,29 @@ def _rewrite(
             sources.append(_DamagedFile(file, findings, packed))
             opened.callback(sources[-1].stream.close)
         topics: dict[str, TopicDescription] = {}
-        found = ((one, source) for source in sources for one in source.messages(topics, on_bytes))
-        first = next(found, None)  # the chunks are packed as the first one was
-        writer = opened.enter_context(BagWriter(new, compression=sources[0].compression or "none"))
-        latest = sources[0]
-        for message, source in chain([first] if first else [], found):
-            name, log_ns, publish_ns, number, data = message
-            if source is not latest:
-                writer.split()
-                latest = source
-            if not writer.has_topic(name):
-                writer.add_topic(stored.completed(topics[name]) if stored else topics[name])
-            writer.write(name, data, log_ns=log_ns, publish_ns=publish_ns, sequence=number)
+        _, _, first = sources[0].next_chunk(0, sources[0].size)
+        packing = (first and first.compression) or "none"
+        writer = opened.enter_context(BagWriter(new, compression=packing))
+        for source in sources:
+            writer.split()
+            for name, log_ns, publish_ns, number, data in source.messages(topics, on_bytes):
+                if name not in writer.counts:
+                    writer.add_topic(stored.completed(topics[name]) if stored else topics[name])
+                writer.write(name, data, log_ns=log_ns, publish_ns=publish_ns, sequence=number)
         if not writer.message_count and not any(
             source.begins_right or not source.size for source in sources
         ):
             raise BagError(f"there is no part of a recording in {bag}; name the bag you mean")
         if stored:
-            findings += _differences(stored, files, writer.message_count)
-        for text in [source.channels.metadata_text for source in reversed(sources)]:
+            findings += differences(stored, files, "mcap", writer.message_count)
+        for source in reversed(sources):
             with contextlib.suppress(ValueError):
-                stored = stored or (parse_metadata(text) if text else None)
+                stored = stored or parse_metadata(source.metadata_text)
         stored = stored or StoredMetadata()
         writer.custom_data.update(stored.custom_data)
         writer.ros_distro = stored.ros_distro or writer.ros_distro
-        for topic in stored.topics:
-            if not writer.has_topic(topic.name):
+        for topic in stored.topics.values():
+            if topic.name not in writer.counts:
                 writer.add_topic(topic)
         writer.close()
     dropped = sum(source.dropped_bytes for source in sources)
@@ -171,28 +159,24 @@ def _rewrite(
     return Recovered(new, writer.message_count, dropped, unprotected, said)
 
 
-class _DamagedFile:
+class _DamagedFile(Storage):
     """A file that may be cut or damaged."""
 
     def __init__(self, path: Path, findings: list[str], packed_messages: bool) -> None:
         """Open it; findings takes what is wrong with it, a sentence each."""
+        super().__init__(path)
         self.dropped_bytes = 0  #: how much of it was of no use
         #: messages found that no checksum protects, or not the name of their topic
         self.unprotected = 0
-        self.compression = ""  #: of its first whole chunk
-        self.channels = Channels()  #: the topics and metadata read so far
-        self._name, self._findings, self._packed_messages = path.name, findings, packed_messages
+        self._findings, self._packed_messages = findings, packed_messages
         self._doubtful: set[int] = set()  # channels whose names no checksum protects
         self._window, self._window_at = b"", 0
-        storage = Storage(path)
-        self.stream, self.size, self._allowance = storage.stream, storage.size, storage.allowance
-        self.begins_right = storage.begins_right
         self._false_left = _FALSE_FACTOR * self.size + _FALSE_BYTES
-        if storage.fault:
-            self._find(storage.fault)
+        if self.fault:
+            self._find(self.fault)
 
     def _find(self, what: str) -> None:
-        self._findings.append(f"{self._name} {what}")
+        self._findings.append(f"{self.path.name} {what}")
 
     def _read(self, at: int, length: int) -> bytes:
         """Return a part of the file, shorter at its end."""
@@ -238,7 +222,7 @@ class _DamagedFile:
     def _learn_from_index(self) -> Statistics | None:
         """Learn topics; return the counts that the index holds, None without a checksum."""
         try:
-            footer, index = index_of(self.stream, self.size)
+            footer, index = self.index()
         except BROKEN:
             self._find("has no end: what its writer had not written yet is missing")
             return None
@@ -247,7 +231,7 @@ class _DamagedFile:
             for record in index if footer.summary_crc else ():
                 if isinstance(record, Statistics):
                     statistics = record
-                self.channels.learn(record)
+                self.learn(record)
         except BROKEN as error:
             self._find(f"has a damaged index, which is not believed: {short(error)}")
             return None
@@ -255,12 +239,12 @@ class _DamagedFile:
 
     def _learn(self, record: Any, protected: bool) -> None:
         """Learn what a record says; one that is broken is passed over."""
-        known = len(self.channels.topics)
+        known = len(self.topics)
         try:
-            self.channels.learn(record)
+            self.learn(record)
         except BROKEN:
             self.dropped_bytes += HEAD.size
-        if len(self.channels.topics) > known and not protected and isinstance(record, Channel):
+        if len(self.topics) > known and not protected and isinstance(record, Channel):
             self._doubtful.add(record.id)
 
     def _unpacked(self, record: Any) -> Iterator[Any]:
@@ -278,11 +262,12 @@ class _DamagedFile:
 
     def _message(self, found: Message, topics: dict[str, TopicDescription]) -> BagMessage | None:
         """Return a message; None if its topic is not known, or was of another type before."""
-        topic, data = self.channels.topics.get(found.channel_id), found.data
+        topic, data = self.topics.get(found.channel_id), found.data
         if topic is None or topics.setdefault(topic.name, topic).type != topic.type:
             return None
         try:
-            data = unpack_message(data, self._allowance) if self._packed_messages else data
+            if self._packed_messages:
+                data = unpack(data, "zstd", LARGEST_CHUNK, self.allowance)
         except ValueError:
             return None
         return BagMessage(topic.name, found.log_time, found.publish_time, found.sequence, data)
@@ -295,27 +280,48 @@ class _DamagedFile:
         closed = self._read(max(0, self.size - len(MAGIC)), len(MAGIC)) == MAGIC
         end = self.size - closed * len(MAGIC)
         seen: set[tuple[int, int]] = set()  # size and CRC of chunks; damage copies some
+        start, behind, chunk = self.next_chunk(at, end)
         while at < end:
-            try:
-                opcode, after = self._head_at(at, end)
-                record = None
-                if opcode == Opcode.CHUNK:
-                    record = self._chunk_at(at, after)
-                    mark = len(record.data), record.uncompressed_crc
-                    if mark in seen and mark[1]:
-                        raise ValueError("it holds a chunk twice")
-                    seen.add(mark)
-                elif not self._is_record(opcode, at, after):
-                    raise ValueError(f"there is no record at byte {at}")
-                elif opcode in _USED and after - at <= _LARGEST_OTHER:
-                    record = parse(opcode, self._read(at + HEAD.size, after - at - HEAD.size))
-            except BROKEN:
-                after = self._next_chunk(at + 1, end)
-                self.dropped_bytes += after - at
-            else:
-                if record is not None:
-                    yield record, after
+            if at < start:
+                try:
+                    record, after = self._loose_record(at, start, end)
+                except BROKEN:
+                    self.dropped_bytes += start - at
+                    record, after = None, start
+            elif chunk:
+                mark, after, record = (len(chunk.data), chunk.uncompressed_crc), behind, chunk
+                if mark in seen and mark[1]:
+                    self.dropped_bytes += after - at
+                    record = None
+                seen.add(mark)
+            if record is not None:
+                yield record, after
             at = after
+            if at > start:
+                start, behind, chunk = self.next_chunk(at, end)
+
+    def next_chunk(self, at: int, end: int) -> tuple[int, int, Chunk | None]:
+        """Return begin and end of the first whole chunk from a place on, and it, with its records
+        unpacked; the end of all if there is none."""
+        while at + HEAD.size <= end and self._false_left >= 0:
+            self._read(at, HEAD.size)
+            found = _CHUNK_START.search(self._window, at - self._window_at)
+            if not found:
+                at = self._window_at + len(self._window) - HEAD.size + 1
+                continue
+            start = after = self._window_at + found.start()
+            at = start + 1
+            try:
+                _, after = self._head_at(start, end)
+                if after - start > LARGEST_PACKED:
+                    raise ValueError("a chunk is too large")
+                body = self._read(start + HEAD.size, after - start - HEAD.size)
+                chunk: Chunk = parse(Opcode.CHUNK, body)
+                if data := unpacked(chunk, self.allowance):
+                    return start, after, replace(chunk, data=data)
+            except BROKEN:
+                self._false_left -= min(after - start, LARGEST_PACKED) + _FALSE_LEAST
+        return end, end, None
 
     def _head_at(self, at: int, end: int) -> tuple[int, int]:
         """Return opcode and end of the record at a place; ``BROKEN`` if there is none."""
@@ -324,63 +330,22 @@ class _DamagedFile:
             raise ValueError("a record is longer than what is left")
         return opcode, at + HEAD.size + length
 
-    def _chunk_at(self, at: int, end: int) -> Chunk:
-        """Return a chunk with its records unpacked; ``BROKEN`` if it is not whole."""
-        if end - at > LARGEST_PACKED:
-            raise ValueError("a chunk is too large")
-        chunk = parse(Opcode.CHUNK, self._read(at + HEAD.size, end - at - HEAD.size))
-        data = unpacked(chunk, self._allowance)
-        self.compression = self.compression or chunk.compression
-        return replace(chunk, data=data)
+    def _loose_record(self, at: int, limit: int, end: int) -> tuple[Any, int]:
+        """Return a record outside of chunks, None if it is of no use, and where it ends.
 
-    def _is_record(self, opcode: int, at: int, end: int) -> bool:
-        """Return whether a record without a checksum is at a place, and does not just look so.
-
-        Another record, or a part of one, or the end of the file has to follow; and there must not
-        be a chunk inside, as there is when its length is wrong, unless it is an attachment.
+        It has no checksum: it has to end where the next chunk begins, a limit, or another record,
+        or a part of one, has to follow. An attachment may hold what looks like chunks. ``BROKEN``
+        if it is none.
         """
-        head = self._read(end, HEAD.size)
-        if len(head) == HEAD.size:
+        opcode, after = self._head_at(
+            at, limit if self._read(at, 1)[0] != Opcode.ATTACHMENT else end
+        )
+        following, length = opcode, 0
+        if after != limit and len(head := self._read(after, HEAD.size)) == HEAD.size:
             following, length = HEAD.unpack(head)
-            if not (_is_known(following) and length <= self.size + LARGEST_PACKED - end):
-                return False
-        if not _is_known(opcode):
-            return False
-        hides = opcode != Opcode.ATTACHMENT and end - at > _SMALLEST_CHUNK
-        return not hides or self._next_chunk(at + 1, end) == end
-
-    def _next_chunk(self, at: int, limit: int) -> int:
-        """Return where the first whole chunk from a place on begins, a limit if there is none."""
-        while at < limit and self._false_left > 0:
-            window = self._read(at, min(_PIECE, limit - at))
-            for match in _CHUNK_START.finditer(window):
-                start, after = at + match.start(), at
-                with contextlib.suppress(*BROKEN):
-                    _, after = self._head_at(start, self.size)
-                    if self._chunk_at(start, after).data:
-                        return start
-                self._false_left -= max(0, min(after - start, LARGEST_PACKED)) + _FALSE_LEAST
-                if self._false_left < 0:
-                    return limit
-            if len(window) < _PIECE:
-                break
-            at += _PIECE - HEAD.size
-        return limit
-
-
-def _is_known(opcode: int) -> bool:
-    return opcode in _OPCODES or opcode >= _FIRST_PRIVATE
-
-
-def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:
-    """Yield the differences between metadata.yaml and the files."""
-    if stored.storage != "mcap":
-        yield f"{METADATA_FILE} says {stored.storage or 'nothing'} of the storage, which is mcap"
-    names = {Path(name).name for name in stored.files}
-    found = {file.name for file in files}
-    for name in sorted(names - found):
-        yield f"{METADATA_FILE} names {name}, which is not there"
-    for name in sorted(found - names):
-        yield f"{METADATA_FILE} does not name {name}; its messages are taken as well"
-    if stored.message_count not in (None, messages):
-        yield f"{METADATA_FILE} counts {stored.message_count} messages, {messages} were found"
+        known = all(one in _OPCODES or one >= _FIRST_PRIVATE for one in (opcode, following))
+        if opcode == Opcode.CHUNK or not known or length > self.size + LARGEST_PACKED - after:
+            raise ValueError(f"there is no record at byte {at}")
+        if opcode not in _USED or after - at > _LARGEST_OTHER:
+            return None, after
+        return parse(opcode, self._read(at + HEAD.size, after - at - HEAD.size)), after

@@ -23,6 +23,7 @@ from stickslip_ros.axis.resimulation import Rerun, model_changes, start_of
 from stickslip_ros.base.files import whole_folder
 from stickslip_ros.physics.model.arithmetic import arithmetic
 from stickslip_ros.physics.model.versions import MODEL_VERSION, ModelChange
+from stickslip_ros.recordings.mcap_files import BagMessage
 from stickslip_ros.recordings.messages import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import (
@@ -66,11 +67,6 @@ class Difference:
         if not abs(again - recorded) <= self.largest:
             self.largest, self.at = abs(again - recorded), time_ns * 1e-9
 
-    @property
-    def is_rounding(self) -> bool:
-        """Whether the difference may come from rounding alone."""
-        return self.largest <= _ROUNDING * self.scale
-
 
 @dataclass
 class Resimulated:
@@ -101,7 +97,7 @@ class Resimulated:
         """Whether every state came out again, but for the rounding of another processor."""
         if self.arithmetic == arithmetic():
             return self.bit_for_bit
-        return all(difference.is_rounding for difference in self.differences.values())
+        return all(one.largest <= _ROUNDING * one.scale for one in self.differences.values())
 
     def as_json(self) -> dict[str, Any]:
         """Return it as plain values, SI units."""
@@ -172,14 +168,13 @@ def _resimulate_run(
     _, version, digest = start_of(run.events)
     model = model_changes(run.events)
     found = Resimulated(run.node, version, digest, *model, applied - 1, rerun.left_out)
-    said = _Said(run)
+    said = _Said(run, found)
     for sample in recorded_states(bag, run):
         axis = rerun.advance(sample.time_ns * 1e-9)
         values = said.values(axis, sample)
-        found.unknown_velocities = said.unknown
         for name, index, again in values:
             recorded = getattr(sample.message, name)[index]
-            true = "true " if sample.topic == run.truth_topic else ""
+            true = "true " if sample.recorded.topic == f"{run.node}/truth" else ""
             what = f"{true}{sample.message.name[index]} {name}"
             difference = found.differences.setdefault(what, Difference())
             difference.note(recorded, again, sample.time_ns)
@@ -205,9 +200,8 @@ def _resimulate_run(
 class _Said:
     """What the messages about an axis say, computed again."""
 
-    def __init__(self, run: RecordedRun) -> None:
-        self.unknown = 0  # velocities that count from a report which is not in the bag
-        self._run = run
+    def __init__(self, run: RecordedRun, found: Resimulated) -> None:
+        self._run, self._found = run, found
         self._topics = run.state_topics
         self._report = JointReport()
         self._number: int | None = None  # of the last report
@@ -215,14 +209,14 @@ class _Said:
     def values(self, axis: Axis, sample: Sample) -> _Values:
         """Return field, index and value for all that a message says of the axis."""
         names, fields = list(sample.message.name), list(_UNITS)
-        joints = self._topics[sample.topic][1](axis)
-        if self._run.reports_readings and sample.topic == self._run.joint_topic:
-            number, self._number = self._number, sample.sequence
-            follows = number is not None and sample.sequence in (0, number + 1)  # 0: not numbered
-            if not follows:
+        topic, number = sample.recorded.topic, sample.recorded.sequence
+        joints = self._topics[topic][1](axis)
+        if self._run.reports_readings and topic.endswith("/joint_states"):
+            last, self._number = self._number, number
+            if last is None or number not in (0, last + 1):  # 0: not numbered
                 self._report = JointReport()
                 if axis.parameters.node.joint_state_source != TRUTH:
-                    self.unknown += 1
+                    self._found.unknown_velocities += 1
                     fields.remove("velocity")
             joints = self._report.take(axis)
         return [
@@ -246,7 +240,7 @@ class _Copy:
         message = sample.message
         for name, index, value in values:
             getattr(message, name)[index] = value
-        self._write(sample.topic, message, sample.log_ns, sample.publish_ns, sample.sequence)
+        self._write(message, sample.recorded)
 
     def event(self, run: RecordedRun, event: Event) -> None:
         """Write an event as the node of the axis publishes it; set points have their own topic."""
@@ -268,17 +262,14 @@ class _Copy:
         names = SET_POINT_TOPICS if is_set_point(event) else ()
         topics = [f"{run.node}/{name}" for name in (*names, "events")]
         topic = next(topic for topic in topics if topic in self._bag.topics)
-        self._write(topic, message, ns, ns, 0)
+        self._write(message, BagMessage(topic, ns, ns, 0, b""))
 
-    def _write(self, topic: str, message: Any, log_ns: int, publish_ns: int, number: int) -> None:
-        if topic not in self._encoders:
-            description = self._bag.topics[topic]
-            self._encoders[topic] = encoder_for(description)
+    def _write(self, message: Any, at: BagMessage) -> None:
+        if at.topic not in self._encoders:
+            description = self._bag.topics[at.topic]
+            self._encoders[at.topic] = encoder_for(description)
             self._writer.add_topic(description)
+        data = self._encoders[at.topic](message)
         self._writer.write(
-            topic,
-            self._encoders[topic](message),
-            log_ns=log_ns,
-            publish_ns=publish_ns,
-            sequence=number,
+            at.topic, data, log_ns=at.log_ns, publish_ns=at.publish_ns, sequence=at.sequence
         )

@@ -23,12 +23,8 @@ from stickslip_ros.axis.joints import SOURCE, Joints, contact_joints, joints_of
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError
 from stickslip_ros.physics.parameters.groups import CONTACT_SUFFIX, SLIDER
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.messages import (
-    decode_messages,
-    decoder_for,
-    not_of_type,
-    statuses,
-)
+from stickslip_ros.recordings.mcap_files import BagMessage
+from stickslip_ros.recordings.messages import decode_messages, decoder_for, not_of_type, statuses
 from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.schemas import STATUS_TYPE, nanoseconds
@@ -41,11 +37,8 @@ class Sample(NamedTuple):
     """One recorded message about the state of an axis."""
 
     time_ns: int  #: of simulation, since the start of the axis
-    topic: str
     message: Any  #: sensor_msgs/JointState, with as many values of each kind as names, or none
-    log_ns: int  #: when it was recorded
-    publish_ns: int  #: when it was published
-    sequence: int
+    recorded: BagMessage
 
 
 @dataclass
@@ -80,24 +73,15 @@ class RecordedRun:
         return SOURCE in self.events[0].details
 
     @property
-    def joint_topic(self) -> str:
-        """The topic with what a driver would say of it."""
-        return f"{self.node.rpartition('/')[0]}/joint_states"
-
-    @property
-    def truth_topic(self) -> str:
-        """The topic with the model's own state."""
-        return f"{self.node}/truth"
-
-    @property
     def state_topics(self) -> dict[str, tuple[str, Callable[[Axis], Joints]]]:
-        """The topics with its states: the joint that each is about, what computes all of the truth.
+        """The topics with what a driver would say of it, with the model's own state, and with the
+        contact: the joint that each is about, and what computes all of the truth.
 
         That of readings takes a `JointReport`, see :attr:`reports_readings`.
         """
         return {
-            self.joint_topic: (SLIDER, joints_of),
-            self.truth_topic: (SLIDER, joints_of),
+            f"{self.node.rpartition('/')[0]}/joint_states": (SLIDER, joints_of),
+            f"{self.node}/truth": (SLIDER, joints_of),
             f"{self.node}/contact": (CONTACT_SUFFIX, contact_joints),
         }
 
@@ -106,12 +90,12 @@ class RecordedRun:
 SET_POINT_TOPICS = ("set_points", "set_point_log")
 
 
-def event_topics(bag: BagReader) -> list[str]:
+def _event_topics(bag: BagReader) -> list[str]:
     """Return the topics on which axes published their events."""
     return [
-        topic.name
-        for topic in bag.topics.values()
-        if topic.type == STATUS_TYPE and topic.name.endswith("/events")
+        name
+        for name, topic in bag.topics.items()
+        if topic.type == STATUS_TYPE and name.endswith("/events")
     ]
 
 
@@ -123,7 +107,7 @@ def recorded_axes(bag: BagReader) -> dict[str, dict[str, str]]:
     Raises BagError: a start event is damaged.
     """
     found = {}
-    for topic in event_topics(bag):
+    for topic in _event_topics(bag):
         first = next(statuses(bag, topic), None)
         if first and first.values.get("event") == START:
             about = (*KEYS, NUMBER)
@@ -133,7 +117,7 @@ def recorded_axes(bag: BagReader) -> dict[str, dict[str, str]]:
 
 def recorded_runs(bag: BagReader) -> list[RecordedRun]:
     """Return every run in the bag that has events; NotRepeatable if there is none."""
-    runs = [run for topic in event_topics(bag) for run in _runs_on(bag, topic)]
+    runs = [run for topic in _event_topics(bag) for run in _runs_on(bag, topic)]
     if not runs:
         raise NotRepeatable(
             f"{bag.path} holds no events of an axis; record the topic <axis node>/events as well"
@@ -166,8 +150,7 @@ def _add_set_points(bag: BagReader, topic: str, runs: list[RecordedRun]) -> None
         return
     found: dict[int, list[Event]] = {}
     for status in statuses(bag, topic):
-        before = [k for k, run in enumerate(runs) if run.start_ns <= status.stamp_ns]
-        if before:
+        if before := [k for k, run in enumerate(runs) if run.start_ns <= status.stamp_ns]:
             found.setdefault(before[-1], []).extend(_events(bag, status.values))
     for number, events in found.items():
         known = {event.time for event in runs[number].events if is_set_point(event)}
@@ -226,7 +209,7 @@ def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]
                 f"the stamps of {topic} run back: it holds more than one run at a time"
             )
         last = stamp - run.start_ns
-        yield Sample(last, topic, state, message.log_ns, message.publish_ns, message.sequence)
+        yield Sample(last, state, message)
 
 
 def describe(bag: BagReader) -> dict[str, Any]:

@@ -7,16 +7,13 @@ caller's affair: a callable gives the ``.msg`` text of a type.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
+
+from mcap_ros2._vendor.rosidl_adapter.parser import parse_message_string
 
 STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
-_NUMBERS = {f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)}
-_PRIMITIVES = _NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
-
-_SEPARATOR = "=" * 80
 
 
 def nanoseconds(stamp: Any) -> int:
@@ -38,28 +35,15 @@ def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
     """
     definitions = {type_name: definition_of(type_name)}
     waiting = [type_name]
-    while waiting:
-        current = waiting.pop(0)
-        for inner in _referenced_types(definitions[current], current.split("/")[0]):
-            if inner not in definitions:
+    for current in waiting:
+        package, _, kind = current.split("/")
+        for field in parse_message_string(package, kind, definitions[current]).fields:
+            inner = f"{field.type.pkg_name}/msg/{field.type.type}"
+            if field.type.pkg_name and inner not in definitions:
                 definitions[inner] = definition_of(inner)
                 waiting.append(inner)
-    top, *others = definitions.items()
-    parts = [top[1].rstrip() + "\n"]
-    for name, definition in others:
-        package, _, kind = name.split("/")
-        parts.append(f"{_SEPARATOR}\nMSG: {package}/{kind}\n{definition.rstrip()}\n")
+    parts = [f"{definitions[type_name].rstrip()}\n"]
+    for name in waiting[1:]:
+        title = f"{'=' * 80}\nMSG: {name.replace('/msg/', '/')}"
+        parts.append(f"{title}\n{definitions[name].rstrip()}\n")
     return "".join(parts)
-
-
-def _referenced_types(definition: str, package: str) -> Iterator[str]:
-    """Yield the message types (``package/msg/Type``) named in the fields of a ``.msg`` text.
-
-    package: the package of the definition itself, for types written without one.
-    """
-    for line in definition.splitlines():
-        words = line.split("#", 1)[0].split()
-        item = re.split(r"[\[<]", words[0], maxsplit=1)[0] if words else "bool"
-        if item not in _PRIMITIVES:
-            *given_package, kind = item.split("/")
-            yield f"{given_package[0] if given_package else package}/msg/{kind}"

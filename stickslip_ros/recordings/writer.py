@@ -91,15 +91,16 @@ class BagWriter:
         self.custom_data: dict[str, str] = dict(custom_data or {})
         self.ros_distro = ros_distro  #: stands there too
         self.counts: dict[str, int] = {}  #: messages written so far, by topic
+        self.files: list[FileSummary] = []  #: begun so far
+        self.closed = True  #: whether the bag takes no more messages
         self._topics: dict[str, TopicDescription] = {}
-        self._compression = compression
+        self._compression = COMPRESSIONS[compression]
         self._max_bytes = max_bytes
         self._max_duration_ns = max_duration_ns
         self._sync = sync
+        self._syncing: Future[None] | None = None
         # Times may come from several clocks, or run back: the latest of all of them counts.
         self._latest_ns = self._began_ns = 0
-        self._finished: list[FileSummary] = []
-        self._file: _McapWriter | None = None
         self._complete = False
         self._failure: OSError | MemoryError | None = None
         self._missing: list[Path] = []
@@ -107,7 +108,7 @@ class BagWriter:
             self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
             try:
                 self.folder.mkdir(parents=True)
-                self._file = self._new_file()
+                self._begin_file()
             except FileExistsError as error:
                 raise BagError(
                     f"output folder {self.folder} exists already; "
@@ -126,28 +127,14 @@ class BagWriter:
         self.close()
 
     @property
-    def closed(self) -> bool:
-        """Whether the bag takes no more messages."""
-        return self._file is None
-
-    @property
     def message_count(self) -> int:
         """Messages written so far."""
         return sum(self.counts.values())
 
     @property
-    def file_count(self) -> int:
-        """Files begun so far."""
-        return len(self._finished) + (self._file is not None)
-
-    @property
     def size(self) -> int:
         """Bytes of all files so far, without the chunk that is being filled."""
-        return sum(file.size for file in self._finished) + (self._file.size if self._file else 0)
-
-    def has_topic(self, name: str) -> bool:
-        """Return whether :meth:`add_topic` was called for that topic."""
-        return name in self._topics
+        return sum(file.size for file in self.files) + (0 if self.closed else self._stream.tell())
 
     def add_topic(self, topic: TopicDescription) -> None:
         """Make a topic known; it stands in the metadata even if no message follows.
@@ -171,56 +158,77 @@ class BagWriter:
         sequence: the publisher's number of the message, 0 if unknown.
         Raises BagError: unknown topic, closed bag, or a disk that takes no more.
         """
-        topic = self._topics.get(topic_name)
-        if topic is None:
+        if topic_name not in self._topics:
             raise BagError(f"topic {topic_name} is not in the bag {self.folder}; add it first")
-        if self._file is None:
+        if self.closed:
             raise BagError(f"the bag {self.folder} is closed; write to a new one")
         self._latest_ns = max(self._latest_ns, log_ns)
-        if not self._file.count:
+        if not self.files[-1].messages:
             self._began_ns = self._latest_ns
         lasted = self._latest_ns - self._began_ns
-        large = self._max_bytes and self._file.size >= self._max_bytes
+        large = self._max_bytes and self._stream.tell() >= self._max_bytes
         if large or (self._max_duration_ns and lasted >= self._max_duration_ns):
             self.split()
             self._began_ns = self._latest_ns
         with self._naming("write"):
-            self._file.write(topic, data, log_ns, publish_ns, sequence)
+            channel = self._channels.get(topic_name) or self._new_channel(self._topics[topic_name])
+            self._writer.add_message(channel, log_ns, data, publish_ns, sequence)
+        file = self.files[-1]
+        file.start_ns = min(file.start_ns, log_ns) if file.messages else log_ns
+        file.end_ns = max(file.end_ns, log_ns)
+        file.messages += 1
         self.counts[topic_name] += 1
+
+    def _new_channel(self, topic: TopicDescription) -> int:
+        """Write schema and channel, with the first message that needs them: a channel without
+        messages would stand in the summary of the file but not in its data."""
+        if topic.type not in self._schemas:
+            self._schemas[topic.type] = self._writer.register_schema(
+                topic.type, topic.schema_encoding, topic.schema.encode()
+            )
+        about = {
+            "offered_qos_profiles": qos_yaml(topic.offered_qos),
+            "topic_type_hash": topic.type_hash,
+        }
+        self._channels[topic.name] = self._writer.register_channel(
+            topic.name, topic.encoding, self._schemas[topic.type], about
+        )
+        return self._channels[topic.name]
 
     def split(self) -> None:
         """Finish the file and go on with a new one; does nothing as long as the file is empty.
 
         Raises BagError: the disk does not take it; what was flushed before stays.
         """
-        if self._file is None or not self._file.count:
-            return
-        with self._naming("write"):
-            metadata = self._metadata(in_file=True)
-            file, self._file = self._file, None  # if that fails, the bag takes no more
-            self._finish(file, metadata)
-            self._finished.append(file.summary(file.path.stat().st_size))
-            self._file = self._new_file()
+        if not self.closed and self.files[-1].messages:
+            with self._naming("write"):
+                self._finish_file()
+                self._begin_file()
 
     def flush(self) -> None:
         """Pass the written data to the operating system, so that it survives this process.
 
-        Unless the bag was opened without ``sync``, a thread brings it to the disk meanwhile.
+        Unless the bag was opened without ``sync``, a thread brings it to the disk meanwhile: a
+        slow disk takes seconds.
 
         Raises BagError: the disk takes no more.
         """
-        if self._file is not None:
+        if not self.closed:
             with self._naming("write"):
-                self._file.flush(self._sync)
+                self._writer.flush()
+                if self._sync and (self._syncing is None or self._syncing.done()):
+                    self.wait_for_disk()
+                    self._syncing = _DISK.submit(synchronize, self.folder / self.files[-1].name)
 
     def wait_for_disk(self) -> None:
         """Wait until the flushed data is on the disk.
 
         Raises BagError: the disk does not take it.
         """
-        if self._file is not None:
+        if self._syncing is not None:
+            syncing, self._syncing = self._syncing, None
             with self._naming("write"):
-                self._file.wait_for_disk()
+                syncing.result()
 
     def close(self) -> None:
         """Finish the file, write ``metadata.yaml``, bring both to the disk; twice does no harm.
@@ -229,23 +237,16 @@ class BagWriter:
         """
         if self._complete:
             return
-        file, self._complete = self._file, True
-        try:
-            with self._naming("close"):
-                in_file, text = self._metadata(in_file=True), self._metadata()
-                if file is not None:
-                    self._finish(file, in_file)
-                write_text(self.folder / METADATA_FILE, f"{OUTER_KEY}:\n{indent(text, '  ')}")
-        finally:
-            self._file = None
-            if file is not None:
-                file.abandon()
+        self._complete = True
+        with self._naming("close"):
+            self._finish_file()
+            text = indent(self._metadata(), "  ")
+            write_text(self.folder / METADATA_FILE, f"{OUTER_KEY}:\n{text}")
 
     def discard(self) -> None:
         """Close the bag and remove it, with the parent folders that were made for it."""
-        if self._file is not None:
-            self._file.abandon()
-        self._file, self._complete = None, True
+        self._complete = True
+        self._abandon_file()
         if self.folder in self._missing:
             shutil.rmtree(self.folder, ignore_errors=True)
         for parent in self._missing[1:]:
@@ -258,30 +259,69 @@ class BagWriter:
         in_file: for a record, of which most readers take no more than a megabyte; a file names its
         topics elsewhere, too.
         """
-        files = [*self._finished, *([self._file.summary()] if self._file else [])]
         topics = [(topic, self.counts[name]) for name, topic in self._topics.items()]
         if in_file and len(topics) > _MOST_IN_FILE:
             topics = []
-        return yaml_text(bag_metadata(files, topics, self.ros_distro, self.custom_data))
+        return yaml_text(bag_metadata(self.files, topics, self.ros_distro, self.custom_data))
 
-    def _finish(self, file: _McapWriter, metadata: str) -> None:
-        """Finish and close a file; after a failure without an index, which would count too much."""
+    def _begin_file(self) -> None:
+        """Create a file, with the profile and the records rosbag2 expects, as the bag is now."""
+        file = FileSummary(f"{self.folder.name}_{len(self.files)}.mcap")
+        path = self.folder / file.name
+        try:
+            metadata = {"serialized_metadata": self._metadata(in_file=True)}
+            self._stream = path.open("xb")
+            self.closed = False
+            self._writer = Writer(
+                self._stream,
+                chunk_size=_CHUNK_BYTES,
+                compression=self._compression,
+                use_summary_offsets=False,  # the library writes some for what is not there
+            )
+            # The library keeps an object for each chunk, 0.2 MB a minute; no public way is there.
+            indexes = _ChunkIndexes(self.folder)
+            self._writer._Writer__chunk_indices = indexes  # type: ignore[attr-defined]
+            self._schemas: dict[str, int] = {}
+            self._channels: dict[str, int] = {}
+            self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
+            self._writer.add_metadata("rosbag2", metadata)
+            self._stream.flush()  # so that from here on it is a file that can be recovered
+            synchronize(self.folder)
+        except FileExistsError:  # somebody else's
+            raise
+        except BaseException:
+            self._abandon_file()
+            path.unlink(missing_ok=True)  # half a beginning would only be in the way
+            raise
+        self.files.append(file)
+
+    def _finish_file(self) -> None:
+        """Finish the file, if there is one; after a failure without an index, which would count
+        too much."""
+        if self.closed:
+            return
         try:
             if self._failure:
                 raise self._failure
-            file.finish(metadata)
+            self._writer.flush()
+            metadata = {"serialized_metadata": self._metadata(in_file=True)}
+            self._writer.add_metadata("rosbag2", metadata)
+            self._writer.finish()
+            self._stream.flush()
+            self.wait_for_disk()
+            os.fsync(self._stream.fileno())
+            self.files[-1].size = self._stream.tell()
         finally:
-            file.abandon()
+            self._abandon_file()
 
-    def _new_file(self) -> _McapWriter:
-        path = self.folder / f"{self.folder.name}_{len(self._finished)}.mcap"
-        try:
-            return _McapWriter(path, self._metadata(in_file=True), self._compression)
-        except FileExistsError:  # somebody else's
-            raise
-        except _FAULTS:
-            path.unlink(missing_ok=True)  # half a beginning would only be in the way
-            raise
+    def _abandon_file(self) -> None:
+        """Close the file as it is, without an index; never fails."""
+        if not self.closed:
+            self.closed = True
+            with contextlib.suppress(BagError):
+                self.wait_for_disk()
+            with contextlib.suppress(OSError):
+                self._stream.close()
 
     @contextlib.contextmanager
     def _naming(self, action: str) -> Iterator[None]:
@@ -294,106 +334,6 @@ class BagWriter:
             raise BagError(text) from error
         except WriteError as error:
             raise BagError(f"cannot {action} the bag {self.folder}: {error}") from error
-
-
-class _McapWriter:
-    """Appends messages to a new file, with the profile and the records rosbag2 expects.
-
-    Schemas and channels are written with the first message that needs them: a channel without
-    messages would stand in the summary of the file but not in its data. Every method raises OSError
-    if the disk does not take it.
-    """
-
-    def __init__(self, path: Path, metadata: str, compression: str) -> None:
-        """Create the file, with the state of the bag at this moment."""
-        self.path = path
-        #: earliest log time so far, if there is a message
-        self.count = self.start_ns = self._end_ns = 0
-        self._stream = path.open("xb")
-        self._syncing: Future[None] | None = None
-        self._writer = Writer(
-            self._stream,
-            chunk_size=_CHUNK_BYTES,
-            compression=COMPRESSIONS[compression],
-            use_summary_offsets=False,  # the library writes some of them for what is not there
-        )
-        # The library keeps an object for each chunk, 0.2 MB a minute; there is no public way in.
-        self._writer._Writer__chunk_indices = _ChunkIndexes(path.parent)  # type: ignore[attr-defined]
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        try:
-            self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
-            self._stream.flush()  # so that from here on it is a file that can be recovered
-            synchronize(path.parent)
-        except BaseException:
-            self.abandon()
-            raise
-
-    def summary(self, size: int = 0) -> FileSummary:
-        """Return name, size (bytes), message count, first and last log time."""
-        return FileSummary(self.path.name, size, self.count, self.start_ns, self._end_ns)
-
-    @property
-    def size(self) -> int:
-        """Bytes of the file so far, without the chunk that is being filled."""
-        return self._stream.tell()
-
-    def write(
-        self, topic: TopicDescription, data: bytes, log_ns: int, publish_ns: int, sequence: int
-    ) -> None:
-        """Append one serialized message; times in ns since the Unix epoch."""
-        channel = self._channels.get(topic.name)
-        if channel is None:
-            if topic.type not in self._schemas:
-                self._schemas[topic.type] = self._writer.register_schema(
-                    topic.type, topic.schema_encoding, topic.schema.encode()
-                )
-            about = {
-                "offered_qos_profiles": qos_yaml(topic.offered_qos),
-                "topic_type_hash": topic.type_hash,
-            }
-            channel = self._channels[topic.name] = self._writer.register_channel(
-                topic.name, topic.encoding, self._schemas[topic.type], about
-            )
-        self._writer.add_message(
-            channel, log_time=log_ns, data=data, publish_time=publish_ns, sequence=sequence
-        )
-        self.start_ns = min(self.start_ns, log_ns) if self.count else log_ns
-        self._end_ns = max(self._end_ns, log_ns)
-        self.count += 1
-
-    def flush(self, sync: bool) -> None:
-        """Hand everything written so far to the operating system.
-
-        sync: begin to bring it to the disk, too, in a thread: a slow disk takes seconds.
-        """
-        self._writer.flush()
-        if sync and (self._syncing is None or self._syncing.done()):
-            self.wait_for_disk()
-            self._syncing = _DISK.submit(_synchronize, os.dup(self._stream.fileno()))
-
-    def wait_for_disk(self) -> None:
-        """Wait until the data flushed with ``sync`` is on the disk."""
-        if self._syncing is not None:
-            syncing, self._syncing = self._syncing, None
-            syncing.result()
-
-    def finish(self, metadata: str) -> None:
-        """Write the final metadata and the index, bring it to the disk; :meth:`abandon` closes."""
-        self._writer.flush()
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata})
-        self._writer.finish()
-        self._stream.flush()
-        self.wait_for_disk()
-        os.fsync(self._stream.fileno())
-
-    def abandon(self) -> None:
-        """Close the file as it is, without an index; never fails."""
-        with contextlib.suppress(OSError):
-            self.wait_for_disk()
-        with contextlib.suppress(OSError):
-            self._stream.close()
 
 
 class _ChunkIndexes:
@@ -420,10 +360,3 @@ class _ChunkIndexes:
         self._file.seek(0)
         summary.write(self._file.read())
         self._file.close()
-
-
-def _synchronize(file: int) -> None:
-    try:
-        os.fsync(file)
-    finally:
-        os.close(file)

@@ -25,7 +25,6 @@ WITHOUT = {
     "base/numba_internals.py": "sources of the package",
     "measurement/reading/arrays.py": "members of an archive, and the answer of our own program",
     "measurement/reading/instruments.py": "a file again whose kind was found out by its head",
-    "recordings/reader.py": "bags whose files were opened before",
     "base/reporting/page.py": "templates of the package",
     "base/child_process.py": "the log of our own process",
     "ros/nodes/messages.py": "definitions of installed messages",

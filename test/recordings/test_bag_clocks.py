@@ -25,7 +25,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.bags.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.recordings import BagWriter, OfferedQos, open_bag
-from stickslip_ros.recordings.clocks import Bulk, Moments, bulk_of
+from stickslip_ros.recordings.clocks import Bulk, bulk_of
 
 DAY = 24 * 3600 * SECOND
 MS = SECOND // 1000
@@ -59,10 +59,8 @@ def test_what_a_clock_shows_that_was_not_set_is_apart() -> None:
     assert bulk_of([]) == Bulk(0, 0)
     days = [START + k * DAY for k in range(40)]  # none of them is apart from the others
     assert bulk_of(days) == Bulk(days[0], days[-1])
-    several = Moments()
-    several.add(START, 50)
-    several.add(0, 49)
-    assert several.bulk().told == "49 messages are up to 1 700 000 000 s from the others: left out"
+    several = bulk_of([START] * 50 + [0] * 49)
+    assert several.told == "49 messages are up to 1 700 000 000 s from the others: left out"
 
 
 @pytest.mark.parametrize("what", ["recorded a day late", "stamped a day late", "recorded at 1 ns",

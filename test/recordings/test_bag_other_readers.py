@@ -20,9 +20,9 @@ from stickslip_ros.recordings import (
     TopicDescription,
     decoder_for,
     open_bag,
-    qos_yaml,
     recover,
 )
+from stickslip_ros.recordings.metadata import qos_yaml
 
 OPTIONS: list[dict[str, Any]] = [
     {},

@@ -475,7 +475,7 @@ NONSENSE = (
     ("!!python/object/apply:os.getcwd []\n", "it has no rosbag2_bagfile_information"),
     (GOOD + "  relative_file_paths: [gone_0.mcap]\n", "lacks gone_0.mcap"),
     (GOOD + '  relative_file_paths: ["a\\0b", ..]\n', "lacks|is not a file"),
-    (GOOD.replace("9", "10"), "version 10; the newest known version is 9"),
+    (GOOD.replace("9", "10"), "version 10; the newest known is version 9"),
     (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "compressed with 'lz5'"),
 )
 
@@ -531,7 +531,7 @@ def test_times_of_zero_are_times(tmp_path: Path) -> None:
 def test_metadata_fill_in_only_what_a_file_does_not_say() -> None:
     stored = replace(STEPS, type_hash="RIHS01_told", offered_qos=(OfferedQos(depth=7),))
     bare = replace(STEPS, type_hash="", offered_qos=())
-    metadata = StoredMetadata(topics=(stored,))
+    metadata = StoredMetadata(topics={stored.name: stored})
     assert metadata.completed(bare) == stored
     assert metadata.completed(STEPS) == STEPS
     assert metadata.completed(SILENT) == SILENT

@@ -136,10 +136,10 @@ def test_a_new_file_begins_exactly_when_the_old_one_is_full(tmp_path: Path) -> N
     with BagWriter(tmp_path / "run", max_duration_ns=10) as bag:
         bag.add_topic(INT32)
         bag.split()
-        assert (bag.file_count, bag.size) == (1, (tmp_path / "run" / "run_0.mcap").stat().st_size)
+        assert (len(bag.files), bag.size) == (1, (tmp_path / "run" / "run_0.mcap").stat().st_size)
         for stamp in (0, 9, 10, 19, 20):
             bag.write(INT32.name, int32(stamp), log_ns=stamp, publish_ns=stamp)
-        assert bag.file_count == 3
+        assert len(bag.files) == 3
         bag.flush()
         files = sorted((tmp_path / "run").glob("*.mcap"))
         assert bag.size == sum(file.stat().st_size for file in files)
@@ -158,10 +158,10 @@ def test_one_clock_decides_when_a_new_file_begins(tmp_path: Path) -> None:
         for number in range(500):
             ns = number * SECOND // 100 + (START if number % 2 else 0)
             bag.write(STEPS.name, int32(number), log_ns=ns, publish_ns=ns)
-        assert bag.file_count == 1 + 5  # the second clock takes over, and runs for 5 s
+        assert len(bag.files) == 1 + 5  # the second clock takes over, and runs for 5 s
     with BagWriter(tmp_path / "back", max_duration_ns=SECOND, sync=False) as bag:
         bag.add_topic(STEPS)
         for number in range(300):
             ns = START + number * SECOND // 100 - (100 * SECOND if number >= 150 else 0)
             bag.write(STEPS.name, int32(number), log_ns=ns, publish_ns=ns)
-        assert bag.file_count == 2  # the clock was set back after 1.5 s
+        assert len(bag.files) == 2  # the clock was set back after 1.5 s

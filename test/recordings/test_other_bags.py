@@ -95,7 +95,7 @@ def test_counts_are_held_against_the_metadata(tmp_path: Path) -> None:
         database.execute("DELETE FROM messages WHERE id > 100")
     with open_bag(tmp_path / "run") as bag:
         assert len(list(bag.messages())) == 100
-        assert "counts 500 messages, its files hold 100; `ros2 bag reindex`" in bag.warnings[0]
+        assert "counts 500 messages, 100 were found; `ros2 bag reindex`" in bag.warnings[0]
     with sqlite3.connect(file) as database:
         database.execute("UPDATE messages SET timestamp = -5 WHERE id = 3")
     with open_bag(tmp_path / "run") as bag:
@@ -190,7 +190,7 @@ def test_a_bag_is_read_by_what_its_files_are(
     assert f"says {wrong} of its storage, but {renamed.name} is {what}" in warning
     if what == "mcap":
         done = recover(tmp_path / "run")
-        assert done.messages == 100 and "says sqlite3 of the storage" in done.findings[0]
+        assert done.messages == 100 and "says sqlite3 of its storage" in done.findings[0]
         return
     with pytest.raises(BagError, match="is a SQLite file"):
         recover(tmp_path / "run")

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.recordings import BagReader, resimulate
+from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.nodes.recorder_node import RecorderNode
 from stickslip_ros.ros.testing.in_process import InProcess
 
@@ -158,7 +158,7 @@ def test_both_topics_come_out_of_a_bag_again_bit_for_bit(
     axis.set_parameters(joint_state_source="sensor")
     axis.send("steps", 10).wait()
     recorder.close()
-    with BagReader(tmp_path / "bag") as bag:
+    with open_bag(tmp_path / "bag") as bag:
         states, truths = (bag.counts[f"{n}"] for n in ("/joint_states", "/stickslip_axis/truth"))
         (again,) = resimulate(bag)
         (other,) = resimulate(bag, {"preload": 0.5})

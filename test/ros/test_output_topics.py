@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from stickslip_ros.axis.command import JOINT_STATE
-from stickslip_ros.recordings import BagReader, resimulate
+from stickslip_ros.recordings import BagReader, open_bag, resimulate
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.nodes.recorder_node import RecorderNode
 from stickslip_ros.ros.nodes.topics import EVENTS, OUTPUTS, OutputTopic
@@ -36,7 +36,7 @@ def record(ros: Ros, tmp_path: Path) -> Record:
         action()
         user = ros.node("who_stops")
         assert ros.call(user, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
-        return BagReader(tmp_path / "bag")
+        return open_bag(tmp_path / "bag")
 
     return during
 

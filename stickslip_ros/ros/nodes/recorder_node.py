@@ -165,7 +165,7 @@ class RecorderNode(GuardedNode):
             raise BagError("nothing is being recorded; start first")
         bag = self._under_way.bag
         bag.split()
-        return f"{bag.folder}: file {bag.file_count} begins"
+        return f"{bag.folder}: file {len(bag.files)} begins"
 
     def _answer(self, action: Callable[[], str], _: Any, response: Any) -> Any:
         """Call a function for a service, and report its success or failure."""
@@ -228,7 +228,7 @@ class RecorderNode(GuardedNode):
                 "messages": bag.message_count,
                 "messages per second (1/s)": recording.rate,
                 "size (B)": bag.size,
-                "files": bag.file_count,
+                "files": len(bag.files),
                 "messages lost": lost,
                 "messages before joining": before_joining,
             }
