@@ -172,15 +172,22 @@ def _fit(problem: Problem, seed: int, progress: Progress) -> Fit:
     whole: Surroundings | None = None
     around: Surroundings | None = None
     spans: list[Span] = []
+    searched = problem.free.start
+
+    def follow(part: float, theta: Array) -> None:
+        nonlocal searched
+        searched = theta
+        progress("search", part, problem.free.values(theta))
+
     with contextlib.suppress(KeyboardInterrupt):
-        for what, part, point in _optimum(problem, seed, progress):
+        for what, part, point in _optimum(problem, seed, follow):
             best = point
             progress(what, part, problem.free.values(best.unknowns))
         assert best is not None
         whole = _surroundings(problem, best, progress)
         around, spans = _without_hidden(whole)
     if best is None:
-        best = problem.point(problem.begin(problem.free.start))
+        best = problem.point(problem.begin(searched))
     if best is None:
         raise IdentificationError(
             "the starting values make no contact; change the free parameters' values"
@@ -191,18 +198,18 @@ def _fit(problem: Problem, seed: int, progress: Progress) -> Fit:
 # -- the optimum
 
 
-def _optimum(problem: Problem, seed: int, progress: Progress) -> Iterator[tuple[str, float, Point]]:
-    """Search, descend and learn the noise; yield stage, its part and the best so far, in the end
-    the optimum. IdentificationError.
+def _optimum(
+    problem: Problem, seed: int, follow: Callable[[float, Array], None]
+) -> Iterator[tuple[str, float, Point]]:
+    """Search, descend and learn the noise; yield stage, its part and the best so far.
+
+    The last is the optimum. Raises IdentificationError.
     """
     best: Point | None = None
     measured = sum(trace.known for trace in problem.traces)
 
-    def searched(part: float, theta: Array) -> None:
-        progress("search", part, problem.free.values(theta))
-
     for attempt in range(_SEARCHES):
-        begins = search(problem, seed + attempt, searched)
+        begins = search(problem, seed + attempt, follow)
         for k, theta in enumerate(begins, 1):
             begun = problem.point(_laid_over(problem, theta))
             if begun is not None:

@@ -118,16 +118,16 @@ def test_a_gap_in_the_middle_of_a_run_moves_no_interval() -> None:
 
 
 def test_interrupted_it_gives_the_best_so_far() -> None:
-    calls = 0
+    shown: list[Mapping[str, float]] = []
 
     def stop(what: str, part: float, best: Mapping[str, float]) -> None:
-        nonlocal calls
-        calls += 1
-        if calls == 4:
+        shown.append(best)
+        if len(shown) == 4:
             raise KeyboardInterrupt
 
     found = identify([small()[1]], progress=stop)
     assert not found.complete
+    assert {name: found.parameters[name].value for name in shown[-1]} == pytest.approx(shown[-1])
     assert all(one.low is None and not one.determined for one in found.parameters.values())
     assert json.dumps(found.as_json(), allow_nan=False)
 
