@@ -88,11 +88,11 @@ class Program(ChildProcess):
 
     def signalled(self, number: int, seconds: float = PATIENCE, group: bool = False) -> float:
         """Send a signal; return how long it took to the end, s, without waiting for a processor."""
-        before, begin = waited(self.pid), time.monotonic()
+        before, begin = waited(self.pid) + waited_here(), time.monotonic()
         # Popen would reap one that has just ended.
         (os.killpg if group else os.kill)(self.pid, number)
         ended(self.pid, seconds)
-        return time.monotonic() - begin - (waited(self.pid) - before)
+        return time.monotonic() - begin - (waited(self.pid) + waited_here() - before)
 
     def closed(self) -> tuple[int, list[str]]:
         """Wait for the end, by force if it does not come; return its exit code, what was bad."""
