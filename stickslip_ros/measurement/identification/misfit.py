@@ -132,9 +132,11 @@ EFFECTS = (
            only_more=True, cure="set creep in the parameters"),
     Effect("hysteresis", "hysteresis of the actuator ({})", 0.01, _with_hysteresis, _share,
            only_more=True, cure="set actuator: hysteresis in the parameters", most=0.3),
-    Effect("drift", "a preload that changes during the record ({})", 0.01, None, _percent),
+    Effect("drift", "a preload that changes during the record ({})", 0.01, None, _percent,
+           most=0.5),
     *(Effect(f"change {part}", f"a change of the preload after {part} of the steps ({{}})", 0.01,
-             None, _percent) for part in ("1/8", "1/4", "3/8", "1/2", "5/8", "3/4", "7/8")),
+             None, _percent, most=0.5)
+      for part in ("1/8", "1/4", "3/8", "1/2", "5/8", "3/4", "7/8")),
     Effect(
         "sigma_2", "viscous friction (sigma_2; {} of sigma_1)", 0.01,
         lambda p, part: p.replace(sigma_2=p.friction.sigma_2 + part * p.friction.sigma_1), _percent,
