@@ -177,7 +177,7 @@ class Command:
         if 0 <= missing <= len(self.defaults):
             left_out = self.defaults[len(self.defaults) - missing :] if missing else ()
             plain = tuple(map(_plain, arguments)) + left_out
-            what, suits = _SUITS.get(self.type, ("", lambda *_: True))
+            what, suits = _SUITS[self.type]
             if suits(*plain):
                 return plain
         given = ", ".join(repr(shorten(one)) for one in arguments) or "nothing"
@@ -198,7 +198,7 @@ class Command:
         if lacking := [name for name in self.arguments if name not in details]:
             raise ValueError(f"it lacks {lacking[0]!r}")
         found = tuple(details[name] for name in self.arguments)
-        what, suits = _SUITS.get(self.type, ("", lambda *_: True))
+        what, suits = _SUITS[self.type]
         if not suits(*found):
             raise ValueError(f"it does not hold {what}")
         return found
@@ -243,5 +243,6 @@ _SUITS: dict[str, tuple[str, Callable[..., bool]]] = {
             isinstance(joint, str) and interface in ("position", "velocity") and _is_number(value)
         ),
     ),
+    TRIGGER: ("no value", lambda: True),
     SET_PARAMETERS: ("a mapping", lambda changes: isinstance(changes, Mapping)),
 }

@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -29,7 +30,7 @@ from stickslip_ros.measurement.identification.free import LAG, WIDTH, Nuisance, 
 from stickslip_ros.measurement.identification.intervals import RISE, Surroundings
 from stickslip_ros.measurement.identification.problem import Problem
 from stickslip_ros.measurement.identification.trace import WIDTH as SQUARE
-from stickslip_ros.measurement.identification.trace import Seen, Trace
+from stickslip_ros.measurement.identification.trace import Trace
 from stickslip_ros.measurement.steps.noise import quantum_of
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.model.friction import contact_of
@@ -67,6 +68,7 @@ class Effect:
     cure: str = ""
     most: float = 1.0  #: size beyond which it is no cause, whatever it explains
     rare: float = 0.0  #: fall of the deviance that it has to be better by than what is usual
+    after: float | None = None  #: part of the steps after which it is there, at once
 
 
 def _percent(size: float) -> str:
@@ -75,6 +77,10 @@ def _percent(size: float) -> str:
 
 def _share(size: float) -> str:
     return f"{100.0 * size:.2g} %"
+
+
+#: Change of the preload, as a part of it, that columns of another one are computed for.
+_LOADED = 0.01
 
 
 def _loaded(p: Parameters, part: float) -> Parameters:
@@ -132,11 +138,11 @@ EFFECTS = (
            only_more=True, cure="set creep in the parameters"),
     Effect("hysteresis", "hysteresis of the actuator ({})", 0.01, _with_hysteresis, _share,
            only_more=True, cure="set actuator: hysteresis in the parameters", most=0.3),
-    Effect("drift", "a preload that changes during the record ({})", 0.01, None, _percent,
+    Effect("drift", "a preload that changes during the record ({})", _LOADED, None, _percent,
            most=0.5),
-    *(Effect(f"change {part}", f"a change of the preload after {part} of the steps ({{}})", 0.01,
-             None, _percent, most=0.5)
-      for part in ("1/8", "1/4", "3/8", "1/2", "5/8", "3/4", "7/8")),
+    *(Effect(f"change {part}", f"a change of the preload after {part} of the steps ({{}})", _LOADED,
+             None, _percent, most=0.5, after=k / 8)
+      for k, part in enumerate(("1/8", "1/4", "3/8", "1/2", "5/8", "3/4", "7/8"), 1)),
     Effect(
         "sigma_2", "viscous friction (sigma_2; {} of sigma_1)", 0.01,
         lambda p, part: p.replace(sigma_2=p.friction.sigma_2 + part * p.friction.sigma_1), _percent,
@@ -198,9 +204,10 @@ def effects_of(around: Surroundings, allowed: Sequence[str] = ()) -> list[SeenEf
             heard[row : row + len(slow)][slow] = 0.0
         row += fit.size
     found: list[SeenEffect] = []
+    loaded = cache(partial(_difference, around, change=_loaded, unit=_LOADED))  # of an experiment
     for effect in EFFECTS:
         known = effect.name in (*problem.free.names, *allowed)
-        slope = None if known else _slope(problem, around, effect)
+        slope = None if known else _slope(around, effect, loaded)
         if slope is None:
             continue
         inside = basis.T @ slope
@@ -227,14 +234,15 @@ def causes_of(around: Surroundings, effects: Sequence[SeenEffect]) -> list[SeenE
     Effects of the parameters that show are fitted with all else, for far off the first order says
     little; others count as they show.
     """
-    found, clear = [], [one for one in effects if one.clear]
-    fit = [one for one in clear if one.effect.change][:_FITTED]
-    for one in clear:
-        if one.effect.change and one not in fit:
-            continue
-        fitted = _fitted(around, one)
-        if fitted.fall > 0.5 * one.fall and abs(fitted.amount) <= one.effect.most:
-            found.append(fitted)
+    clear = [one for one in effects if one.clear]
+    tried = [(one, one) for one in clear if not one.effect.change]
+    fitted = [one for one in clear if one.effect.change][:_FITTED]
+    tried += [(one, _fitted(around, one)) for one in fitted]
+    found = [
+        fit
+        for one, fit in tried
+        if fit.fall > 0.5 * one.fall and abs(fit.amount) <= one.effect.most
+    ]
     likely = {one.effect.name: one.fall / around.scale - one.effect.rare for one in found}
     best = max(likely.values(), default=0.0)
     found = [one for one in found if likely[one.effect.name] > best - _AS_LIKELY]
@@ -265,20 +273,28 @@ def _fitted(around: Surroundings, one: SeenEffect) -> SeenEffect:
     return replace(one, fall=best.deviance - end.deviance, amount=amount)
 
 
-def _slope(problem: Problem, around: Surroundings, effect: Effect) -> Array | None:
-    """Return the derivatives of the residuals by the size of an effect, None if there is none."""
-    unknowns, rows = around.best.unknowns, []
+def _slope(
+    around: Surroundings, effect: Effect, loaded: Callable[[int], Array | None]
+) -> Array | None:
+    """Return the derivatives of the residuals by the size of an effect, None if there is none.
+
+    loaded gives how another preload moves the model of an experiment, by its number.
+    """
+    rows = []
     try:
-        for k, fit in enumerate(problem.fits):
+        for k, fit in enumerate(around.problem.fits):
             seen = around.best.seen[k]
             if effect.change is not None:
-                column = _difference(
-                    problem, unknowns, k, effect.change, effect.unit, not effect.only_more
-                )
-            elif isinstance(fit, Trace):
-                column = _of_run(problem, fit, seen, unknowns, k, effect)
-            else:
+                column = _difference(around, k, effect.change, effect.unit, not effect.only_more)
+            elif not isinstance(fit, Trace):
                 column = np.zeros_like(seen.x)
+            elif effect.name == WIDTH:
+                slow = fit.parameters.sensor.sensor_bandwidth
+                column = None if slow else fit.width_derivative(seen)
+            elif effect.name == "tilt":
+                column = seen.x
+            else:
+                column = _changing(fit, loaded(k), effect.after)
             if column is None:
                 return None
             rows.append(fit.changed(np.nan_to_num(column) / effect.unit))
@@ -289,42 +305,35 @@ def _slope(problem: Problem, around: Surroundings, effect: Effect) -> Array | No
 
 
 def _difference(
-    problem: Problem,
-    unknowns: Array,
+    around: Surroundings,
     k: int,
     change: Callable[[Parameters, float], Parameters | None],
     unit: float,
     both: bool = False,
 ) -> Array | None:
     """Return how a change of the parameters moves the model of an experiment, m."""
-    fit = problem.fits[k]
-    p, clock = problem.applied(fit.parameters, unknowns), problem.clock(unknowns, k)
-    width = problem.value(WIDTH, unknowns)
-    more, less = change(p, unit), p
+    problem, unknowns = around.problem, around.best.unknowns
+    fit, clock, width = (
+        problem.fits[k], problem.clock(unknowns, k), problem.value(WIDTH, unknowns),
+    )  # fmt: skip
+    p = problem.applied(fit.parameters, unknowns)
+    more = change(p, unit)
     if more is None:
         return None
-    if both:  # so that what the parameters take up whole leaves no second order
-        less = change(p, -unit) or p
-    return (fit.model(more, clock, width).x - fit.model(less, clock, width).x) / (1.0 + both)
+    less = change(p, -unit) if both else None  # what is taken up whole leaves no second order
+    other = fit.model(less, clock, width) if less else around.best.seen[k]
+    return (fit.model(more, clock, width).x - other.x) / (1.0 + both)
 
 
-def _of_run(
-    problem: Problem, trace: Trace, seen: Seen, unknowns: Array, k: int, effect: Effect
-) -> Array | None:
-    """Return the column of an effect of the sensor, or of the run as a whole."""
-    if effect.name == WIDTH:
-        return None if trace.parameters.sensor.sensor_bandwidth else trace.width_derivative(seen)
-    if effect.name == "tilt":
-        return seen.x
-    column = _difference(problem, unknowns, k, _loaded, effect.unit)
+def _changing(trace: Trace, column: Array | None, after: float | None) -> Array | None:
+    """Return the column of a change that comes with time, or at once after a part of the steps."""
     if column is None:
         return None
     last = trace.experiment.runs[-1]
     lasts = float(trace.starts[-1] - trace.starts[0]) + last.end - last.start
     place = np.clip((trace.blocks.t - trace.starts[0]) / lasts, 0.0, 1.0)
-    if effect.name.startswith("change"):
-        over, by = effect.name.removeprefix("change ").split("/")
-        place = np.where(place > int(over) / int(by), 1.0, 0.0)
+    if after is not None:
+        place = np.where(place > after, 1.0, 0.0)
     return np.cumsum(np.diff(column, prepend=column[0]) * place)
 
 

@@ -164,9 +164,7 @@ class Twin:
         self._excess = 0.0  # of the squares of deviations after it over what they should be
         self._before = self.tracker  # the last change
         self._drive: OperatingPoint | None = None  # of the last cycles
-        self._regression = StepRegression(
-            self.tracker.model, self.settings
-        )  # since the last change
+        self._regression: StepRegression | None = None  # since the last change
 
     # -- taking
 
@@ -192,7 +190,8 @@ class Twin:
             if t >= self._anchored:  # else it is of an axis that ran before the twin
                 self.troubles["late commands"] += 1
                 self.detector.reset()
-                self._regression = StepRegression(self.tracker.model, self.settings)
+                if self._regression:
+                    self._regression = StepRegression(self.tracker.model, self.settings)
                 if self.changes and self.changes[-1].told >= t and not self.changes[-1].verdict:
                     del self.changes[-1]
                 known = (one for seen, one in self._seen if seen.t > max(t, self._steady))
@@ -270,7 +269,8 @@ class Twin:
         seen = ProcessedReading(t, reading, parts, motion)
         expected, deviation, z = tracker.update(seen, duration)
         self._seen.append((seen, before))
-        self._regression.take(seen)
+        if self._regression:
+            self._regression.take(seen)
         self._since += bool(self.changes or motion.direction)
         judged = self._since == self.settings.judged_from and not self._drifts
         if (judged or tracker.jumped or t <= self._doubtful) and not self.changes:
@@ -299,20 +299,19 @@ class Twin:
             onset, self._astray, changed = self.detector.onset, True, False
             self.tracker = next((known for one, known in self._seen if one.t > onset), tracker)
             self.detector.reset()
-        elif changed and self._may_be_another_cause():
+        elif changed and self._may_be_another_cause:
             self._judge_at, changed = self._since, False
+            self._drives.add(self._drive[:2])  # type: ignore[index]
             self.detector.reset()
         elif changed:
             self._change(seen)
         self._continue_judging()
         if self.changes and self._judge_at:
             change = self.changes[-1]
-            (step, error), model = (
-                self.step_size(change.drive),
-                self.tracker.step_size(change.drive),
-            )
-            far = abs(step - model[0]) > _DIFFERS * math.hypot(error, model[1])
-            change.step_after, change.modelled = step, model[0] if far else None
+            change.step_after, error = self.step_size(change.drive)
+            model, own = self.tracker.step_size(change.drive)
+            far = abs(change.step_after - model) > _DIFFERS * math.hypot(error, own)
+            change.modelled = model if far else None
         due = not self.history or not 0.0 <= t - self.history[-1][0] < _PERIOD
         if due and self._drive is not None:
             self.history.append((t, self.estimates(), self._drive[:3]))
@@ -333,10 +332,8 @@ class Twin:
         at_start = not self.changes and onset - self._begun <= self.t - onset
         self.changes.append(Change(self.t, onset, step, step, self._drive, at_start))
         since = [one for one, _ in self._seen if one.t > onset]
-        self._since, self._regression = (
-            len(since),
-            StepRegression(self._before.model, self.settings),
-        )
+        self._since = len(since)
+        self._regression = StepRegression(self._before.model, self.settings)
         for one in since[_UNSURE:]:
             self._regression.take(one)
         self._judge_at, self._judging, self._excess = self.settings.judged_from, None, 0.0
@@ -346,16 +343,15 @@ class Twin:
         self.detector.reset()
         self._steady = self.t
 
+    @property
     def _may_be_another_cause(self) -> bool:
-        """Return whether what looks like a change may be another cause of the last one, once.
+        """Whether what looks like a change may be another cause of the last one.
 
         Causes that were alike at the drives since then are not at a new one.
         """
-        verdict, drive = self.changes[-1].verdict if self.changes else None, self._drive
-        if not verdict or verdict.cause or not drive or drive[:2] in self._drives:
-            return False
-        self._drives.add(drive[:2])
-        return True
+        verdict = self.changes[-1].verdict if self.changes else None
+        new = self._drive is not None and self._drive[:2] not in self._drives
+        return bool(verdict and not verdict.cause and new)
 
     @property
     def _pending(self) -> bool:
@@ -471,9 +467,10 @@ class Twin:
 
         After a change that does not go on, it is what the readings since then show.
         """
-        step, deviation = self._regression.step(drive)
-        if self.changes and not self._drifts and deviation < _SHOWN * abs(step):
-            return step, deviation
+        if self._regression and self.changes and not self._drifts:
+            step, deviation = self._regression.step(drive)
+            if deviation < _SHOWN * abs(step):
+                return step, deviation
         return self.tracker.step_size(drive)
 
     def estimates(self) -> list[TrackedParameter]:
