@@ -71,7 +71,7 @@ _KINDS: dict[int, Any] = {
     Opcode.METADATA: Metadata,
     Opcode.METADATA_INDEX: MetadataIndex,
 }  # others are passed over, whatever their length
-_LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
+LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
 _LARGEST_BODY = {Opcode.MESSAGE: LARGEST_CHUNK, Opcode.CHUNK: LARGEST_PACKED}
 # Bytes of all schemas, and of all channels: the 65 536 that MCAP can number take half of it.
 _LARGEST_SUM = {Schema: 8 * 1024 * 1024, Channel: 64 * 1024 * 1024}
@@ -138,7 +138,7 @@ def records_from(stream: IO[bytes], at: int, end: int) -> Iterator[tuple[Any, in
         opcode, length = HEAD.unpack(stream.read(HEAD.size))
         if not opcode:  # zeros, as a disk leaves them after a power failure
             raise ValueError(f"there is no record at byte {at}")
-        left, largest = end - at - HEAD.size, _LARGEST_BODY.get(opcode, _LARGEST_OTHER)
+        left, largest = end - at - HEAD.size, _LARGEST_BODY.get(opcode, LARGEST_OTHER)
         if length > left:
             raise ValueError(
                 f"the record at byte {at} says it is {length} bytes long, but {left} are left"

@@ -25,6 +25,7 @@ from stickslip_ros.recordings.errors import BROKEN, BagError, reading, short
 from stickslip_ros.recordings.mcap_files import (
     HEAD,
     LARGEST_CHUNK,
+    LARGEST_OTHER,
     LARGEST_PACKED,
     MAGIC,
     BagMessage,
@@ -50,7 +51,6 @@ from stickslip_ros.recordings.writer import BagWriter
 _USED = frozenset({Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.METADATA})
 _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 _FIRST_PRIVATE = 0x80  # opcodes from here on are anybody's
-_LARGEST_OTHER = 1024 * 1024  # bytes of a record outside of chunks that is used
 _PIECE = 1024 * 1024  # bytes of the file that are read and searched together
 # A chunk record: its opcode and a length of less than 128 MiB.
 _CHUNK_START = re.compile(rb"\x06(?=.{3}[\x00-\x07]\x00{4})", re.DOTALL)
@@ -346,6 +346,6 @@ class _DamagedFile(Storage):
         known = all(one in _OPCODES or one >= _FIRST_PRIVATE for one in (opcode, following))
         if opcode == Opcode.CHUNK or not known or length > self.size + LARGEST_PACKED - after:
             raise ValueError(f"there is no record at byte {at}")
-        if opcode not in _USED or after - at > _LARGEST_OTHER:
+        if opcode not in _USED or after - at > LARGEST_OTHER:
             return None, after
         return parse(opcode, self._read(at + HEAD.size, after - at - HEAD.size)), after
