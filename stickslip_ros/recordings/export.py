@@ -13,6 +13,7 @@ import sqlite3
 import tempfile
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from itertools import groupby, islice, takewhile
 from operator import itemgetter
@@ -71,8 +72,10 @@ def export(
         beside = None if part == out else part.parent  # there is no room beside a device
         with tempfile.TemporaryDirectory(dir=beside) as folder:
             try:
-                rows = _Rows(bag, Path(folder, "rows"), on_messages)
-                write(part, rows)
+                # Open, it would be kept for ever: its function knows the rows, and they know it.
+                with closing(sqlite3.connect(f"{folder}/rows", isolation_level=None)) as database:
+                    rows = _Rows(bag, database, on_messages)
+                    write(part, rows)
             except sqlite3.Error as error:
                 raise BagError(
                     f"cannot gather the rows of {bag.path} beside {out}: {error}; make room on "
@@ -158,7 +161,9 @@ def _cells_of(message: Any, kind: str) -> Iterator[dict[str, Any]]:
 class _Rows:
     """The rows of all messages, in a database beside the file that is written."""
 
-    def __init__(self, bag: BagReader, path: Path, note: Callable[[int], object]) -> None:
+    def __init__(
+        self, bag: BagReader, database: sqlite3.Connection, note: Callable[[int], object]
+    ) -> None:
         """Read the messages of a bag; BagError if none can be decoded."""
         self.left_out: dict[str, str] = {}  #: topics, each with the reason
         self.notes: list[str] = [bag.bulk.told] if bag.bulk.apart else []
@@ -171,13 +176,13 @@ class _Rows:
                     self._topics[name] = _Topic(number, name, topic.type, decode, kept)
             except BagError as error:
                 self.left_out[name] = str(error)
-        self._database = sqlite3.connect(path, isolation_level=None)
-        self._database.executescript(
+        self._database = database
+        database.executescript(
             "PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA cache_size = -65536;"
             "CREATE TABLE rows (topic INTEGER, stamp INTEGER, log INTEGER, cells BLOB); BEGIN;"
         )
-        self._database.executemany("INSERT INTO rows VALUES (?, ?, ?, ?)", self._read(bag, note))
-        self._database.execute("COMMIT")
+        database.executemany("INSERT INTO rows VALUES (?, ?, ?, ?)", self._read(bag, note))
+        database.execute("COMMIT")
         if not self._topics:
             why = "".join(f"; {reason}" for reason in self.left_out.values())
             raise BagError(
@@ -185,7 +190,7 @@ class _Rows:
             )
         self._set_clocks(bag)
         self.topics = {topic.number: topic for topic in self._topics.values()}  #: by their numbers
-        self._database.create_function(
+        database.create_function(
             "seconds",
             3,
             lambda of, *ns: self.topics[of].seconds(*ns) if of in self.topics else None,

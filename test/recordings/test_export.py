@@ -2,6 +2,7 @@
 """Recordings as tables: every message a row, every number as it was recorded."""
 
 import csv
+import os
 import sys
 from pathlib import Path
 
@@ -67,7 +68,9 @@ def test_a_file_takes_one_table_in_order_of_time(tmp_path: Path) -> None:
     ]
     foreign(tmp_path / "run.mcap", samples)
     out = tmp_path / "all.csv"
+    opened = len(os.listdir("/proc/self/fd"))
     assert main(["bag", "export", str(tmp_path / "run.mcap"), "--out", str(out)]) == 0
+    assert len(os.listdir("/proc/self/fd")) == opened  # its database is closed with it
     rows = table(out)
     x, pushed_x = (f"{name}/a_slider/position" for name in ("/joint_states", "/pushed"))
     assert [(row[x], row[pushed_x], row[f"{STEPS.name}/data"]) for row in rows] == [
