@@ -38,11 +38,15 @@ class StepRegression:
         """Take a reading with the pieces of cycles before it."""
         last, self._last = self._last, one
         driven = [part for part in one.parts if part[0].drive]
-        drives = {piece.drive[:3] for piece, *_ in driven if piece.drive}
+        # The piece before goes on to matter while it rests, but makes no steps then.
+        ran = (piece for piece, begin, end in driven
+               if piece.cycles_at(end) > piece.cycles_at(begin))  # fmt: skip
+        drives, opened = {piece.drive[:3] for piece in ran if piece.drive}, False
         if one.motion.direction and last is not None:
             known = len(drives) == 1
             present = self._filters.setdefault(drives.pop(), self._new()) if known else None
-            if present is not None and present is not self._present:
+            opened = present is not None and present is not self._present
+            if present is not None and opened:  # a run may have begun in readings of two drives
                 present.anchor(last.reading, last.motion.blur)
             self._present = present
         if self._present is None or last is None:
@@ -59,7 +63,8 @@ class StepRegression:
             begins = begin == piece.start
             edges = begins + (piece.rests and begin < piece.end <= end)
             scatter += edges * (_EDGE * step) ** 2
-            self._present.covariance[THETA, THETA] += begins * (_AGAIN * step) ** 2
+            opens = begins or (opened and done > 0.0)
+            self._present.covariance[THETA, THETA] += opens * (_AGAIN * step) ** 2
             blur = curve.blur(piece, end, self._settings.timing)
         self._present.move(shape, np.array([cycles]), scatter)
         self._present.read(one.reading, blur)
