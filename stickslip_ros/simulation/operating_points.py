@@ -68,7 +68,7 @@ def batch_of(p: Parameters, points: int, sign: int) -> tuple[Batch, NDArray[np.b
     drive_cycles, possible = drives_of(p, points, sign)
     possible = possible & is_defined(plants.contact)
     plants = _aged(p, plants, possible)
-    return Batch.of(plants, p.solver.tolerance, drive_cycles), possible
+    return Batch(plants, p.solver.tolerance, drive_cycles), possible
 
 
 def _aged(p: Parameters, plants: Plant, possible: NDArray[np.bool_]) -> Plant:
@@ -161,11 +161,12 @@ def _settled_steps(batch: Batch, where: NDArray[np.bool_]) -> tuple[Array, Array
     first half outlasts the ringing, or where steps of the second scatter so little that, at the
     rate at which ringing decays, less than `_SETTLED` of it is left in them.
     """
-    points = len(batch.plants)
+    points = len(where)
+    plants = batch.plants.points(points)
     step_size, backstep = np.full(points, math.nan), np.full(points, math.nan)
     scatter, lasting = np.zeros(points), np.zeros(points)
     for k in np.flatnonzero(where).tolist():
-        decay, lasting[k] = decay_of(batch.plants[k], batch.drive_cycles.row(k).period)
+        decay, lasting[k] = decay_of(plants[k], float(batch.drive_cycles.periods[k]))
         scatter[k] = -_SETTLED * math.expm1(-decay)
     count = TRIAL_STEPS
     while where.any():

@@ -15,8 +15,8 @@ from stickslip_ros.base.reporting import format_si
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.model.waveforms import command_of
 from stickslip_ros.physics.parameters import Parameters
-from stickslip_ros.physics.solver.batch import backstep_into_rest
 from stickslip_ros.physics.solver.driven import simulation_of
+from stickslip_ros.physics.solver.simulation import backstep_into_rest
 from stickslip_ros.simulation.settled import settled_mean
 
 _CHUNK = 10_000

@@ -117,7 +117,7 @@ class DriveCycles:
 
     def row(self, k: int) -> DriveCycle:
         """Return the drive cycle of one point."""
-        used = int(np.flatnonzero(self.durations[k])[-1]) + 1
+        used = int(self.segments[k])
         return DriveCycle(
             self.durations[k, :used],
             self.rates[k, :used],
@@ -126,6 +126,34 @@ class DriveCycles:
             int(self.slip_parts[k]),
             None if self.bends is None else self.bends[k, :used],
         )
+
+    @cached_property
+    def segments(self) -> NDArray[np.int64]:
+        """Number of segments of each point, (points,)."""
+        return self.durations.shape[1] - np.argmax(self.durations[:, ::-1] != 0.0, axis=1)
+
+    @cached_property
+    def periods(self) -> Array:
+        """Duration of each cycle, s, (points,)."""
+        return np.asarray(np.cumsum(self.durations, axis=1)[:, -1])
+
+    def packed(self, points: NDArray[np.int64], segments: int) -> tuple[Array, Array]:
+        """Return durations, rates and bends of points, (points, 3, segments), and their shifts.
+
+        segments is what each of them has; see `DriveCycle.shift`.
+        """
+        packed = np.zeros((len(points), 3, segments))
+        packed[:, 0], packed[:, 1] = (
+            self.durations[points, :segments],
+            self.rates[points, :segments],
+        )
+        speeds = packed[:, 1]
+        if self.bends is not None:
+            packed[:, 2] = self.bends[points, :segments]
+            speeds = packed[:, 1] + 0.5 * packed[:, 2] * packed[:, 0]
+        strokes = packed[:, 0] * speeds
+        shifts = np.sum(strokes, axis=1)
+        return packed, shifts * (np.abs(shifts) > _CLOSED * np.sum(np.abs(strokes), axis=1))
 
 
 def stack_cycles(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveCycles:

@@ -272,13 +272,26 @@ def run(
     state["previewing"], state["spent"], state["allowance"] = 0, 0, SLICE
     state["t_end"], state["stop_cycle"] = until
     done = state["done"]
-    filled = advance(*buffers, rows)
-    if not state["unfinished"]:  # as nearly always: the rest of this costs more than the call
-        return
+    advance(*buffers, rows)
+    if state["unfinished"]:  # hardly ever
+        finish(buffers, state, until, rows, done, budget)
+
+
+def finish(
+    buffers: KernelBuffers,
+    state: Fields,
+    until: tuple[float, int],
+    rows: Array,
+    done: int,
+    budget: int = PER_CYCLE,
+) -> None:
+    """Go on with a call of `advance` that its allowance has ended; arguments as of `run`.
+
+    done: cycles that had ended before that call. Raises SolverError like `run`.
+    """
     for _ in _slices(buffers, state, budget, SLICE if state["done"] == done else 0):
-        rows = rows[filled:]
         state["t_end"], state["stop_cycle"] = until  # it leaves that of the cycle under way
-        filled = advance(*buffers, rows)
+        advance(*buffers, rows[state["done"] - done :])
 
 
 def run_samples(buffers: KernelBuffers, state: Fields, times: Array, samples: Array) -> None:

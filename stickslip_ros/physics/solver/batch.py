@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulates many operating points, each with its own plant and drive cycle, in one call.
+"""Simulates many operating points, each with its own plant and drive cycle, in compiled loops.
 
-Every point is a `Simulation` from rest. The interpreter lock is released within each point, so
-threads with a batch each use all cores.
+Every point runs as a `Simulation` from rest, to the last bit. The interpreter lock is released for
+some milliseconds at a time, so threads with a batch each use all cores, and Ctrl-C gets through.
 """
 
 from __future__ import annotations
@@ -15,24 +15,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.base.arrays import Array
+from stickslip_ros.base.compiled import compiled
 from stickslip_ros.physics.model import DriveCycles, Plant
-from stickslip_ros.physics.solver.advance import ENDLESS
-from stickslip_ros.physics.solver.simulation import Simulation
+from stickslip_ros.physics.solver.advance import (
+    ENDLESS,
+    SLICE,
+    KernelBuffers,
+    SolverError,
+    advance,
+    finish,
+)
+from stickslip_ros.physics.solver.layout import ROW_SIZE, Fields, kernel_in
+from stickslip_ros.physics.solver.plants import (
+    axes_at_rest,
+    begin_cycles,
+    contact_buffers,
+    pack_plants,
+)
+from stickslip_ros.physics.solver.simulation import rest_after
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Operating points, one entry or row each."""
+    """Operating points as columns."""
 
-    plants: list[Plant]
-    tolerance: Array  #: (points,), error in position allowed per cycle, m
+    plants: Plant  #: numbers, or arrays (points,)
+    tolerance: Array | float  #: error in position allowed per cycle, m
     drive_cycles: DriveCycles
-
-    @classmethod
-    def of(cls, plants: Plant, tolerance: Array | float, drive_cycles: DriveCycles) -> Batch:
-        """Build the batch of a column of plants and their drive cycles."""
-        points = len(drive_cycles.durations)
-        return cls(plants.points(points), np.broadcast_to(tolerance, points), drive_cycles)
 
     def run(self, steps: int, where: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Run steps from rest; return position (points, steps) and backstep, both in m.
@@ -41,32 +50,20 @@ class Batch:
         the last does not have. Of a single step it is the one that runs into rest, (points, 1).
         Points where ``where`` is false are left out: their rows are nan.
         """
-        position = np.full((len(self.plants), steps), math.nan)
-        backstep = np.full((len(self.plants), max(steps - 1, 1)), math.nan)
-        for k, simulation in self._started(where, steps):
-            cycles = simulation.run_cycles(steps)
-            position[k] = cycles.position
+        position = np.full((len(where), steps), math.nan)
+        backstep = np.full((len(where), max(steps - 1, 1)), math.nan)
+        ringing = np.broadcast_to(self.plants.ringing_frequency, where.shape)
+        for points, group in self._groups(where, steps):
+            rows = group.run_cycles(np.arange(len(points)), 0, steps)
+            position[points] = rows[:, :, 0]
             if steps > 1:
-                backstep[k] = cycles.backstep[1:]
+                backstep[points] = rows[:, 1:, 1]
             else:
-                backstep[k] = backstep_into_rest(simulation)
+                each = zip(self.drive_cycles.periods[points], ringing[points], strict=True)
+                group.ends[:] = [period + rest_after(period, hertz) for period, hertz in each]
+                group.run(np.arange(len(points)), 1, ENDLESS, np.empty((len(points), 0, ROW_SIZE)))
+                backstep[points, 0] = [Fields(axis)["backstep"] for axis in group.axes]
         return position, backstep
-
-    def _started(self, where: NDArray[np.bool_], count: int) -> Iterator[tuple[int, Simulation]]:
-        """Yield index and simulation of each point, its cycles begun.
-
-        Points of the same plant have one simulation in turn: a plant is prepared once.
-        """
-        same: dict[tuple[Plant, float], list[int]] = {}
-        for k in np.flatnonzero(where).tolist():
-            same.setdefault((self.plants[k], float(self.tolerance[k])), []).append(k)
-        for (plant, tolerance), points in same.items():
-            simulation = Simulation(plant, tolerance)
-            for k in points:
-                if k != points[0]:
-                    simulation.restart()
-                simulation.start(self.drive_cycles.row(k), count)
-                yield k, simulation
 
     def run_until_still(
         self, block: int, rise: float, limit: int, where: NDArray[np.bool_]
@@ -77,22 +74,117 @@ class Batch:
         with the first block that advances by less than rise (m) in the direction of the step. nan
         if that takes more than limit cycles, or if ``where`` is False.
         """
-        final, sign = np.full(len(self.plants), math.nan), self.drive_cycles.sign
-        for k, simulation in self._started(where, ENDLESS):
-            before = -math.inf
-            for _ in range(limit // block):
+        final, sign = np.full(len(where), math.nan), self.drive_cycles.sign
+        for points, group in self._groups(where, ENDLESS):
+            active, before = np.arange(len(points)), np.full(len(points), -math.inf)
+            for done in range(0, limit - block + 1, block):
+                rows = group.run_cycles(active, done, block)
                 # Summed up in order, as nobody promises of numpy's mean.
-                mean = float(np.cumsum(simulation.run_cycles(block).position)[-1]) / block
-                if sign * mean - before < rise:
-                    final[k] = mean
+                mean = np.cumsum(rows[:, :, 0], axis=1)[:, -1] / block
+                rises = ~(sign * mean - before[active] < rise)
+                final[points[active[~rises]]] = mean[~rises]
+                before[active] = sign * mean
+                active = active[rises]
+                if not len(active):
                     break
-                before = sign * mean
         return final
 
+    def _groups(
+        self, where: NDArray[np.bool_], count: int
+    ) -> Iterator[tuple[NDArray[np.int64], _Group]]:
+        """Yield points with drive cycles of equally many segments, count cycles begun."""
+        for segments in np.unique(self.drive_cycles.segments[where]).tolist():
+            points = np.flatnonzero(where & (self.drive_cycles.segments == segments))
+            yield points, _Group(self, points, segments, count)
 
-def backstep_into_rest(simulation: Simulation) -> float:
-    """Return the backstep (m) of the last cycle, after a rest in which it ends."""
-    ringing = simulation.plant.ringing_frequency
-    longest = max(simulation.drive_cycle.period, 1.0 / ringing if ringing > 0.0 else 0.0)
-    simulation.advance(simulation.end_of_move + longest)
-    return simulation.backstep
+
+class _Group:
+    """The buffers of points with drive cycles of equally many segments."""
+
+    def __init__(self, batch: Batch, points: NDArray[np.int64], segments: int, count: int) -> None:
+        """Begin count cycles at rest."""
+        all_points = len(batch.drive_cycles.segments)
+        self.plants, self._which = pack_plants(batch.plants, batch.tolerance, all_points, points)
+        self.contacts = contact_buffers(batch.plants, all_points, points)
+        self.axes = axes_at_rest(len(points))
+        self._drives, shifts = batch.drive_cycles.packed(points, segments)
+        self.ends = np.full(len(points), math.inf)  #: s, when each is to stop at the latest
+        slips = batch.drive_cycles.slip[points]
+        _begin(
+            self.axes, self.contacts, count, shifts, slips,
+            slips + batch.drive_cycles.slip_parts[points], batch.drive_cycles.sign,
+        )  # fmt: skip
+
+    def run_cycles(self, active: NDArray[np.int64], done: int, count: int) -> Array:
+        """Advance some points by count cycles after those done; return their rows of results."""
+        rows = np.empty((len(active), count, ROW_SIZE))
+        self.run(active, done, done + count, rows)
+        if not np.isfinite(rows[:, -1, 0]).all():
+            raise SolverError("the solver failed; please report the parameters and commands")
+        return rows
+
+    def run(self, active: NDArray[np.int64], done: int, stop_cycle: int, rows: Array) -> None:
+        """Advance some points to their ends, or to the end of a cycle. Raises SolverError.
+
+        done: cycles that have ended before; rows, (points, cycles, ROW_SIZE), takes the results.
+        """
+        at, buffers = 0, (self.plants, self._which, self.axes, self.contacts, self._drives)
+        while at < len(active):
+            at = _advance_points(*buffers, active, self.ends, stop_cycle, rows, at)
+            if at >= 0:
+                continue
+            at = -at
+            k = active[at - 1]
+            contacts = None if self.contacts is None else self.contacts[k]
+            one = self.plants[self._which[k]], self.axes[k], contacts, self._drives[k]
+            state, until = Fields(self.axes[k]), (float(self.ends[k]), stop_cycle)
+            finish(KernelBuffers(*one), state, until, rows[at - 1], done)
+
+
+@compiled
+def _begin(
+    axes: NDArray,
+    contacts: NDArray | None,
+    count: int,
+    shifts: NDArray,
+    slips: NDArray,
+    slip_ends: NDArray,
+    sign: int,
+) -> None:
+    """Start count drive cycles of each axis at time 0."""
+    for k in range(len(axes)):
+        each = None if contacts is None else contacts[k]
+        begin_cycles(axes[k], each, 0.0, count, (shifts[k], slips[k], slip_ends[k], sign))
+
+
+@compiled
+def _advance_points(
+    plants: NDArray,
+    which: NDArray,
+    axes: NDArray,
+    contacts: NDArray | None,
+    drives: NDArray,
+    active: NDArray,
+    ends: NDArray,
+    stop_cycle: int,
+    rows: NDArray,
+    first: int,
+) -> int:
+    """Advance active points from number first on as `advance`, for a slice of arcs.
+
+    Returns the number of the next one; negative if the one before it is unfinished.
+    """
+    spent = 0
+    for i in range(first, len(active)):
+        k = active[i]
+        request = kernel_in(axes[k]).request
+        request.previewing, request.spent, request.allowance = 0, 0, SLICE
+        request.t_end, request.stop_cycle = ends[k], stop_cycle
+        each = None if contacts is None else contacts[k]
+        advance(plants[which[k]], axes[k], each, drives[k], rows[i])
+        if request.unfinished:
+            return -(i + 1)
+        spent += request.spent
+        if spent > SLICE:
+            return i + 1
+    return len(active)

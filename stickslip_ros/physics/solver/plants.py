@@ -41,6 +41,8 @@ from stickslip_ros.physics.solver.tables import (
     learn_swings,
 )
 
+#: Numbers that a plant is given by; those behind them follow from them
+_INPUTS = (PLANT.names or ()).index("z_slide")
 #: Largest tolerance, as a fraction of the limit of z: it sets the accuracy of the friction
 _FINEST = 1e-2
 #: Bursts faster than this multiple of the ringing after steady sliding are slides.
@@ -53,12 +55,37 @@ def pack_plant(plant: Plant, tolerance: float) -> Array:
     """Return the buffer of a plant; tolerance is the error in position (m) allowed per cycle."""
     buffer = np.zeros(PLANT_SIZE)
     record = open_record(buffer, PLANT)
-    for name, number in zip(Contact._fields, plant.contact, strict=True):
+    for name, number in _inputs(plant, tolerance):
         record[name] = number
-    record["mass"], record["force"], record["spring"] = plant.mass, plant.force, plant.spring
-    record["tolerance"] = tolerance
     derive_constants(buffer)
     return buffer
+
+
+def pack_plants(
+    plants: Plant, tolerance: Array | float, count: int, points: NDArray[np.int64]
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return the buffers of a column of count plants at some points, and which each point has.
+
+    Equal plants share a buffer, so that their tables are filled once.
+    """
+    buffers = np.zeros((len(points), PLANT_SIZE))
+    records = buffers.view(plain_dtype(PLANT))[:, 0]
+    for name, number in _inputs(plants, tolerance):
+        records[name] = np.broadcast_to(number, count)[points]
+    known: dict[bytes, int] = {}
+    each = (row.tobytes() for row in buffers[:, :_INPUTS])
+    which = np.array([known.setdefault(one, len(known)) for one in each], np.int64)
+    buffers = buffers[np.unique(which, return_index=True)[1]]
+    for buffer in buffers:
+        derive_constants(buffer)
+    return buffers, which
+
+
+def _inputs(plant: Plant, tolerance: Array | float) -> list[tuple[str, Any]]:
+    """Return what a plant is given by, with the names in its record."""
+    loads = ("mass", plant.mass), ("force", plant.force), ("spring", plant.spring)
+    contact = zip(Contact._fields, plant.contact, strict=True)
+    return [*contact, *loads, ("tolerance", tolerance)]
 
 
 @compiled
@@ -83,9 +110,25 @@ def contact_buffer(plant: Plant) -> Array | None:
     return np.zeros(2 * len(plant.contacts) * CONTACT_SIZE) if plant.contacts else None
 
 
+def contact_buffers(plants: Plant, count: int, points: NDArray[np.int64]) -> Array | None:
+    """Return the buffers of the contacts of a column of count plants at some points, at rest."""
+    if not plants.contacts:
+        return None
+    buffers = np.zeros((len(points), 2 * len(plants.contacts) * CONTACT_SIZE))
+    records = contact_records(buffers)
+    own = list(zip(OWN_CONSTANTS, plants.own, strict=True))
+    for i, contact in enumerate(plants.contacts):
+        for name, number in (*zip(Contact._fields, contact, strict=True), *own):
+            records[name][:, i] = np.broadcast_to(number, count)[points]
+    return buffers
+
+
 def contact_records(buffer: Array) -> NDArray[Any]:
-    """Return the records of several contacts in their buffer, for Python: fields by ["name"]."""
-    return buffer[: len(buffer) // 2].view(plain_dtype(CONTACT_RECORD))
+    """Return the records of several contacts in their buffer, for Python: fields by ["name"].
+
+    Of the buffers of many points, (points, contacts).
+    """
+    return buffer[..., : buffer.shape[-1] // 2].view(plain_dtype(CONTACT_RECORD))
 
 
 def set_contacts(buffer: Array | None, plant: Plant) -> None:
@@ -107,6 +150,11 @@ for _name, _value in {
     "replay": 1,
 }.items():
     Fields(_NEVER_MOVED)[_name] = _value
+
+
+def axes_at_rest(count: int) -> Array:
+    """Return the buffers of axes at rest at x = 0, (count, KERNEL_SIZE)."""
+    return np.tile(_NEVER_MOVED, (count, 1))
 
 
 def at_rest(axis: Array, contacts: Array | None) -> None:

@@ -38,6 +38,18 @@ NO_ROWS = np.empty((0, ROW_SIZE))
 _REST = DriveCycle(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
 
 
+def rest_after(period: float, ringing: float) -> float:
+    """Return how long (s) the backstep of the last cycle may take; ringing in Hz, 0 for none."""
+    return max(period, 1.0 / ringing if ringing > 0.0 else 0.0)
+
+
+def backstep_into_rest(simulation: Simulation) -> float:
+    """Return the backstep (m) of the last cycle, after a rest in which it ends."""
+    period, ringing = simulation.drive_cycle.period, simulation.plant.ringing_frequency
+    simulation.advance(simulation.end_of_move + rest_after(period, ringing))
+    return simulation.backstep
+
+
 @dataclass(frozen=True)
 class State:
     """State of the axis at one time."""

@@ -9,7 +9,7 @@ from table_1 import table_1
 from stickslip_ros.physics.model import LAWS, Plant, drive_of
 from stickslip_ros.physics.parameters import Parameters
 from stickslip_ros.physics.solver import Simulation
-from stickslip_ros.physics.solver.batch import backstep_into_rest
+from stickslip_ros.physics.solver.simulation import backstep_into_rest
 from stickslip_ros.simulation.operating_points import batch_of
 
 POINTS, STEPS = 24, 9
