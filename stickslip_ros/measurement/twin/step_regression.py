@@ -41,13 +41,16 @@ class StepRegression:
         # The piece before goes on to matter while it rests, but makes no steps then.
         ran = (piece for piece, begin, end in driven
                if piece.cycles_at(end) > piece.cycles_at(begin))  # fmt: skip
-        drives, opened = {piece.drive[:3] for piece in ran if piece.drive}, False
+        drives = {piece.drive[:3] for piece in ran if piece.drive}
+        opened = False
         if one.motion.direction and last is not None:
             known = len(drives) == 1
             present = self._filters.setdefault(drives.pop(), self._new()) if known else None
-            opened = present is not None and present is not self._present
-            if present is not None and opened:  # a run may have begun in readings of two drives
+            if (
+                present is not None and present is not self._present
+            ):  # a run may have begun in readings of two drives
                 present.anchor(last.reading, last.motion.blur)
+                opened = True
             self._present = present
         if self._present is None or last is None:
             return

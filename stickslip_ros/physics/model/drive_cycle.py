@@ -45,9 +45,7 @@ class DriveCycle:
     @property
     def strokes(self) -> Array:
         """How far u gets in each segment, m."""
-        if self.bends is None:
-            return self.durations * self.rates
-        return self.durations * (self.rates + 0.5 * self.bends * self.durations)
+        return _strokes(self.durations, self.rates, self.bends)
 
     @cached_property
     def period(self) -> float:
@@ -57,8 +55,7 @@ class DriveCycle:
     @cached_property
     def shift(self) -> float:
         """Where u ends less where it began, m; exactly 0 if the drive cycle closes."""
-        shift = float(np.sum(self.strokes))
-        return shift if abs(shift) > _CLOSED * float(np.sum(np.abs(self.strokes))) else 0.0
+        return float(_shift(self.strokes))
 
     @property
     def slip_end(self) -> int:
@@ -82,6 +79,19 @@ class DriveCycle:
             return self.commanded
         stroke = float(np.abs(self.strokes[self.slip : self.slip_end]).sum())
         return stroke / self.slip_duration
+
+
+def _strokes(durations: Array, rates: Array, bends: Array | None) -> Array:
+    """Return how far u gets in segments, m."""
+    if bends is None:
+        return durations * rates
+    return durations * (rates + 0.5 * bends * durations)
+
+
+def _shift(strokes: Array) -> Array:
+    """Return the sum over the last axis, m; exactly 0 where it is a rounding error."""
+    shift = np.sum(strokes, axis=-1)
+    return np.where(np.abs(shift) > _CLOSED * np.sum(np.abs(strokes), axis=-1), shift, 0.0)
 
 
 def ramp(distance: float, duration: float) -> DriveCycle:
@@ -143,17 +153,11 @@ class DriveCycles:
         segments is what each of them has; see `DriveCycle.shift`.
         """
         packed = np.zeros((len(points), 3, segments))
-        packed[:, 0], packed[:, 1] = (
-            self.durations[points, :segments],
-            self.rates[points, :segments],
-        )
-        speeds = packed[:, 1]
-        if self.bends is not None:
-            packed[:, 2] = self.bends[points, :segments]
-            speeds = packed[:, 1] + 0.5 * packed[:, 2] * packed[:, 0]
-        strokes = packed[:, 0] * speeds
-        shifts = np.sum(strokes, axis=1)
-        return packed, shifts * (np.abs(shifts) > _CLOSED * np.sum(np.abs(strokes), axis=1))
+        for i, numbers in enumerate((self.durations, self.rates, self.bends)):
+            if numbers is not None:
+                packed[:, i] = numbers[points, :segments]
+        bends = None if self.bends is None else packed[:, 2]
+        return packed, _shift(_strokes(packed[:, 0], packed[:, 1], bends))
 
 
 def stack_cycles(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveCycles:

@@ -29,8 +29,9 @@ from stickslip_ros.physics.solver.layout import ROW_SIZE, Fields, kernel_in
 from stickslip_ros.physics.solver.plants import (
     axes_at_rest,
     begin_cycles,
-    contact_buffers,
+    contact_buffer,
     pack_plants,
+    set_contacts,
 )
 from stickslip_ros.physics.solver.simulation import rest_after
 
@@ -105,7 +106,9 @@ class _Group:
         """Begin count cycles at rest."""
         all_points = len(batch.drive_cycles.segments)
         self.plants, self._which = pack_plants(batch.plants, batch.tolerance, all_points, points)
-        self.contacts = contact_buffers(batch.plants, all_points, points)
+        contacts = contact_buffer(batch.plants, all_points)
+        set_contacts(contacts, batch.plants)
+        self.contacts = None if contacts is None else contacts[points]
         self.axes = axes_at_rest(len(points))
         self._drives, shifts = batch.drive_cycles.packed(points, segments)
         self.ends = np.full(len(points), math.inf)  #: s, when each is to stop at the latest
@@ -136,9 +139,11 @@ class _Group:
             at = -at
             k = active[at - 1]
             contacts = None if self.contacts is None else self.contacts[k]
-            one = self.plants[self._which[k]], self.axes[k], contacts, self._drives[k]
-            state, until = Fields(self.axes[k]), (float(self.ends[k]), stop_cycle)
-            finish(KernelBuffers(*one), state, until, rows[at - 1], done)
+            buffers_of_point = KernelBuffers(
+                self.plants[self._which[k]], self.axes[k], contacts, self._drives[k]
+            )
+            until = float(self.ends[k]), stop_cycle
+            finish(buffers_of_point, Fields(self.axes[k]), until, rows[at - 1], done)
 
 
 @compiled

@@ -105,22 +105,13 @@ def derive_constants(buffer: NDArray) -> None:
     plant.approach_rate, plant.approach_reach = approach(plant)
 
 
-def contact_buffer(plant: Plant) -> Array | None:
-    """Return an empty buffer for several contacts, see `layout.contacts_in`; None for one."""
-    return np.zeros(2 * len(plant.contacts) * CONTACT_SIZE) if plant.contacts else None
+def contact_buffer(plant: Plant, *points: int) -> Array | None:
+    """Return empty buffers for several contacts, see `layout.contacts_in`; None for one.
 
-
-def contact_buffers(plants: Plant, count: int, points: NDArray[np.int64]) -> Array | None:
-    """Return the buffers of the contacts of a column of count plants at some points, at rest."""
-    if not plants.contacts:
-        return None
-    buffers = np.zeros((len(points), 2 * len(plants.contacts) * CONTACT_SIZE))
-    records = contact_records(buffers)
-    own = list(zip(OWN_CONSTANTS, plants.own, strict=True))
-    for i, contact in enumerate(plants.contacts):
-        for name, number in (*zip(Contact._fields, contact, strict=True), *own):
-            records[name][:, i] = np.broadcast_to(number, count)[points]
-    return buffers
+    A row each for a number of points, if it is given.
+    """
+    size = 2 * len(plant.contacts) * CONTACT_SIZE
+    return np.zeros((*points, size)) if plant.contacts else None
 
 
 def contact_records(buffer: Array) -> NDArray[Any]:
@@ -132,14 +123,13 @@ def contact_records(buffer: Array) -> NDArray[Any]:
 
 
 def set_contacts(buffer: Array | None, plant: Plant) -> None:
-    """Write the constants of a plant's contacts into their buffer, if there are several."""
+    """Write the constants of contacts into the buffers of a plant, or of a column of plants."""
     if buffer is None:
         return
-    records = contact_records(buffer)
-    for name, values in zip(Contact._fields, zip(*plant.contacts, strict=True), strict=True):
-        records[name] = values
-    for name, value in zip(OWN_CONSTANTS, plant.own, strict=True):
-        records[name] = value
+    records, own = contact_records(buffer), list(zip(OWN_CONSTANTS, plant.own, strict=True))
+    for i, contact in enumerate(plant.contacts):
+        for name, number in (*zip(Contact._fields, contact, strict=True), *own):
+            records[name][..., i] = number
 
 
 _NEVER_MOVED = np.zeros(KERNEL_SIZE)
@@ -155,15 +145,6 @@ for _name, _value in {
 def axes_at_rest(count: int) -> Array:
     """Return the buffers of axes at rest at x = 0, (count, KERNEL_SIZE)."""
     return np.tile(_NEVER_MOVED, (count, 1))
-
-
-def at_rest(axis: Array, contacts: Array | None) -> None:
-    """Reset the buffers of an axis to rest at x = 0."""
-    axis[:] = _NEVER_MOVED
-    if contacts is not None:
-        records = contact_records(contacts)
-        for name in ("now_z", "cycle_z", "now_second", "cycle_second"):
-            records[name] = 0.0
 
 
 def set_clear_range(

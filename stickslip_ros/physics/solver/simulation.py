@@ -23,9 +23,9 @@ from stickslip_ros.physics.solver.advance import (
     run_events,
     run_samples,
 )
-from stickslip_ros.physics.solver.layout import KERNEL_SIZE, ROW_SIZE, Fields
+from stickslip_ros.physics.solver.layout import ROW_SIZE, Fields
 from stickslip_ros.physics.solver.plants import (
-    at_rest,
+    axes_at_rest,
     begin_cycles,
     contact_buffer,
     contact_records,
@@ -112,23 +112,18 @@ class Simulation:
         With replay, a cycle that begins as the last one did is not solved again. budget is the
         largest number of arcs of a cycle.
         """
-        self._budget, self._replay = budget, replay
+        self._budget = budget
         self._events: list[Array] | None = None  # s, while they are recorded
-        self._axis = np.empty(KERNEL_SIZE)
+        (self._axis,) = axes_at_rest(1)
         self._each = contact_buffer(plant)
         self._s = Fields(self._axis)
-        self.restart()
-        self._use_plant(plant, tolerance)
-
-    def restart(self) -> None:
-        """Go back to rest at x = 0 at time 0, without stops."""
-        at_rest(self._axis, self._each)
+        self._s["replay"] = replay
         self.stands = False  #: True if runner and actuator stay where they are until something acts
         self._place = (math.nan,) * 3  # m, as `_stood` saw it last
         self._force = 0.0  # N, where it stands
-        self._s["replay"] = self._replay
         self._t = 0.0
         self._set_drive_cycle(_REST)
+        self._use_plant(plant, tolerance)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for copies and pickles: everything except the view of the buffer."""
