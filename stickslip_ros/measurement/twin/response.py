@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from stickslip_ros.physics.parameters import ParameterError, Parameters
 from stickslip_ros.physics.solver.driven import simulation_of
 
 #: Cycles that are solved, after which they repeat; of these the last are the mean
-_CYCLES, _MEAN = 10, 4
+_CYCLES, _MEAN = 16, 4
 #: s between points of a cycle, of which there are fewest to most; points in the rest after it
 _SPACING, _FEWEST, _MOST, _RESTING = 1.25e-5, 100, 800, 2000
 #: Width of the mean in periods of the ringing, of which it leaves a thousandth
@@ -74,6 +75,7 @@ class CycleCurve:
             np.interp(after[:ahead], cycles, x), simulation.sample(after[ahead:]).x - start
         )
         smooth, left = _smooth(x, ringing * float(cycles[1] - cycles[0]))
+        smooth[0] = x[0]  # at rest nothing rings
         still, moving = _smooth(rest, ringing * spacing)
         kept = _CYCLES * points + 1
         return cls(
@@ -112,6 +114,18 @@ class CycleCurve:
         return Blur(0.5 * width, float(ringing[0]), omega * since, coherence)
 
 
+@lru_cache(4096)
+def settled_step(p: Parameters, drive: OperatingPoint) -> float:
+    """Return the step (m) of an axis after many at a drive."""
+    p = p.replace(amplitude=drive.amplitude, frequency=drive.frequency)
+    simulation = simulation_of(p, Plant.of(p))
+    simulation.start(command_of(p, drive.direction), _CYCLES + _MEAN)
+    simulation.advance(simulation.t + _CYCLES / drive.frequency)
+    begin = simulation.x
+    simulation.advance(simulation.end_of_move)
+    return (simulation.x - begin) / _MEAN
+
+
 def _within(cycles: Array) -> Array:
     """Return the same place in the last of the cycles solved for those beyond."""
     return np.where(cycles > _CYCLES, _CYCLES - 1 + np.mod(cycles, 1.0), cycles)
@@ -142,7 +156,7 @@ class Model:
         Plant.of(p)
         self.p = p
         self._curves: dict[OperatingPoint, CycleCurve] = {}
-        self._slopes: dict[OperatingPoint, CycleCurve] = {}
+        self._slopes: dict[tuple[float, float, int], Array] = {}
 
     @property
     def drives(self) -> list[OperatingPoint]:
@@ -155,24 +169,22 @@ class Model:
             self._curves[drive] = CycleCurve.of(self.p, drive)
         return self._curves[drive]
 
-    def slopes(self, drive: OperatingPoint, names: tuple[str, ...]) -> CycleCurve:
-        """Return the derivatives (names, ...) of a curve by the logarithms of parameters.
+    def slopes(self, drive: OperatingPoint, names: tuple[str, ...]) -> Array:
+        """Return the derivatives (names,) of a drive's step by the logarithms of parameters, m.
 
         The names are those of the first call.
         """
-        if drive not in self._slopes:
+        if drive[:3] not in self._slopes:
             found = []
             for name in names:
                 # At the end of what its law allows a parameter changes in one direction alone.
                 near = [(by, self.moved({name: by})) for by in (_CHANGE, 0.0, -_CHANGE)]
                 (above, upper), *_, (below, lower) = [one for one in near if one[1]]
                 assert upper and lower
-                up, down = (CycleCurve.of(one.p, drive) for one in (upper, lower))
-                differences = up.x - down.x, up.rest - down.rest, up.step - down.step
-                found.append([one / (above - below) for one in differences])
-            x, rest, step = (np.array(one) for one in zip(*found, strict=True))
-            self._slopes[drive] = CycleCurve(x, rest, step, np.zeros(2), np.zeros(2), 0.0)
-        return self._slopes[drive]
+                up, down = (settled_step(one.p, drive) for one in (upper, lower))
+                found.append((up - down) / (above - below))
+            self._slopes[drive[:3]] = np.array(found)
+        return self._slopes[drive[:3]]
 
     def moved(self, changes: Mapping[str, float]) -> Model | None:
         """Return the model with logarithms of parameters changed, None where no axis has them."""

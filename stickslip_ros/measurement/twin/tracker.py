@@ -2,16 +2,16 @@
 """Tracks position and parameters of an axis with a Kalman filter on tables of the kernel.
 
 The state is the position at the last reading, the logarithms of parameters as differences from
-those of the file, and the rate of one of them. Between two readings the position goes on by what
-the kernel's curves say,
+those of the file, the rate of one of them, and what the steps of the drive that runs have beyond
+those of the model. Between two readings the position goes on by what the kernel's curves say,
 
-    x' = x + D + J (theta - theta_0),
+    x' = x + D + N (J (theta - theta_0) + b),
 
-with D at theta_0, where the curve was made: it is made anew as the estimate leaves it, and the
-estimate is then put where the steps seen are the same in the new one. So this is an extended Kalman
-filter (Jazwinski 1970, section 8.3) whose model is the kernel. J stays that of the first estimate:
-slopes that turn with the estimate would feign knowledge of what no reading shows (Huang, Mourikis,
-Roumeliotis 2008).
+with the cycles N and D at theta_0, where the curve was made: it is made anew as the estimate leaves
+it, and the estimate is then put where the steps seen are the same in the new one. So this is an
+extended Kalman filter (Jazwinski 1970, section 8.3) whose model is the kernel. J stays that of the
+first estimate: slopes that turn with the estimate would feign knowledge of what no reading shows
+(Huang, Mourikis, Roumeliotis 2008).
 Steps scatter, and the parameters walk at random; what no reading shows keeps its mean.
 """
 
@@ -20,7 +20,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ import numpy as np
 from stickslip_ros.base.arrays import Array
 from stickslip_ros.base.reporting import CONFIDENCE
 from stickslip_ros.measurement.identification.posterior import Posterior
-from stickslip_ros.measurement.twin.response import Blur, Model, parts_of_cycles
+from stickslip_ros.measurement.twin.response import Blur, Model, parts_of_cycles, settled_step
 from stickslip_ros.measurement.twin.settings import TwinSettings
 from stickslip_ros.measurement.twin.timeline import OperatingPoint, Piece
 from stickslip_ros.physics.parameters import Parameters
@@ -41,14 +40,19 @@ WALKING = ("preload", "gain")
 _RECENTRE, FARTHEST = 0.04, math.log(3.0)
 #: Variance that is left to steps in a new model, as a fraction of what they have
 _BENT = 0.01
-#: Places of the logarithms and of the rate in the state, between position and ringing
-THETA, RATE = slice(1, -2), -2
+#: Places of the logarithms, of the rate and of b in the state, between position and ringing
+THETA, RATE, OFFSET = slice(1, -3), -3, -2
+#: Deviation of a step of the last runs from that of the next, as a fraction of it
+_SHOWN = 1e-3
+#: Deviation of steps, and of positions in a cycle, from those of the model where a change is not
+#: understood, as fractions of a step
+_OPEN, _SHAPE = 0.1, 0.03
+#: Deviation of b, as a fraction of the step, of a model that is as straight as its slopes
+_OFFSET = 3e-4
 #: What the rate of the preload may be at the start and after a change, 1/s of stepping; its change
 #: in the root of a second as a fraction of itself; how well its slope holds where it drifts, as a
 #: fraction
 _RATE, _RATE_WALK, _RATE_SLOPE = 0.03, 0.1, 0.25
-#: Times that readings after a change are gone through
-_REFITS = 2
 #: How well the size of a change is known then, a logarithm
 _ABOUT = 0.05
 #: Standard deviations beyond which a reading is a glitch, which moves no estimate; glitches in a
@@ -65,6 +69,7 @@ class ModelledMotion(NamedTuple):
     blur: Blur  #: of the second reading
     stepping: float  #: s of cycles
     direction: int  #: of the cycles, 0 at rest
+    cycles: float  #: in that direction, of the drive that runs at the end
 
 
 class ProcessedReading(NamedTuple):
@@ -76,8 +81,17 @@ class ProcessedReading(NamedTuple):
     motion: ModelledMotion
 
 
+class ShownStep(NamedTuple):
+    """A step as readings show it."""
+
+    drive: OperatingPoint
+    beyond: bool  #: whether it was made beyond the place of the change
+    step: float  #: m
+    deviation: float  #: m
+
+
 class ReadingFilter:
-    """Position, logarithms of n parameters, a rate, and ringing: the state (..., 3 + n).
+    """Position, logarithms of n parameters, a rate, a step, and ringing: the state (..., 4 + n).
 
     Leading axes are moves that the axis may have made, whose covariance is one. Arrays are replaced
     and never written to, so a shallow copy keeps what is known now.
@@ -88,8 +102,8 @@ class ReadingFilter:
 
         noise (m) is the standard deviation of a reading.
         """
-        self.state = np.zeros((*shape, 3 + n))
-        self.covariance = np.zeros((3 + n, 3 + n))
+        self.state = np.zeros((*shape, 4 + n))
+        self.covariance = np.zeros((4 + n, 4 + n))
         self._noise, self._blur = noise, Blur()  # that of the last reading
         self._drifts = drifts
         self._glitches, self.jumped = 0, False  # in a row; whether the position just has
@@ -109,10 +123,18 @@ class ReadingFilter:
         self.covariance[[0, -1], [-1, 0]] = -(blur.ringing**2)
         self._blur, self._glitches = blur, 0
 
-    def move(self, dx: Array | float, slope: Array, scatter: float, stepping: float = 0.0) -> None:
+    def move(
+        self,
+        dx: Array | float,
+        slope: Array,
+        scatter: float,
+        stepping: float = 0.0,
+        cycles: float = 0.0,
+    ) -> None:
         """Go on by a distance (m), its slope by the logarithms, and its variance (m^2)."""
         going = np.eye(len(self.covariance))
         going[0, THETA] = slope
+        going[0, OFFSET] = cycles
         going[0, RATE] = 0.5 * stepping * slope[self._drifts]
         going[1 + self._drifts, RATE] = stepping
         self.state = self.state @ going.T
@@ -172,6 +194,9 @@ class Tracker(ReadingFilter):
             n = len(given)
             deviations = (np.log(posterior.high) - np.log(posterior.low)) / (2.0 * CONFIDENCE)
             prior[:n, :n] = np.array(posterior.correlations) * np.outer(deviations, deviations)
+        self._drive: OperatingPoint | None = None  # the one that b is of
+        self._open = 0.0  # deviation of steps from those of the model, as a fraction
+        self._beyond: dict[tuple[float, float, int], float] = {}
         self.prior = np.sqrt(np.diag(prior))
         self.covariance[THETA, THETA] = prior
         self.covariance[RATE, RATE] = _RATE**2
@@ -202,11 +227,23 @@ class Tracker(ReadingFilter):
 
     def step_size(self, drive: OperatingPoint) -> tuple[float, float]:
         """Return the settled step of a drive and its standard deviation, m."""
-        model = self.renew(_RECENTRE)
-        slope = self._first.slopes(drive, self.names).step
-        step = float(model.curve(drive).step + slope @ (self.theta - self._centre))
-        variance = max(float(slope @ self.covariance[THETA, THETA] @ slope), 0.0)
-        return self.sensor_gain * step, self.sensor_gain * math.sqrt(variance)
+        step, row, variance = self.modelled_step(drive)
+        variance += float(row @ self.covariance @ row)
+        return step + float(row @ self.state), math.sqrt(max(variance, 0.0))
+
+    def modelled_step(self, drive: OperatingPoint) -> tuple[float, Array, float]:
+        """Return the step of a drive at a state of 0, its derivatives by the state, and a variance.
+
+        The variance (m^2) is what the state does not know of it.
+        """
+        step = self.sensor_gain * float(self.renew(_RECENTRE).curve(drive).step)
+        row, variance = np.zeros(len(self.covariance)), 0.0
+        row[THETA] = self.slopes_of_step(drive)
+        if self._runs(drive):
+            row[OFFSET] = drive.direction
+        else:
+            variance = self._beyond_slopes(drive)
+        return step - float(row[THETA] @ self._centre), row, variance
 
     def drift(self, drive: OperatingPoint) -> tuple[float, float]:
         """Return the rate of a drive's step since a change, and its standard error.
@@ -217,19 +254,54 @@ class Tracker(ReadingFilter):
         step = float(self.model.curve(drive).step)
         if not step:
             return 0.0, 0.0
-        slope = float(self._first.slopes(drive, self.names).step[self._drifts])
+        slope = float(self._first.slopes(drive, self.names)[self._drifts])
         share = slope / step
         rate, deviation = self.state[RATE], math.sqrt(self.covariance[RATE, RATE])
         return share * float(rate), abs(share) * deviation
 
+    def slopes_of_step(self, drive: OperatingPoint) -> Array:
+        """Return the derivatives of a drive's step by the logarithms of parameters, m."""
+        return self.sensor_gain * self._first.slopes(drive, self.names)
+
+    def _runs(self, drive: OperatingPoint) -> bool:
+        """Whether b is of a drive: of both directions, where it is not for an unknown change."""
+        last = self._drive
+        return (
+            last is not None and drive[: 3 if self._open else 2] == last[: 3 if self._open else 2]
+        )
+
+    def _beyond_slopes(self, drive: OperatingPoint) -> float:
+        """Return the variance (m^2) of a drive's step that the slopes do not make.
+
+        The steps at one deviation to either side of each principal axis of what is known of the
+        parameters, less those that the slopes say.
+        """
+        if drive[:3] not in self._beyond:
+            model, slopes = self.renew(_RECENTRE), self._first.slopes(drive, self.names)
+            step = float(model.curve(drive).step)
+            variances, axes = np.linalg.eigh(self.covariance[THETA, THETA])
+            away = [_OFFSET * step, self._open * step]
+            for way in (axes * np.sqrt(np.maximum(variances, 0.0))).T:
+                for sign in (1.0, -1.0):
+                    near = model.moved(dict(zip(self.names, (sign * way).tolist(), strict=True)))
+                    if near:
+                        away.append(settled_step(near.p, drive) - step - sign * float(slopes @ way))
+            self._beyond[drive[:3]] = float(np.sum(np.square(away))) / 2.0
+        return self.sensor_gain**2 * self._beyond[drive[:3]]
+
     # -- going on
 
-    def reopen(self, deviation: float) -> None:
-        """Let the preload be anywhere within a deviation of its logarithm, and drift."""
-        variances = np.zeros(len(self.covariance))
-        variances[[1 + self._drifts, RATE]] = deviation**2, _RATE**2
-        self.covariance = self.covariance + np.diag(variances)
-        self.prior = self.deviations
+    def reopen(self) -> None:
+        """Let steps be others than those of the model, and drift."""
+        self.open_steps()
+        self.forget(RATE, RATE + 1, _RATE**2)
+
+    def open_steps(self) -> None:
+        """Let the steps of each drive be other ones than those of the model."""
+        step = self._open = _OPEN
+        if self._drive:
+            step *= float(self.model.curve(self._drive).step)
+        self.forget(OFFSET, OFFSET + 1, step**2)
 
     def hold_rate(self) -> None:
         """Take the rate for 0, and all else for what it then is."""
@@ -237,30 +309,44 @@ class Tracker(ReadingFilter):
             gain = known / known[RATE]
             self.state = self.state - gain * self.state[RATE]
             self.covariance = self.covariance - np.outer(gain, known)
-            self.forget(RATE, -1)
+            self.forget(RATE, RATE + 1)
 
     def motion(self, parts: Parts) -> ModelledMotion:
-        """Return what the model says of pieces of drive cycles."""
+        """Return what the model says of pieces of drive cycles.
+
+        The state forgets b where another drive runs.
+        """
         model, settings, slope = self.renew(_RECENTRE), self._settings, np.zeros(len(self.names))
-        distance = scatter = stepping = 0.0
+        distance = scatter = stepping = cycles = 0.0
         direction, blur = 0, Blur()
         for piece, begin, end in parts:
             if piece.drive is None:
                 continue
             curve, at = model.curve(piece.drive), parts_of_cycles(piece, begin, end)
             distance += self.sensor_gain * float(np.diff(curve.at(*at))[0])
-            slopes = self._first.slopes(piece.drive, self.names).at(*at)
-            slope += self.sensor_gain * (slopes[:, 1] - slopes[:, 0])
             blur = curve.blur(piece, end, settings.timing)
             done, step = float(at[0][1] - at[0][0]), abs(float(curve.step))
+            slope += done * self.slopes_of_step(piece.drive)
             scatter += done * (settings.step_spread * step) ** 2
+            ends = (begin == piece.start) + (piece.rests and begin < piece.end <= end)
+            scatter += ends * (self._open * step) ** 2
             if begin == piece.start:  # a contact that nobody saw may take a step to settle
                 spread = settings.start_spread if piece.alike else settings.change_spread
                 scatter += spread**2 if piece.drive.before else step**2
             if done > 0.0:
+                if self._open:  # a cycle is of another shape, too
+                    blur = blur._replace(timing=math.hypot(blur.timing, _SHAPE * step))
                 direction = piece.drive.direction
                 stepping += done / piece.drive.frequency
-        return ModelledMotion(distance, slope, scatter, blur, stepping, direction)
+                if not self._runs(piece.drive):
+                    self._beyond = {}
+                    # The parameters take what the first drive shows.
+                    first = self._drive is None and not self._open
+                    variance = 0.0 if first else self._beyond_slopes(piece.drive)
+                    self._drive, cycles = piece.drive, 0.0
+                    self.forget(OFFSET, OFFSET + 1, variance)
+                cycles += direction * done
+        return ModelledMotion(distance, slope, scatter, blur, stepping, direction, cycles)
 
     def advance(self, motion: ModelledMotion, duration: float) -> None:
         """Go on by a motion that takes a duration (s)."""
@@ -271,7 +357,8 @@ class Tracker(ReadingFilter):
         scatter = motion.scatter + float(motion.slope**2 @ walks) / 3.0
         drifting = 0.5 * motion.stepping * rate * float(motion.slope[self._drifts])
         distance = motion.distance - float(motion.slope @ self._centre)
-        self.move(distance, motion.slope, scatter + (_RATE_SLOPE * drifting) ** 2, motion.stepping)
+        scatter += (_RATE_SLOPE * drifting) ** 2
+        self.move(distance, motion.slope, scatter, motion.stepping, motion.cycles)
         self.covariance[THETA, THETA] += np.diag(walks)
         self.covariance[RATE, RATE] += (_RATE_WALK * rate) ** 2 * motion.stepping
 
@@ -285,27 +372,38 @@ class Tracker(ReadingFilter):
         p: Parameters,
         name: str,
         sensor_gain: float,
-        covariance: Array,
-        seen: Sequence[ProcessedReading],
+        before: Array,
+        shown: Sequence[ShownStep],
+        ambiguous: bool,
     ) -> Tracker:
-        """Return one that starts from other parameters and has gone through readings once more.
+        """Return the tracker of an axis of other parameters, which makes the steps shown.
 
-        The named parameter, if it is tracked, may be off by a little; covariance is that of all
-        before. A change makes the first curves wrong ones: this is the iterated filter (Jazwinski
-        1970, section 8.3). The first of the readings is where they begin.
+        The named parameter, if it is tracked, may be off by a little; before is the covariance of
+        all before. The position is the present one. ambiguous: whether it may be another parameter.
         """
         new = copy.copy(self)
         new._origin, new.sensor_gain = Model(p), sensor_gain
-        new.state = np.zeros_like(self.state)
-        opened = np.array([_ABOUT * (one == name) for one in self.names])
-        for _ in range(_REFITS):
-            new._first = new.renew(-1.0)
-            new.forget(0, len(new.covariance))
-            new.covariance[THETA, THETA] = covariance + np.diag(opened**2)
-            new.prior = new.deviations
-            new.anchor(seen[0].reading, seen[0].motion.blur)
-            for before, one in pairwise(seen):
-                new.update(one._replace(motion=new.motion(one.parts)), one.t - before.t)
+        new._first = new.model = new._origin
+        new._centre, new.state = np.zeros(len(self.names)), self.state.copy()
+        new.forget(1, len(new.covariance) - 1)
+        new.covariance[THETA, THETA] = before
+        new._open, new._beyond = 0.0, {}
+        if ambiguous:
+            new.open_steps()
+        elif new._drive:
+            variance = new._beyond_slopes(new._drive)
+            new.covariance[OFFSET, OFFSET] = variance
+        if name in self.names:
+            new.covariance[1 + self.names.index(name), 1 + self.names.index(name)] += _ABOUT**2
+        new.prior = new.deviations
+        steps, rows, unknown = zip(*(new.modelled_step(one.drive) for one in shown), strict=True)
+        errors = np.diag([one.deviation**2 + (_SHOWN * one.step) ** 2 for one in shown])
+        errors += np.diag(unknown)
+        away = np.array([one.step for one in shown]) - steps
+        shared = new.covariance @ np.array(rows).T
+        gain = np.linalg.solve(rows @ shared + errors, shared.T).T
+        new.state = new.state + gain @ away
+        new.covariance = new.covariance - gain @ shared.T
         return new
 
     def renew(self, within: float) -> Model:
@@ -333,7 +431,7 @@ class Tracker(ReadingFilter):
         drives = self.model.drives
         if not drives:
             return
-        slopes = np.array([self._first.slopes(one, self.names).step for one in drives])
+        slopes = np.array([self._first.slopes(one, self.names) for one in drives])
         bent = np.array([float(model.curve(p).step - self.model.curve(p).step) for p in drives])
         bent -= slopes @ (self.theta - self._centre)
         shared = self.covariance[THETA, THETA] @ slopes.T

@@ -17,28 +17,33 @@ from stickslip_ros.base.reporting import CONFIDENCE, format_si
 from stickslip_ros.measurement.identification.posterior import Posterior
 from stickslip_ros.measurement.twin.changes import (
     CAUSES,
-    MISFIT,
     Attribution,
     ChangeDetector,
     Pieces,
-    ReadingsSince,
+    attribute,
 )
 from stickslip_ros.measurement.twin.settings import TwinError, TwinSettings
-from stickslip_ros.measurement.twin.step_regression import StepRegression
+from stickslip_ros.measurement.twin.step_regression import MISFIT, StepRegression
 from stickslip_ros.measurement.twin.timeline import (
     RESTED,
     OperatingPoint,
     Timeline,
     TwinCommand,
 )
-from stickslip_ros.measurement.twin.tracker import GLITCH, RATE, THETA, ProcessedReading, Tracker
+from stickslip_ros.measurement.twin.tracker import (
+    GLITCH,
+    RATE,
+    THETA,
+    ProcessedReading,
+    Tracker,
+)
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.model.waveforms import drive_of
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
 
 OK, DRIFTING, CHANGED, UNLIKE, BLIND = "ok", "drifting", "changed", "unlike the model", "blind"
-#: Readings that are kept for the judgement of a change; those after it that it leaves out, as its
-#: onset is known no better, and the position may have jumped with it
+#: Readings that are kept for the onset of a change; those after it that do not count, as it is
+#: known no better, and the position may have jumped with it
 _KEPT, _UNSURE = 4000, 10
 #: s of disorder after a gap, an old reading or a motion at rest, unless the axis is seen at rest:
 #: who loses readings or their order may have lost commands, or the clock. A glitch is no evidence
@@ -52,12 +57,10 @@ _WAYS = 3.0
 _AGAIN = 4
 #: s of readings between pieces of a judgement, each of which takes some milliseconds
 _PACE = 0.01
-#: What the logarithm of the preload may be after a change, until its cause is judged
+#: Deviation of the logarithm of the preload after a change that is not explained
 _REOPENED = 0.3
 #: s between the entries of the history, and their number, from which every second is dropped
 _PERIOD, _MOST = 1.0, 4000
-#: Deviation of a step, as a fraction of it, from which on the readings show it
-_SHOWN = 0.01
 #: Standard deviations by which the step of the model differs from it
 _DIFFERS = 4.0
 #: Fraction of its deviation beforehand below which a parameter counts as seen
@@ -157,9 +160,8 @@ class Twin:
         self._go_on_at = 0.0  # s, when the next piece of the judgement is due
         #: Each with what was known before it
         self._seen: deque[tuple[ProcessedReading, Tracker]] = deque(maxlen=_KEPT)
-        self._judge_at = 0  # readings since the last change at which it is judged, 0: never
-        self._judged = 0  # those since it of the last judgement
-        self._drives: set[tuple[float, float]] = set()  # since it, at which causes were told apart
+        self._judge_at = 0  # readings since the last change at which it is judged
+        self._drives: set[tuple[float, float, int]] = set()  # of the steps it was judged by
         self._since = 0  # readings since the last change, of steps before the first
         self._excess = 0.0  # of the squares of deviations after it over what they should be
         self._before = self.tracker  # the last change
@@ -191,7 +193,7 @@ class Twin:
                 self.troubles["late commands"] += 1
                 self.detector.reset()
                 if self._regression:
-                    self._regression = StepRegression(self.tracker.model, self.settings)
+                    self._regression.forget()
                 if self.changes and self.changes[-1].told >= t and not self.changes[-1].verdict:
                     del self.changes[-1]
                 known = (one for seen, one in self._seen if seen.t > max(t, self._steady))
@@ -251,7 +253,9 @@ class Twin:
         self.tracker.anchor(reading, self.tracker.motion(running).blur)
         self.timeline.forget(t)
         self._seen.clear()
-        self._judge_at, self._judging, self._lost = 0, None, False
+        self._lost = False
+        if self._regression:
+            self._regression.interrupt()
         self.t = self._anchored = t
 
     def _update(self, t: float, reading: float, duration: float) -> Update:
@@ -261,10 +265,7 @@ class Twin:
         if motion.direction:
             drive = next(p.drive for p, _, _ in reversed(parts) if p.drive)
             if self._drive and self._drive[:2] != drive[:2]:
-                tracker.forget(RATE, -1)  # every other cause would look like a rate there
-                if self.changes and self.changes[-1].verdict:  # causes differ at another drive
-                    judge = self._since + self.settings.judged_from // 2
-                    self._judge_at = min(self._judge_at or judge, judge)
+                tracker.forget(RATE, RATE + 1)  # every other cause would look like a rate there
             self._drive = drive
         seen = ProcessedReading(t, reading, parts, motion)
         expected, deviation, z = tracker.update(seen, duration)
@@ -299,14 +300,10 @@ class Twin:
             onset, self._astray, changed = self.detector.onset, True, False
             self.tracker = next((known for one, known in self._seen if one.t > onset), tracker)
             self.detector.reset()
-        elif changed and self._may_be_another_cause:
-            self._judge_at, changed = self._since, False
-            self._drives.add(self._drive[:2])  # type: ignore[index]
-            self.detector.reset()
         elif changed:
             self._change(seen)
         self._continue_judging()
-        if self.changes and self._judge_at:
+        if self.changes and self._since <= _KEPT:
             change = self.changes[-1]
             change.step_after, error = self.step_size(change.drive)
             model, own = self.tracker.step_size(change.drive)
@@ -331,43 +328,41 @@ class Twin:
         # It was never seen to fit for longer than it was seen not to.
         at_start = not self.changes and onset - self._begun <= self.t - onset
         self.changes.append(Change(self.t, onset, step, step, self._drive, at_start))
-        since = [one for one, _ in self._seen if one.t > onset]
-        self._since = len(since)
-        self._regression = StepRegression(self._before.model, self.settings)
+        since = [one for one, _ in self._seen if one.t > onset] or [seen]
+        self._since, place = len(since), since[0].reading
+        way = since[-1].reading - place
+        self._regression = StepRegression(self._before.model, self.settings, place, way)
         for one in since[_UNSURE:]:
             self._regression.take(one)
         self._judge_at, self._judging, self._excess = self.settings.judged_from, None, 0.0
-        self._judged, self._drives = 0, {self._drive[:2]}
-        tracker.reopen(_REOPENED)
+        self._drives = set()
+        tracker.reopen()
         tracker.anchor(seen.reading, seen.motion.blur)
         self.detector.reset()
         self._steady = self.t
 
     @property
-    def _may_be_another_cause(self) -> bool:
-        """Whether what looks like a change may be another cause of the last one.
+    def _pending(self) -> bool:
+        """Whether a change waits for a verdict: until then, one is reported at a time.
 
         Causes that were alike at the drives since then are not at a new one.
         """
-        verdict = self.changes[-1].verdict if self.changes else None
-        new = self._drive is not None and self._drive[:2] not in self._drives
-        return bool(verdict and not verdict.cause and new)
-
-    @property
-    def _pending(self) -> bool:
-        """Whether a change waits for its first verdict: until then, one is reported at a time."""
-        judging = self._judging is not None and self.changes[-1].verdict is None
-        return judging or self._judge_at == self.settings.judged_from
+        if not self.changes or self.changes[-1].goes_on:
+            return False
+        verdict = self.changes[-1].verdict
+        judged = self._drive is not None and self._drive[:3] in self._drives
+        return verdict is None or not (verdict.cause or judged)
 
     def _continue_judging(self) -> None:
-        """Judge the last change, later once more: a piece now and then."""
-        if self._judge_at and self._since >= self._judge_at and not self._judging:
-            again = self._judge_at * _AGAIN
-            while again <= self._since:
-                again *= _AGAIN
-            self._judge_at = again if again <= _KEPT else 0
-            self._judging, self._go_on_at = self._judge(self.changes[-1]), self.t
-            self._judged = self._since
+        """Judge the last change, later and at each new drive once more: a piece now and then."""
+        if self._regression and not self._judging and self._since >= self.settings.judged_from:
+            new = {one.drive[:3] for one in self._regression.steps()} - self._drives
+            now = self._drive
+            if (now and now[:3] in new) or 0 < self._judge_at <= self._since:
+                while self._judge_at <= self._since:
+                    self._judge_at *= _AGAIN
+                self._judging = self._judge(self.changes[-1], self._regression)
+                self._go_on_at = self.t
         if self._judging and self.t >= self._go_on_at:
             self._go_on_at = self.t + _PACE
             if next(self._judging, self) is self:
@@ -375,33 +370,33 @@ class Twin:
 
     def settle(self) -> None:
         """Judge the last change by what there is: no more readings come."""
-        if self.changes and self._since > self._judged and self._judging is None:
-            self._judge_at, self._judging = 0, self._judge(self.changes[-1])
-        while self._judging:
-            for _ in self._judging:
+        for _ in self._judging or ():
+            pass
+        self._judging = None
+        if self._regression:
+            for _ in self._judge(self.changes[-1], self._regression):
                 pass
-            self._judging = None
-            self._continue_judging()  # what was due meanwhile
 
-    def _judge(self, change: Change) -> Pieces[None]:
-        """Judge a change by all readings since; those that come meanwhile count at the end."""
-        change.goes_on = self._drifts
-        readings, before = [one for one, _ in self._seen], copy.copy(self._before)
-        first = next((k for k, one in enumerate(readings) if one.t > change.onset), 0)
-        kept, place = readings[first + _UNSURE :], readings[first].reading
-        if change.goes_on or len(kept) <= self.settings.judged_from // 2:
-            return
-        before.renew(-1.0)
-        verdict = yield from ReadingsSince(before, kept, place, self.settings).attribute()
-        name = verdict.possible[0]
-        if verdict.explained and not (change.verdict and change.verdict.possible[0] == name):
-            p, of = verdict.after[name], CAUSES[name].parameter
-            gain = before.sensor_gain * (1.0 if of else math.exp(verdict.sizes[name]))
-            since = [one for one, _ in self._seen][-self.settings.judged_from :]
-            covariance = before.covariance[THETA, THETA]
-            self.tracker = self.tracker.rebased(p, of, gain, covariance, since)
-            self._steady = self.t
-        change.verdict = verdict
+    def _judge(self, change: Change, regression: StepRegression) -> Pieces[None]:
+        """Judge a change by the steps since."""
+        change.goes_on, before = self._drifts, copy.copy(self._before)
+        shown, fits = regression.steps(), regression.fits
+        if shown and not change.goes_on:
+            before.renew(-1.0)
+            change.verdict = verdict = yield from attribute(before, shown, fits, self.settings)
+            if verdict.explained:
+                name = verdict.adopted
+                p, of = verdict.after[name], CAUSES[name].parameter
+                shown = regression.steps() or shown  # as known by now
+                gain = before.sensor_gain * (1.0 if of else math.exp(verdict.sizes[name]))
+                covariance = before.covariance[THETA, THETA]
+                self.tracker = self.tracker.rebased(
+                    p, of, gain, covariance, shown, not verdict.cause
+                )
+                self.tracker.anchor(self._seen[-1][0].reading, self._seen[-1][0].motion.blur)
+                self.detector.reset()
+                self._steady = self.t
+        self._drives = {one.drive[:3] for one in shown}
 
     # -- what is known
 
@@ -467,10 +462,9 @@ class Twin:
 
         After a change that does not go on, it is what the readings since then show.
         """
-        if self._regression and self.changes and not self._drifts:
-            step, deviation = self._regression.step(drive)
-            if deviation < _SHOWN * abs(step):
-                return step, deviation
+        known = self._regression if self._regression and not self._drifts else None
+        if known and (shown := known.step(drive)):
+            return shown
         return self.tracker.step_size(drive)
 
     def estimates(self) -> list[TrackedParameter]:
@@ -478,9 +472,11 @@ class Twin:
         tracker, found = self.tracker, []
         verdict = self.changes[-1].verdict if self.changes else None
         known = verdict if verdict and verdict.explained else None
-        others = [known.after[one] for one in known.possible[1:]] if known else []
+        others = [known.after[one] for one in known.possible] if known else []
         for k, name in enumerate(tracker.names):
             value, deviation = float(tracker.values[k]), float(tracker.deviations[k])
+            if self.changes and not known and name == "preload":
+                deviation = _REOPENED
             wide = math.exp(CONFIDENCE * deviation)
             # What the parameter is if the last change had another cause
             values = [value, *(float(p.value(name)) for p in others)]
@@ -525,8 +521,8 @@ class Twin:
         step, deviation = self.step_size(piece.drive)
         shown = (step, deviation) != model  # by the readings since a change
         if shown:
-            then.forget(RATE, -1)
-        then.advance(self.tracker.motion(parts), piece.end + RESTED - self.t)
+            then.forget(RATE, RATE + 1)
+        then.advance(then.motion(parts), piece.end + RESTED - self.t)
         x = then.x + abs(steps) * (step - model[0])
         variance = float(then.covariance[0, 0]) + (shown * steps * deviation) ** 2
         half = CONFIDENCE * math.sqrt(variance)

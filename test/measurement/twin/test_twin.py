@@ -153,7 +153,7 @@ def test_readings_go_on_while_a_cause_is_judged() -> None:
             judged_at = axis.state.t
         assert axis.state.t < 60.0
     (change,) = twin.changes
-    assert judged_at > change.told + 2.5  # not with the reading that is the last of 200
+    assert judged_at > change.told + 2.2  # not with the reading that is the last of 200
     assert change.verdict and "preload" in change.verdict.possible
     (step,) = (one for one in twin.estimates() if one.name == "step size")
     assert step.low - 0.1e-9 < 136.7e-9 < step.high + 0.1e-9

@@ -134,7 +134,8 @@ def test_nothing_is_lost_between_node_and_bag(
     ]
     ends = [stamp for stamp, _ in finished]
     ended = sum(stamp <= _nanoseconds(status) for stamp in ends)  # one more may have begun
-    print(f"{until[1]:.1f} s: {ticks} messages, {missed} deadlines missed, {len(stamps)} in the bag")
+    seconds = f"{until[1]:.1f} s"
+    print(f"{seconds}: {ticks} messages, {missed} deadlines missed, {len(stamps)} in the bag")
     deadlines = ticks - ended + missed
     assert RATE * until[0] - 2 <= deadlines <= RATE * until[1] + 3 + early
     if missed == early:  # else something held up the machine, and the axis has said so
