@@ -262,7 +262,7 @@ class _Search:
         turns = 0.0
         for drive, *_ in self.shown if self.cause.turns else ():
             curve = self.before.model.curve(drive)
-            if curve.lasting > _FAINT * abs(float(curve.step)):
+            if curve.lasting > _FAINT * abs(curve.step):
                 # The frequency goes with the root of stiffness or mass.
                 turns = max(turns, curve.ringing_frequency / drive.frequency * 0.5 * (high - low))
         return min(max(_FEWEST, math.ceil(_PER_TURN * turns)), _MOST)

@@ -45,11 +45,11 @@ class Blur(NamedTuple):
 
 @dataclass(frozen=True)
 class CycleCurve:
-    """Position over the cycles of a drive, from the rest before them, or derivatives of it."""
+    """Position over the cycles of a drive, from the rest before them."""
 
-    x: Array  #: m, (..., points) at parts of cycles
-    rest: Array  #: m, (..., points) over the rest after the last cycle, from its end on
-    step: Array  #: m, (...) of a settled cycle, with its sign
+    x: Array  #: m, (points,) at parts of cycles
+    rest: Array  #: m, (points,) over the rest after the last cycle, from its end on
+    step: float  #: m, of a settled cycle, with its sign
     ringing: Array  #: m, root mean square of what the mean leaves out, at parts of cycles
     rest_ringing: Array  #: m, the same over the rest
     ringing_frequency: float  #: Hz
@@ -70,7 +70,7 @@ class CycleCurve:
         x = simulation.sample(cycles).x - start
         ahead = math.ceil(4.0 / (ringing * spacing)) if ringing > 0.0 else 1
         after = end + spacing * np.arange(-ahead, _RESTING + 1, dtype=np.float64)
-        step = (x[-1] - x[-1 - _MEAN * points]) / _MEAN
+        step = float(x[-1] - x[-1 - _MEAN * points]) / _MEAN
         rest = np.append(
             np.interp(after[:ahead], cycles, x), simulation.sample(after[ahead:]).x - start
         )
@@ -88,9 +88,9 @@ class CycleCurve:
         )
 
     def at(self, cycles: Array, rest: Array) -> Array:
-        """Return positions (m) after cycles and a rest (s) behind them, (..., times)."""
+        """Return positions (m) after cycles and a rest (s) behind them, (times,)."""
         within = _within(cycles)
-        x = _between(self.x, within / _CYCLES) + np.multiply.outer(self.step, cycles - within)
+        x = _between(self.x, within / _CYCLES) + self.step * (cycles - within)
         return np.asarray(x + _between(self.rest, np.minimum(rest / RESTED, 1.0)) * (rest > 0.0))
 
     @property
@@ -132,11 +132,11 @@ def _within(cycles: Array) -> Array:
 
 
 def _between(values: Array, place: Array) -> Array:
-    """Interpolate values (..., points) at places (times,) from 0 to 1."""
-    place = place * (values.shape[-1] - 1)
-    number = np.minimum(place.astype(np.int64), values.shape[-1] - 2)
-    low = values[..., number]
-    return np.asarray(low + (place - number) * (values[..., number + 1] - low))
+    """Interpolate values (points,) at places (times,) from 0 to 1."""
+    place = place * (len(values) - 1)
+    number = np.minimum(place.astype(np.int64), len(values) - 2)
+    low = values[number]
+    return np.asarray(low + (place - number) * (values[number + 1] - low))
 
 
 def _smooth(x: Array, part: float) -> tuple[Array, Array]:

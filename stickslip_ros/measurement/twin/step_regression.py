@@ -49,11 +49,9 @@ class StepRegression:
         """
         self._model, self._settings = model, settings
         self._place, self._way = place, way
-        self._filters: dict[_Key, ReadingFilter] = {}  # the last drive at last
-        self._ended: dict[_Key, ShownStep] = {}  # as known best when a run began
         self._present: _Key | None = None  # of the drive that ran last
         self._last: ProcessedReading | None = None
-        self._excess, self._taken = 0.0, 0  # of squares of deviations, and their number
+        self.forget()
 
     def take(self, one: ProcessedReading) -> None:
         """Take a reading with the pieces of cycles before it."""
@@ -81,7 +79,7 @@ class StepRegression:
         for piece, begin, end in driven:
             assert piece.drive
             curve, at = self._model.curve(piece.drive), parts_of_cycles(piece, begin, end)
-            done, step = float(at[0][1] - at[0][0]), float(curve.step)
+            done, step = float(at[0][1] - at[0][0]), curve.step
             cycles += done
             shape += float(np.diff(curve.at(*at))[0]) - done * step
             scatter += done * (self._settings.step_spread * step) ** 2
@@ -106,8 +104,9 @@ class StepRegression:
 
     def forget(self) -> None:
         """Begin anew, without a reading."""
-        self._filters.clear()
-        self._ended.clear()
+        self._filters: dict[_Key, ReadingFilter] = {}  # the last drive at last
+        self._ended: dict[_Key, ShownStep] = {}  # as known best when a run began
+        self._excess, self._taken = 0.0, 0  # of squares of deviations, and their number
         self.interrupt()
 
     def interrupt(self) -> None:

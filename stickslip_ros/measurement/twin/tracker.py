@@ -20,7 +20,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -91,18 +91,17 @@ class ShownStep(NamedTuple):
 
 
 class ReadingFilter:
-    """Position, logarithms of n parameters, a rate, a step, and ringing: the state (..., 4 + n).
+    """Position, logarithms of n parameters, a rate, a step, and ringing: the state (4 + n,).
 
-    Leading axes are moves that the axis may have made, whose covariance is one. Arrays are replaced
-    and never written to, so a shallow copy keeps what is known now.
+    A shallow copy keeps what is known now: arrays are replaced.
     """
 
-    def __init__(self, n: int, noise: float, shape: tuple[int, ...] = (), drifts: int = 0) -> None:
+    def __init__(self, n: int, noise: float, drifts: int = 0) -> None:
         """Begin at zero, known well; the rate is that of one parameter.
 
         noise (m) is the standard deviation of a reading.
         """
-        self.state = np.zeros((*shape, 4 + n))
+        self.state = np.zeros(4 + n)
         self.covariance = np.zeros((4 + n, 4 + n))
         self._noise, self._blur = noise, Blur()  # that of the last reading
         self._drifts = drifts
@@ -110,22 +109,22 @@ class ReadingFilter:
 
     def forget(self, first: int, last: int, variance: float = 0.0) -> None:
         """Set a part of the state to 0 with a variance of its own."""
-        kept = np.ones(self.state.shape[-1])
+        kept = np.ones(len(self.state))
         kept[first:last] = 0.0
         self.state = self.state * kept
         self.covariance = self.covariance * np.outer(kept, kept) + np.diag(variance * (1.0 - kept))
 
     def anchor(self, reading: float, blur: Blur) -> None:
         """Take the position (m) from a reading alone, which may lie in the ringing."""
-        self.forget(-1, self.state.shape[-1], blur.ringing**2)
+        self.forget(-1, len(self.state), blur.ringing**2)
         self.forget(0, 1, self._noise**2 + blur.timing**2 + blur.ringing**2)
-        self.state[..., 0] = reading
+        self.state[0] = reading
         self.covariance[[0, -1], [-1, 0]] = -(blur.ringing**2)
         self._blur, self._glitches = blur, 0
 
     def move(
         self,
-        dx: Array | float,
+        dx: float,
         slope: Array,
         scatter: float,
         stepping: float = 0.0,
@@ -137,12 +136,14 @@ class ReadingFilter:
         going[0, OFFSET] = cycles
         going[0, RATE] = 0.5 * stepping * slope[self._drifts]
         going[1 + self._drifts, RATE] = stepping
-        self.state = self.state @ going.T
-        self.state[..., 0] += dx
+        self.state = going @ self.state
+        self.state[0] += dx
         self.covariance = going @ self.covariance @ going.T
         self.covariance[0, 0] += scatter
 
-    def read(self, reading: float, blur: Blur, glitch: float = math.inf) -> tuple[Any, float, Any]:
+    def read(
+        self, reading: float, blur: Blur, glitch: float = math.inf
+    ) -> tuple[float, float, float]:
         """Take a reading (m) after `move`, unless it is beyond so many deviations, a glitch.
 
         Return what was expected (m), the standard deviation (m) of the difference, and this in it.
@@ -153,12 +154,12 @@ class ReadingFilter:
         last, self._blur = self._blur, blur
         alike = math.cos(blur.turned - last.turned) * blur.coherence if last.ringing else 0.0
         kept = alike * blur.ringing / last.ringing if last.ringing else 0.0
-        self.state[..., -1] *= kept
+        self.state[-1] *= kept
         self.covariance[-1] *= kept
         self.covariance[:, -1] *= kept
         self.covariance[-1, -1] += (1.0 - alike**2) * blur.ringing**2
         shared = self.covariance[:, 0] + self.covariance[:, -1]  # of the state with the reading
-        expected = self.state[..., 0] + self.state[..., -1]
+        expected = float(self.state[0] + self.state[-1])
         total = float(shared[0] + shared[-1]) + self._noise**2 + blur.timing**2
         z = (reading - expected) / math.sqrt(total)
         self.jumped = False
@@ -169,7 +170,7 @@ class ReadingFilter:
                 self.anchor(reading, blur)
             return expected, math.sqrt(total), z
         self._glitches, gain = 0, shared / total
-        self.state = self.state + np.multiply.outer(reading - expected, gain)
+        self.state = self.state + (reading - expected) * gain
         self.covariance = self.covariance - np.outer(gain, shared)
         self.covariance = 0.5 * (self.covariance + self.covariance.T)
         return expected, math.sqrt(total), z
@@ -182,7 +183,7 @@ class Tracker(ReadingFilter):
         """Start from parameters, and from their covariance where a fit says it."""
         given = posterior.names if posterior else ()
         self.names = (*given, *(name for name in WALKING if name not in given))
-        super().__init__(len(self.names), settings.noise, (), self.names.index("preload"))
+        super().__init__(len(self.names), settings.noise, self.names.index("preload"))
         self._settings, self._origin = settings, Model(p)
         self.model, self._centre = self._origin, np.zeros(len(self.names))
         #: Whether no axis has the estimates, or they are far off; the model is the last one then
@@ -236,7 +237,7 @@ class Tracker(ReadingFilter):
 
         The variance (m^2) is what the state does not know of it.
         """
-        step = self.sensor_gain * float(self.renew(_RECENTRE).curve(drive).step)
+        step = self.sensor_gain * self.renew(_RECENTRE).curve(drive).step
         row, variance = np.zeros(len(self.covariance)), 0.0
         row[THETA] = self.slopes_of_step(drive)
         if self._runs(drive):
@@ -251,7 +252,7 @@ class Tracker(ReadingFilter):
         Both are fractions of the step in a second of stepping; 0 and 0 where no rate is sought, or
         no step is made.
         """
-        step = float(self.model.curve(drive).step)
+        step = self.model.curve(drive).step
         if not step:
             return 0.0, 0.0
         slope = float(self._first.slopes(drive, self.names)[self._drifts])
@@ -265,10 +266,8 @@ class Tracker(ReadingFilter):
 
     def _runs(self, drive: OperatingPoint) -> bool:
         """Whether b is of a drive: of both directions, where it is not for an unknown change."""
-        last = self._drive
-        return (
-            last is not None and drive[: 3 if self._open else 2] == last[: 3 if self._open else 2]
-        )
+        alike = 3 if self._open else 2
+        return self._drive is not None and drive[:alike] == self._drive[:alike]
 
     def _beyond_slopes(self, drive: OperatingPoint) -> float:
         """Return the variance (m^2) of a drive's step that the slopes do not make.
@@ -278,7 +277,7 @@ class Tracker(ReadingFilter):
         """
         if drive[:3] not in self._beyond:
             model, slopes = self.renew(_RECENTRE), self._first.slopes(drive, self.names)
-            step = float(model.curve(drive).step)
+            step = model.curve(drive).step
             variances, axes = np.linalg.eigh(self.covariance[THETA, THETA])
             away = [_OFFSET * step, self._open * step]
             for way in (axes * np.sqrt(np.maximum(variances, 0.0))).T:
@@ -300,7 +299,7 @@ class Tracker(ReadingFilter):
         """Let the steps of each drive be other ones than those of the model."""
         step = self._open = _OPEN
         if self._drive:
-            step *= float(self.model.curve(self._drive).step)
+            step *= self.model.curve(self._drive).step
         self.forget(OFFSET, OFFSET + 1, step**2)
 
     def hold_rate(self) -> None:
@@ -325,7 +324,7 @@ class Tracker(ReadingFilter):
             curve, at = model.curve(piece.drive), parts_of_cycles(piece, begin, end)
             distance += self.sensor_gain * float(np.diff(curve.at(*at))[0])
             blur = curve.blur(piece, end, settings.timing)
-            done, step = float(at[0][1] - at[0][0]), abs(float(curve.step))
+            done, step = float(at[0][1] - at[0][0]), abs(curve.step)
             slope += done * self.slopes_of_step(piece.drive)
             scatter += done * (settings.step_spread * step) ** 2
             ends = (begin == piece.start) + (piece.rests and begin < piece.end <= end)
@@ -391,8 +390,7 @@ class Tracker(ReadingFilter):
         if ambiguous:
             new.open_steps()
         elif new._drive:
-            variance = new._beyond_slopes(new._drive)
-            new.covariance[OFFSET, OFFSET] = variance
+            new.covariance[OFFSET, OFFSET] = new._beyond_slopes(new._drive)
         if name in self.names:
             new.covariance[1 + self.names.index(name), 1 + self.names.index(name)] += _ABOUT**2
         new.prior = new.deviations
@@ -432,7 +430,7 @@ class Tracker(ReadingFilter):
         if not drives:
             return
         slopes = np.array([self._first.slopes(one, self.names) for one in drives])
-        bent = np.array([float(model.curve(p).step - self.model.curve(p).step) for p in drives])
+        bent = np.array([model.curve(p).step - self.model.curve(p).step for p in drives])
         bent -= slopes @ (self.theta - self._centre)
         shared = self.covariance[THETA, THETA] @ slopes.T
         known = slopes @ shared

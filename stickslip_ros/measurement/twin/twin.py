@@ -30,13 +30,7 @@ from stickslip_ros.measurement.twin.timeline import (
     Timeline,
     TwinCommand,
 )
-from stickslip_ros.measurement.twin.tracker import (
-    GLITCH,
-    RATE,
-    THETA,
-    ProcessedReading,
-    Tracker,
-)
+from stickslip_ros.measurement.twin.tracker import GLITCH, RATE, THETA, ProcessedReading, Tracker
 from stickslip_ros.physics.model import Plant
 from stickslip_ros.physics.model.waveforms import drive_of
 from stickslip_ros.physics.parameters import PARAMETERS, ParameterError, Parameters
@@ -196,6 +190,7 @@ class Twin:
                     self._regression.forget()
                 if self.changes and self.changes[-1].told >= t and not self.changes[-1].verdict:
                     del self.changes[-1]
+                    self._regression = self._judging = None
                 known = (one for seen, one in self._seen if seen.t > max(t, self._steady))
                 self.tracker = next(known, self.tracker)
         self._still = t, self._still[1]
@@ -356,9 +351,11 @@ class Twin:
     def _continue_judging(self) -> None:
         """Judge the last change, later and at each new drive once more: a piece now and then."""
         if self._regression and not self._judging and self._since >= self.settings.judged_from:
-            new = {one.drive[:3] for one in self._regression.steps()} - self._drives
-            now = self._drive
-            if (now and now[:3] in new) or 0 < self._judge_at <= self._since:
+            now = self._drive and self._drive[:3]
+            new = now not in self._drives and any(
+                one.drive[:3] == now for one in self._regression.steps()
+            )
+            if new or 0 < self._judge_at <= self._since:
                 while self._judge_at <= self._since:
                     self._judge_at *= _AGAIN
                 self._judging = self._judge(self.changes[-1], self._regression)
@@ -393,7 +390,9 @@ class Twin:
                 self.tracker = self.tracker.rebased(
                     p, of, gain, covariance, shown, not verdict.cause
                 )
-                self.tracker.anchor(self._seen[-1][0].reading, self._seen[-1][0].motion.blur)
+                if self._seen:  # else the position has just been taken anew
+                    last, _ = self._seen[-1]
+                    self.tracker.anchor(last.reading, last.motion.blur)
                 self.detector.reset()
                 self._steady = self.t
         self._drives = {one.drive[:3] for one in shown}

@@ -141,7 +141,7 @@ def test_readings_go_on_while_a_cause_is_judged() -> None:
     twin, axis, random = Twin(P), Axis(P), _random()
     twin.command(TwinCommand(0.0, "steps", 10_000))
     axis.command("steps", 10_000)
-    judged_at = math.nan
+    judged_at, times = math.nan, list[float]()
     while math.isnan(judged_at) or axis.state.t < judged_at + 0.5:
         axis.advance(axis.state.t + 0.01 + 1e-3 * random.random())
         if 1.0 < axis.state.t < 1.02:
@@ -149,11 +149,13 @@ def test_readings_go_on_while_a_cause_is_judged() -> None:
         assert twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal()) or (
             axis.state.t < 0.03
         )
+        times.append(axis.state.t)
         if math.isnan(judged_at) and twin.changes and twin.changes[0].verdict:
             judged_at = axis.state.t
         assert axis.state.t < 60.0
     (change,) = twin.changes
-    assert judged_at > change.told + 2.2  # not with the reading that is the last of 200
+    last_of_200 = [t for t in times if t > change.onset][199]
+    assert judged_at > last_of_200 + 0.2
     assert change.verdict and "preload" in change.verdict.possible
     (step,) = (one for one in twin.estimates() if one.name == "step size")
     assert step.low - 0.1e-9 < 136.7e-9 < step.high + 0.1e-9
@@ -187,6 +189,46 @@ def test_steps_to_and_fro_do_not_drift() -> None:
         twin.measure(axis.state.t, axis.state.x + 2e-9 * random.standard_normal())
         assert twin.level[0] in (OK, BLIND)
         assert abs(twin.drift[0]) < 0.01  # what it learns; back and forth would be 0.5
+
+
+def _changing(seconds: float) -> tuple[Twin, Axis]:
+    """Return a twin and its axis, whose preload changes at 1 s while it steps without end."""
+    twin, axis, random = Twin(P), Axis(P), _random()
+    twin.command(TwinCommand(0.0, "jog", 100.0))
+    axis.command("jog", 100.0)
+    _go_on(twin, axis, random, 1.0)
+    axis.command("parameters", {"preload": 0.32})
+    _go_on(twin, axis, random, seconds - 1.0)
+    return twin, axis
+
+
+def _go_on(twin: Twin, axis: Axis, random: np.random.Generator, seconds: float) -> None:
+    for at in np.arange(axis.state.t + 0.0107, axis.state.t + seconds, 0.0107).tolist():
+        axis.advance(at)
+        twin.measure(at, axis.state.x + 2e-9 * random.standard_normal())
+
+
+def test_a_gap_before_the_last_reading_leaves_a_change_to_be_judged() -> None:
+    twin, axis = _changing(3.6)
+    axis.advance(axis.state.t + 2.0)
+    twin.measure(axis.state.t, axis.state.x)
+    twin.settle()
+    (change,) = twin.changes
+    assert change.verdict is not None and "preload" in change.verdict.possible
+    assert twin.troubles["gaps"] == 1
+
+
+def test_a_late_command_takes_back_a_change_that_waits_to_be_judged() -> None:
+    twin, axis = _changing(1.7)
+    (change,) = twin.changes
+    assert change.verdict is None
+    twin.command(TwinCommand(change.told - 1e-3, "amplitude", 300.0))
+    assert not twin.changes
+    _go_on(twin, axis, _random(), 4.0)
+    twin.settle()
+    assert twin.troubles["late commands"] == 1
+    (step,) = (one for one in twin.estimates() if one.name == "step size")
+    assert step.low - 0.1e-9 < 136.7e-9 < step.high + 0.1e-9
 
 
 @pytest.mark.long
